@@ -11,7 +11,8 @@ from simrob_drake.errors import one_of
 from simrob_drake.frames import transform_from_pose
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.names import FreeNames
-from simrob_drake.robots.bodies import JAW, tool_links
+from simrob_drake.robots.bodies import tool_links
+from simrob_drake.robots.fingers import JAW
 from simrob_drake.robots.urdf import add_joint, joint_limits, movable_joints, name_of, root_link
 
 HAND = "hand"  # the folder of its meshes, and what stands before names that the arm has, too

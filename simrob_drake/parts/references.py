@@ -20,7 +20,7 @@ from simrob_drake.parts.kinds import Kinds
 from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.robots.axis_map import AxisValues, PositiveAxisValues
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.robots.coupled_axes import Asked
+from simrob_drake.robots.coupled_axes import Firmness
 from simrob_drake.sections import Duration, Frequency, Instant, NotNegative, Strict
 
 
@@ -52,10 +52,10 @@ class ReferenceSection(Strict, ABC):
         """Positions per axis at which the section wants the robot, in the user's units."""
         return [values for values in self.targets_by_axis() if values is not None]
 
-    def asked(self, model: RobotModel) -> list[Asked]:
-        """How firmly the section asks each of the n axes of a robot for a motion: see :class:`Asked`."""
-        each = [model.asked(values) for values in self.targets_by_axis()]
-        return [max(firmness) for firmness in zip(*each, strict=True)]
+    def firmness(self, model: RobotModel) -> list[Firmness]:
+        """Find how firmly the section gives the motion of each of the n axes of a robot: see :class:`Firmness`."""
+        each = [model.firmness(values) for values in self.targets_by_axis()]
+        return [max(of_axis) for of_axis in zip(*each, strict=True)]
 
     def axis_values(self) -> dict[str, AxisValues | None]:
         """Return the figures per axis, by their keys, to be checked against a robot's axes: all that are in degrees."""
@@ -289,9 +289,9 @@ class Table(ReferenceSection):
             return hermite(times, *np.hsplit(np.asarray(values), 2))
         return table(times, values, linear=self.interpolation == "linear")
 
-    def asked(self, model: RobotModel) -> list[Asked]:
-        """All axes are asked by name: each has a column in the file."""
-        return [Asked.NAMED] * len(model.axes)
+    def firmness(self, model: RobotModel) -> list[Firmness]:
+        """Return NAMED for all axes: each has a column in the file."""
+        return [Firmness.NAMED] * len(model.axes)
 
     def rows(self, axes: list[str]) -> Samples:
         """Return the times (m,) [s] and the values (m, n), or (m, 2n) with speeds, of the file.

@@ -1,4 +1,9 @@
-"""The robots that a station can name: folders of ``models/`` with a ``robot.yaml``, such a file, or any clean URDF."""
+"""The robots that a station can name: folders of ``models/`` with a ``robot.yaml``, such a file, or any clean URDF.
+
+A robot has n axes. An axis is a joint of the robot's URDF with a sense: it is positive in the direction of the joint or
+against it. Users write positions in degrees, or in metres for prismatic axes; properties of a robot are in SI units.
+A follower is an axis that follows another one, its leader, by a ``mimic`` joint of the URDF.
+"""
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -16,10 +21,11 @@ from simrob_drake.files import ROBOT_FILE, models_root, robot_files
 from simrob_drake.frames import Vector
 from simrob_drake.robots.axis import Axis, axes_by_name
 from simrob_drake.robots.axis_map import PRISMATIC, REVOLUTE, AxisUnit, AxisValues, PositiveAxisValues
-from simrob_drake.robots.bodies import Gripper, fingers_of, links_without_inertia, tool_links
-from simrob_drake.robots.coupled_axes import Asked, asked_by
+from simrob_drake.robots.bodies import links_without_inertia, tool_links
+from simrob_drake.robots.coupled_axes import Firmness, firmness_of_values
 from simrob_drake.robots.dh import DhTable, described_by_table, dh_robot
 from simrob_drake.robots.feet import Feet
+from simrob_drake.robots.fingers import FingerHand, Gripper, fingers_of
 from simrob_drake.robots.followers import MimicFollower, followers_among, with_followers
 from simrob_drake.robots.limits import AxisLimits, Flags, middles
 from simrob_drake.robots.motors import Drives, Gains, set_drives
@@ -90,14 +96,14 @@ class RobotModel(Strict):
     @model_validator(mode="before")
     @classmethod
     def _of_table(cls, content: Any) -> Any:
-        return (
-            described_by_table(content)
-            if isinstance(content, dict) and isinstance(content.get("dh"), dict)
-            else content
-        )
+        """Add the keys that a table of Denavit-Hartenberg parameters determines, if the content has a table."""
+        if isinstance(content, dict) and isinstance(content.get("dh"), dict):
+            return described_by_table(content)
+        return content
 
     @model_validator(mode="after")
     def _one_origin(self) -> "RobotModel":
+        """Check that the robot has a URDF or a table, not both, and that the URDF is in the robot's folder."""
         if (self.urdf is None) == (self.dh is None):
             raise ValueError("a robot has either a urdf or a dh table")
         if self.urdf is not None and not self.urdf_path.resolve().is_relative_to(self.folder.resolve()):
@@ -111,7 +117,7 @@ class RobotModel(Strict):
 
     @property
     def urdf_path(self) -> Path:
-        """The URDF file, or the description where that holds a table."""
+        """Path of the URDF file, or of the ``robot.yaml`` if this has a table in place of a URDF."""
         return self.folder / self.urdf if self.urdf is not None else self.description_file
 
     @property
@@ -121,35 +127,48 @@ class RobotModel(Strict):
 
     @cached_property
     def element(self) -> Element:
-        """The checked ``robot`` element; raises InvalidModel: a damaged file; InvalidParameter: another root."""
+        """The checked ``robot`` element of the URDF, with the drives of this description.
+
+        Raises:
+            InvalidModel: the file is damaged.
+            InvalidParameter: the key ``root`` does not name the root link.
+        """
         if self.dh is None:
             root = checked_urdf(self.urdf_path)
         else:
-            check_urdf(root := dh_robot(self.name, self.dh), self.urdf_path)
+            root = dh_robot(self.name, self.dh)
+            check_urdf(root, self.urdf_path)
         if self.root != root_link(root):
             raise InvalidParameter("root", self.root, f"{root_link(root)}, the root link of {self.urdf_path}")
+        # Values of the description take the place of those in the URDF.
         joints = [axis.joint for axis in self.axes.values()]
         for key in ("rotor_inertia", "gear_ratio", "damping", "friction"):
-            if (values := getattr(self.drives, key)) is not None:
+            values = getattr(self.drives, key)
+            if values is not None:
                 set_drives(root, key, self._by_joint(joints, values, f"drives.{key}"))
         return root
 
     def _by_joint(self, joints: list[str], values: AxisValues, key: str) -> dict[str, float]:
-        """Return values by joint, of those axes for which they are given."""
+        """Spread the values of a key over the joints, by name; joints of axes without a value are left out."""
+        # NaN stands for axes without a value.
         vector = self.axis_vector(values, key, np.nan)
         return {joint: value for joint, value in zip(joints, vector.tolist(), strict=True) if np.isfinite(value)}
 
     def with_drives(self, drives: Drives) -> "RobotModel":
-        """Return the robot with other figures of its drives, as far as they are given."""
+        """Copy the robot with changed drives: the keys that ``drives`` sets replace its own.
+
+        A mapping by axis changes only the values of the axes that it names.
+        """
         changes = drives.model_dump(exclude_unset=True)
         for key, values in changes.items():
             own = getattr(self.drives, key)
-            if isinstance(values, dict) and own is not None:
-                before = self.axis_vector(own, f"drives.{key}", np.nan)
-                vector = self.axis_vector(values, f"drives.{key}", before)
-                changes[key] = {
-                    axis: value for axis, value in zip(self.axes, vector.tolist(), strict=True) if np.isfinite(value)
-                }
+            if not isinstance(values, dict) or own is None:
+                continue
+            # NaN stands for axes without a value.
+            before = self.axis_vector(own, f"drives.{key}", np.nan)
+            vector = self.axis_vector(values, f"drives.{key}", before)
+            by_axis = dict(zip(self.axes, vector.tolist(), strict=True))
+            changes[key] = {axis: value for axis, value in by_axis.items() if np.isfinite(value)}
         return self.model_copy(update={"drives": self.drives.model_copy(update=changes)})
 
     @property
@@ -159,12 +178,16 @@ class RobotModel(Strict):
 
     @property
     def links_without_inertia(self) -> list[str]:
-        """Moving links that have no inertia, which only a kinematic station can take."""
+        """Names of moving links without inertia. A robot with such links can move in a kinematic station only."""
         return links_without_inertia(self.element, floating=self.base == "floating")
 
     @cached_property
     def joints(self) -> list[Element]:
-        """The ``joint`` elements of the axes, in order; raises UnknownName: an axis without a joint in the URDF."""
+        """The ``joint`` elements of the axes, in order.
+
+        Raises:
+            UnknownName: an axis names a joint that the URDF does not have.
+        """
         known = {name_of(joint): joint for joint in self.element.iterfind("joint")}
         unknown = next((axis.joint for axis in self.axes.values() if axis.joint not in known), None)
         if unknown is not None:
@@ -173,19 +196,20 @@ class RobotModel(Strict):
 
     @property
     def signs(self) -> Vector:
-        """The senses of the axes against their joints, 1.0 or -1.0, shape (n,)."""
+        """Sign of each axis, shape (n,): 1.0 if it is positive in the direction of its joint, -1.0 if against it."""
         return np.array([float(axis.sign) for axis in self.axes.values()])
 
     @cached_property
     def axis_limits(self) -> tuple[Vector, Vector]:
-        """Lower and upper limit of every axis [rad or m], each of shape (n,), in the sense of the axes."""
-        pairs = np.array([joint_limits(joint) for joint in self.joints])
-        lower, upper = np.sort(pairs * self.signs[:, np.newaxis], axis=1).T
+        """Lower and upper limits of the axes, each of shape (n,) [rad or m]."""
+        of_joints = np.array([joint_limits(joint) for joint in self.joints])
+        # An axis against its joint has the limits -upper and -lower; sorting puts the lower one first.
+        lower, upper = np.sort(of_joints * self.signs[:, np.newaxis], axis=1).T
         return lower, upper
 
     @cached_property
     def limits(self) -> AxisLimits:
-        """The ranges of the axes, in their senses, for checks of positions."""
+        """The limits of the axes with their names, for checks of positions."""
         lower, upper = self.axis_limits
         revolute = ~np.array(self.prismatic, dtype=bool)
         return AxisLimits(names=tuple(self.axes), lower=lower, upper=upper, revolute=revolute)
@@ -202,17 +226,17 @@ class RobotModel(Strict):
 
     @property
     def play(self) -> Vector:
-        """How far every axis' link is free against its motor, shape (n,) [rad or m]."""
+        """Backlash of every axis: the motion of its link while its motor stands still, shape (n,) [rad or m]."""
         return self.user_units * self.axis_vector(self.drives.backlash_deg or 0.0, "drives.backlash_deg")
 
     @cached_property
     def speed_limits(self) -> Vector:
-        """Largest speed of every axis in the URDF, shape (n,) [rad/s or m/s]; infinite where none is told."""
+        """Largest speed of every axis by the URDF, shape (n,) [rad/s or m/s]; infinite if the URDF has none."""
         return np.array([joint_figure(joint, "velocity") or np.inf for joint in self.joints])
 
     @property
     def accelerations(self) -> Vector:
-        """Largest acceleration of every axis, shape (n,) [rad/s² or m/s²]; infinite where none is told."""
+        """Largest acceleration of every axis, shape (n,) [rad/s² or m/s²]; infinite if no file gives one."""
         own = np.array([joint_figure(joint, f"{DRAKE}acceleration") or np.inf for joint in self.joints])
         if self.acceleration_deg is None:
             return own
@@ -220,7 +244,7 @@ class RobotModel(Strict):
 
     @cached_property
     def prismatic(self) -> tuple[bool, ...]:
-        """Whether each axis is prismatic, not revolute; keys in ``..._deg`` hold metres, and its torques are forces."""
+        """Whether each axis is prismatic. If so, values in keys ``..._deg`` are metres, and its torques are forces."""
         return tuple(joint.get("type") == "prismatic" for joint in self.joints)
 
     @property
@@ -230,21 +254,21 @@ class RobotModel(Strict):
 
     @property
     def user_units(self) -> Vector:
-        """What one unit of a user's figures is in SI, shape (n,): rad per degree, or 1 m of a prismatic axis."""
+        """Size of the user's unit of each axis in SI, shape (n,): pi/180 for degrees, 1 for metres."""
         return np.array([unit.size for unit in self.units])
 
     @property
     def jerks(self) -> Vector:
-        """Largest jerk of every axis, shape (n,) [rad/s³ or m/s³]; infinite where none is told."""
+        """Largest jerk of every axis, shape (n,) [rad/s³ or m/s³]; infinite if the description gives none."""
         return self.user_units * self.axis_vector(self.jerk_deg or {}, "jerk_deg", np.inf)
 
     @cached_property
     def followers(self) -> dict[str, MimicFollower]:
-        """The axes that follow another axis (``mimic``), by name, in the senses of the axes [rad or m]."""
-        return followers_among({name: (axis.joint, axis.sign) for name, axis in self.axes.items()}, self.joints)
+        """The axes that follow another axis, by name, as ``mimic`` joints of the URDF demand."""
+        return followers_among(self.axes, self.joints)
 
     def with_followers(self, positions: Vector) -> Vector:
-        """Positions (..., n) [rad or m] with each follower where its leader takes it."""
+        """Move followers to the positions that their leaders demand, in positions (..., n) [rad or m]."""
         return with_followers(list(self.axes), self.followers, positions)
 
     @cached_property
@@ -256,40 +280,57 @@ class RobotModel(Strict):
     def home(self) -> Vector:
         """The home posture, shape (n,) [rad or m], in which followers are where their leaders take them.
 
-        An axis whose range excludes zero, and for which ``home_deg`` has no value of its own, is in the middle of it.
+        An axis for which ``home_deg`` has no value of its own is at zero or, if its range excludes zero, in the middle
+        of its range.
         """
-        midway = middles(self.limits, self.user_units)
-        values = self.axis_vector(self.home_deg, "home_deg", midway)
-        if not isinstance(self.home_deg, Mapping | Sequence):
-            # One number is meant for the axes that can take it.
-            values = np.where(self.excludes_zero & (values == 0.0), midway, values)
+        defaults = middles(self.limits, self.user_units)
+        values = self.axis_vector(self.home_deg, "home_deg", defaults)
+        is_one_number = not isinstance(self.home_deg, Mapping | Sequence)
+        if is_one_number:
+            # The number 0 is meant for the axes that can be at zero.
+            is_unreachable = self.excludes_zero & (values == 0.0)
+            values = np.where(is_unreachable, defaults, values)
         return self.with_followers(self.user_units * values)
 
     def posture(self, name: str, others: Vector) -> Vector:
-        """Return a named posture, shape (n,) [rad or m], ``home`` among them; axes that it leaves out are as others.
+        """Look up a named posture, such as ``home``.
 
-        Raises UnknownName: no such posture, or one of an axis that is not there.
+        Args:
+            name: name of the posture.
+            others: positions of the axes that the posture leaves out, shape (n,) [rad or m].
+
+        Returns:
+            the posture, shape (n,) [rad or m], in which followers are where their leaders take them.
+
+        Raises:
+            UnknownName: there is no such posture, or it names an axis that the robot does not have.
         """
         known = {"home": self.home_deg, **self.postures}
         one_of(f"posture of {self.name}", name, known)
-        if name not in self.postures:
+        if name not in self.postures:  # it is `home`, which need not be among the named postures
             return self.home
         position = self.axis_vector(self.postures[name], f"postures.{name}", others / self.user_units)
         return self.with_followers(self.user_units * position)
 
     @cached_property
     def fingers(self) -> dict[int, tuple[float, float]]:
-        """Places of its fingers' axes, each with closed and open [rad or m]; raises UnknownName: a name of no axis."""
-        axes = {} if self.gripper is None else self.gripper.axes
-        places = {self.axis_index(axis, "gripper.axes"): ends for axis, ends in axes.items()}
-        return {
-            place: (ends[0] * self.user_units[place], ends[1] * self.user_units[place])
-            for place, ends in places.items()
-        }
+        """Closed and open position of each finger [rad or m], by the index of its axis; empty without fingers.
+
+        Raises:
+            UnknownName: the gripper names an axis that the robot does not have.
+        """
+        if self.gripper is None:
+            return {}
+        fingers = {}
+        for axis, (closed, opened) in self.gripper.axes.items():
+            index = self.axis_index(axis, "gripper.axes")
+            unit = self.user_units[index]
+            fingers[index] = (closed * unit, opened * unit)
+        return fingers
 
     @property
     def unit_names(self) -> list[str]:
-        """The unit of every axis in a user's figures: ``deg`` or ``m``."""
+        """Name of the user's unit of every axis: ``deg`` or ``m``."""
         return [unit.name for unit in self.units]
 
     @property
@@ -298,14 +339,23 @@ class RobotModel(Strict):
         return [unit.effort for unit in self.units]
 
     def bounds(self, degrees: float, metres: float) -> Vector:
-        """Return one bound for revolute axes [deg] and one for prismatic ones [m], in SI, shape (n,)."""
+        """Assign a bound to each axis: degrees if it is revolute, metres if prismatic. Returns SI units, shape (n,)."""
         return np.where(self.prismatic, metres, np.deg2rad(degrees))
 
     def axis_vector(self, values: AxisValues, name: str, default: float | Vector = 0.0) -> Vector:
-        """Spread a number, a list or a mapping, written under the key ``name``, over the axes: shape (n,), in order.
+        """Spread a user's values over the n axes.
 
-        ``default`` is the value, or the values, of axes that a mapping leaves out. Raises InvalidParameter: a list of
-        the wrong length; UnknownName: a mapping with a key that is no axis.
+        Args:
+            values: one number for all axes, a list with a number for each axis, or a mapping by axis.
+            name: key under which the values are written, for error messages.
+            default: value, or values (n,), of axes that a mapping leaves out.
+
+        Returns:
+            one value for each axis, shape (n,), in the unit of ``values``.
+
+        Raises:
+            InvalidParameter: a list has the wrong length.
+            UnknownName: a mapping has a key that is no axis.
         """
         count = len(self.axes)
         if isinstance(values, Mapping):
@@ -313,31 +363,37 @@ class RobotModel(Strict):
             for key, value in values.items():
                 vector[self.axis_index(key, name)] = value
             return vector
+        # A number becomes a vector without dimensions, which is spread over all axes below.
         vector = np.asarray(values, dtype=float)
         if vector.ndim == 1 and vector.size != count:
             raise InvalidParameter(name, values, f"one number, or {count} numbers, one an axis of {self.name}")
         return np.broadcast_to(vector, (count,)).copy()
 
-    def asked(self, values: AxisValues | None) -> list[Asked]:
-        """How firmly a user's values per axis ask each of the n axes: see :func:`asked_by`."""
-        return asked_by(values, len(self.axes), self.axis_index)
+    def firmness(self, values: AxisValues | None) -> list[Firmness]:
+        """Find how firmly a user's values give the position of each of the n axes: see :func:`firmness_of_values`."""
+        return firmness_of_values(values, len(self.axes), self.axis_index)
 
     def axis_index(self, axis: str, where: str = "") -> int:
-        """Return the place of an axis given by its name or an alias."""
+        """Find the index of an axis by its name or an alias.
+
+        Raises:
+            UnknownName: there is no such axis; ``where`` is the key with its name, for the message.
+        """
         for index, (name, entry) in enumerate(self.axes.items()):
             if axis == name or axis in entry.aliases:
                 return index
         kind = f"axis of {self.name}" + (f" (under {where})" if where else "")
-        raise UnknownName(kind, axis, [*self.axes, *(alias for a in self.axes.values() for alias in a.aliases)])
+        aliases = [alias for entry in self.axes.values() for alias in entry.aliases]
+        raise UnknownName(kind, axis, [*self.axes, *aliases])
 
 
 def robot_names() -> list[str]:
-    """Return the names of the robots that come with the package."""
+    """List the names of the robots that come with the package."""
     return list(robot_files())
 
 
 def load_robot(name: str) -> RobotModel:
-    """Return a robot of the package by its name.
+    """Load a robot of the package by its name.
 
     Raises:
         UnknownName: no such robot.
@@ -347,7 +403,14 @@ def load_robot(name: str) -> RobotModel:
 
 
 def load_robot_file(file: Path | str) -> RobotModel:
-    """Return the robot of a ``robot.yaml``, named as that or its folder; raises InvalidConfig: a wrong entry."""
+    """Load the robot that a YAML file describes.
+
+    Unless the file has a key ``name``, the robot has the name of the folder of a ``robot.yaml``, or the name of a file
+    that is called otherwise.
+
+    Raises:
+        InvalidConfig: the file has a wrong entry.
+    """
     file = as_path(file, "file").resolve()
     name = file.parent.name if file.name == ROBOT_FILE and file.parent.name else file.stem
     robot = validated(RobotModel, {"name": name, "folder": file.parent, **read_yaml(file)}, file)
@@ -356,10 +419,15 @@ def load_robot_file(file: Path | str) -> RobotModel:
 
 
 def load_robot_from_urdf(path: Path | str) -> RobotModel:
-    """Return the robot of any clean URDF: with the ``robot.yaml`` beside it if that names this file, else its joints.
+    """Load the robot of a clean URDF.
 
-    Where nothing is told of its home, joints that cannot be at zero are in the middle of their range there, and fingers
-    are open. Raises InvalidModel: the file cannot be read or has a defect.
+    If the URDF's folder has a ``robot.yaml`` that names this URDF, that file describes the robot. Otherwise its moving
+    joints are its axes. In the home posture of such a robot, fingers are open, and joints that cannot be at zero are in
+    the middle of their ranges.
+
+    Raises:
+        InvalidModel: the file cannot be read or has a defect.
+        InvalidParameter: the robot has no joint that moves.
     """
     path = as_path(path, "path")
     described = described_robot(path)
@@ -368,29 +436,51 @@ def load_robot_from_urdf(path: Path | str) -> RobotModel:
     root = checked_urdf(path)
     if not movable_joints(root):
         raise InvalidParameter("robot.urdf", str(path), "a robot with at least one joint that moves")
+    names = [name for name in (root.get("name", ""), path.stem) if is_file_name(name)]
     hand = fingers_of(root)
     robot = RobotModel(
-        name=next(filter(is_file_name, (root.get("name", ""), path.stem)), "robot"),
+        name=names[0] if names else "robot",
         folder=path.resolve().parent,
         urdf=path.name,
         root=root_link(root),
         axes={joint: Axis(joint=joint) for joint in movable_joints(root)},
-        tools={tool: tool for tool in tool_links(root, hand[1] if hand else "")},
+        tools={tool: tool for tool in tool_links(root, "" if hand is None else hand.palm)},
     )
-    if hand:
-        units = dict(zip(robot.axes, robot.user_units.tolist(), strict=True))
-        axes = {axis: (closed / units[axis], opened / units[axis]) for axis, (closed, opened) in hand[0].items()}
-        robot = robot.model_copy(update={"gripper": Gripper(axes=axes)})
-    opened = {} if robot.gripper is None else {axis: ends[1] for axis, ends in robot.gripper.axes.items() if ends[1]}
+    if hand is not None:
+        robot = robot.model_copy(update={"gripper": _gripper(robot, hand)})
+    return robot.model_copy(update={"home_deg": _home_of_urdf(robot)})
+
+
+def _gripper(robot: RobotModel, hand: FingerHand) -> Gripper:
+    """Convert the fingers of a hand from rad or m to the user's units, as in a ``robot.yaml``. Axes are joints here."""
+    unit_sizes = dict(zip(robot.axes, robot.user_units.tolist(), strict=True))
+    axes = {}
+    for axis, finger in hand.fingers.items():
+        axes[axis] = (finger.closed / unit_sizes[axis], finger.opened / unit_sizes[axis])
+    return Gripper(axes=axes)
+
+
+def _home_of_urdf(robot: RobotModel) -> AxisValues:
+    """Choose the home posture of a robot whose file has none, in the user's units: fingers are open, others at zero.
+
+    Joints that cannot be at zero are in the middle of their ranges. Axes at zero are left out of the mapping; if all
+    are at zero, the result is the number 0.
+    """
+    opened = {}
+    if robot.gripper is not None:
+        opened = {axis: ends[1] for axis, ends in robot.gripper.axes.items() if ends[1]}
+    # The property `home` fills in the middles of ranges, and the positions of followers.
     home = robot.model_copy(update={"home_deg": opened}).home / robot.user_units
+    # Six digits keep a station's file readable.
     values = {axis: float(f"{value:.6g}") for axis, value in zip(robot.axes, home.tolist(), strict=True) if value}
-    return robot.model_copy(update={"home_deg": values or 0.0})
+    return values or 0.0
 
 
 def described_robot(path: Path) -> RobotModel | None:
-    """Return the robot of the ``robot.yaml`` beside a URDF if it describes this file."""
+    """Load the robot of the ``robot.yaml`` in the folder of a URDF. Returns None if there is none for this URDF."""
     file = path.parent / ROBOT_FILE
     if not isfile(file):
         return None
     described = load_robot_file(file)
-    return described if described.urdf_path.resolve() == path.resolve() else None
+    is_of_this_urdf = described.urdf_path.resolve() == path.resolve()
+    return described if is_of_this_urdf else None

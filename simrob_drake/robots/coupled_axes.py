@@ -5,13 +5,15 @@ A gear, and a joint that mimics another one, is an equation of the positions :ma
 .. math:: \sum_i r_i q_i = c
 
 of ratios :math:`r_i` and a total :math:`c`. A user gives values for some axes only. The equations are solved for the
-axes whose values count least (see :class:`Asked`), so that a value for one axis of a pair moves the other axis, too.
+axes whose values count least (see :class:`Firmness`), so that a value for one axis of a pair moves the other axis, too.
+An axis whose position follows from an equation is said to give way.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,8 +24,8 @@ from simrob_drake.frames import Vector
 _ZERO = 1e-9
 
 
-class Asked(IntEnum):
-    """Firmness with which a user asks an axis for a value. The axes with the lowest firmness give way first."""
+class Firmness(IntEnum):
+    """Degree to which the position of an axis is given. The axes with the lowest firmness give way first."""
 
     PASSIVE = 0
     """No motor drives the axis, so that it goes where the coupled axes take it."""
@@ -35,23 +37,28 @@ class Asked(IntEnum):
     """The user gives the value of this axis."""
 
 
-def asked_by(
+def firmness_of_values(
     values: float | Sequence[float] | Mapping[str, float] | None, count: int, index_of: Callable[[str], int]
-) -> list[Asked]:
-    """Return for each axis the firmness with which a user's values ask this axis for a position.
+) -> list[Firmness]:
+    """Find how firmly the values that a user writes under one key give the position of each axis.
 
     Args:
         values: one number for all axes, a list with a number for each axis, a mapping by axis, or None if the user
             gives no values.
         count: number of axes.
         index_of: returns the index of an axis by its name.
+
+    Returns:
+        the firmness of each axis, in the order of the axes.
     """
     if isinstance(values, Mapping):
         named = {index_of(axis) for axis in values}
-        return [Asked.NAMED if index in named else Asked.UNNAMED for index in range(count)]
+        return [Firmness.NAMED if index in named else Firmness.UNNAMED for index in range(count)]
     if values is None:
-        return [Asked.UNNAMED] * count
-    return [Asked.NAMED if isinstance(values, Sequence) else Asked.LEADING] * count
+        return [Firmness.UNNAMED] * count
+    if isinstance(values, Sequence):
+        return [Firmness.NAMED] * count
+    return [Firmness.LEADING] * count
 
 
 class Equation:
@@ -71,7 +78,9 @@ class Equation:
 
 @dataclass(frozen=True)
 class AxisCondition:
-    """An equation between axes all of which have a value from the user: the values fulfil it, or there is an error.
+    """An equation whose axes all have the firmness NAMED, so that none of them gives way.
+
+    The given positions fulfil the condition, or there is an error.
 
     Attributes:
         ratios: ratios of the n axes, shape (n,).
@@ -84,17 +93,34 @@ class AxisCondition:
     labels: tuple[str, ...]
 
 
+class ConditionViolation(NamedTuple):
+    """A position that breaks a condition.
+
+    Attributes:
+        sample: index of the sample at which the deviation is largest.
+        axis: index of the axis that has the wrong position there.
+        position: the position of this axis that would fulfil the condition [rad or m].
+    """
+
+    sample: int
+    axis: int
+    position: float
+
+
 @dataclass(frozen=True)
 class Dependence:
-    """Positions ``matrix @ q + offset``, in which the axes that give way follow from the other axes.
+    """The solution of the equations: how the axes that give way depend on the other axes.
+
+    If q are the given positions (n,), then ``matrix @ q + offset`` are positions that fulfil the equations, apart from
+    the conditions.
 
     Attributes:
         matrix: shape (n, n); the rows of axes that do not give way are rows of the identity.
         offset: shape (n,) [rad or m].
         moved: indices of the axes that give way.
-        undecided: for each unnamed axis that gives way, the other unnamed axes of the same equation, which could give
-            way as well.
-        conditions: the equations that remain between axes with a value from the user.
+        undecided: for each UNNAMED axis that gives way, by index, the indices of the other UNNAMED axes of the same
+            equation, which could give way in its place.
+        conditions: the equations that are left for axes that never give way.
     """
 
     matrix: Vector
@@ -140,75 +166,98 @@ class CoupledAxes:
         Returns:
             totals, shape (k,) [rad or m].
         """
-        at_start = self.ratios @ start
-        totals = [equation.total for equation in self.equations]
-        return np.array([initial if total is None else total for initial, total in zip(at_start, totals, strict=True)])
+        totals = self.ratios @ start
+        for index, equation in enumerate(self.equations):
+            if equation.total is not None:
+                totals[index] = equation.total
+        return np.asarray(totals)
 
     @cached_property
-    def _follows(self) -> npt.NDArray[np.bool_]:
+    def _is_follower(self) -> npt.NDArray[np.bool_]:
         """Whether each axis is a follower, the first axis in the ratios of an equation, shape (n,)."""
         first = {next(iter(equation.ratios)) for equation in self.equations if equation.ratios}
         return np.array([name in first for name in self.names], dtype=bool)
 
-    def solve(self, asked: Sequence[Asked], totals: Vector) -> Dependence:
-        """Solve the equations for the axes that are asked with the lowest firmness.
+    def solve(self, firmness: Sequence[Firmness], totals: Vector) -> Dependence:
+        """Solve the equations for the axes whose positions are given with the lowest firmness.
+
+        Args:
+            firmness: firmness of each of the n axes.
+            totals: totals of the k equations, shape (k,) [rad or m].
+        """
+        count = len(self.names)
+        rows = self._scaled_rows(totals)
+        row_of = self._eliminate(rows, firmness)
+
+        # A reduced row says: q_axis + sum of ratio_i q_i = total. Solve it for its axis.
+        matrix = np.eye(count)
+        offset = np.zeros(count)
+        undecided = {}
+        for axis, row in row_of.items():
+            matrix[axis] = -rows[row, :count]
+            matrix[axis, axis] = 0.0
+            offset[axis] = rows[row, count]
+            if firmness[axis] == Firmness.UNNAMED:
+                others = np.flatnonzero(np.abs(matrix[axis]) > _ZERO).tolist()
+                undecided[axis] = tuple(other for other in others if firmness[other] == Firmness.UNNAMED)
+        unused = [row for row in range(len(rows)) if row not in row_of.values()]
+        conditions = tuple(self._condition(rows[row]) for row in unused)
+        return Dependence(matrix, offset, tuple(row_of), undecided, conditions)
+
+    def _scaled_rows(self, totals: Vector) -> Vector:
+        """Write the k equations as the rows of a matrix, shape (k, n + 1 + k).
+
+        The columns are the n ratios, the total [rad or m], and k factors with which the original equations make up the
+        row. The largest ratio of each row is scaled to 1, so that the same bound separates zero from rounding in all
+        rows. An equation without axes stays as it is.
+        """
+        scale = np.abs(self.ratios).max(axis=1, initial=0.0, keepdims=True)
+        scale[scale == 0] = 1.0
+        return np.hstack([self.ratios / scale, totals[:, np.newaxis] / scale, np.eye(len(totals))])
+
+    def _eliminate(self, rows: Vector, firmness: Sequence[Firmness]) -> dict[int, int]:
+        """Change rows, in place, so that each axis that gives way is left in one row only, with the ratio 1.
 
         The method is Gauss-Jordan elimination, with pivots in the order in which axes give way. This choice of pivots
         is the best one: no other set of axes that fulfils the equations has lower firmness.
 
         Args:
-            asked: firmness with which each of the n axes is asked for a value.
-            totals: totals of the k equations, shape (k,) [rad or m].
-        """
-        count = len(self.names)
-        # Scale the largest ratio of each equation to 1, so that one bound tells zero from rounding. An equation
-        # without axes stays as it is.
-        size = np.abs(self.ratios).max(axis=1, initial=0.0, keepdims=True)
-        size[size == 0] = 1.0
-        # Columns: n ratios, the total, and k factors with which the original equations make up the row.
-        rows = np.hstack([self.ratios / size, totals[:, np.newaxis] / size, np.eye(len(totals))])
+            rows: the equations as in :meth:`_scaled_rows`; changed.
+            firmness: firmness of each of the n axes.
 
-        order = sorted(range(count), key=lambda axis: (asked[axis], not self._follows[axis], axis))
-        pivots: dict[int, int] = {}  # row that is solved for an axis, by the axis
+        Returns:
+            index of the row of each axis that gives way, by the index of the axis.
+        """
+        # Of axes with the same firmness, followers give way first, and then the axis with the lowest index.
+        order = sorted(range(len(self.names)), key=lambda axis: (firmness[axis], not self._is_follower[axis], axis))
+        row_of: dict[int, int] = {}
         for axis in order:
             # Named axes come last in this order, and never give way.
-            if asked[axis] == Asked.NAMED:
+            if firmness[axis] == Firmness.NAMED:
                 break
-            free = [row for row in range(len(rows)) if row not in pivots.values()]
-            row = max(free, key=lambda one: abs(rows[one, axis]), default=None)
-            if row is None or abs(rows[row, axis]) < _ZERO:
-                continue
-            rows[row] /= rows[row, axis]
+            unused = [row for row in range(len(rows)) if row not in row_of.values()]
+            if not unused:
+                break
+            # The largest pivot gives the smallest rounding errors.
+            pivot = max(unused, key=lambda row: abs(rows[row, axis]))
+            if abs(rows[pivot, axis]) < _ZERO:
+                continue  # no row that is left contains the axis
+            # Solve the pivot row for the axis, and remove the axis from all other rows.
+            rows[pivot] /= rows[pivot, axis]
             for other in range(len(rows)):
-                if other != row:
-                    rows[other] -= rows[other, axis] * rows[row]
-            pivots[axis] = row
-
-        # Solve each pivot's row for its axis.
-        matrix = np.eye(count)
-        offset = np.zeros(count)
-        undecided = {}
-        for axis, row in pivots.items():
-            matrix[axis] = -rows[row, :count]
-            matrix[axis, axis] = 0.0
-            offset[axis] = rows[row, count]
-            others = np.flatnonzero(np.abs(matrix[axis]) > _ZERO).tolist()
-            if asked[axis] == Asked.UNNAMED:
-                undecided[axis] = tuple(other for other in others if asked[other] == Asked.UNNAMED)
-        left = [row for row in range(len(rows)) if row not in pivots.values()]
-        conditions = tuple(self._condition(rows[row]) for row in left)
-        return Dependence(matrix, offset, tuple(pivots), undecided, conditions)
+                if other != pivot:
+                    rows[other] -= rows[other, axis] * rows[pivot]
+            row_of[axis] = pivot
+        return row_of
 
     def _condition(self, row: Vector) -> AxisCondition:
         """Make a condition from a reduced row: n ratios, the total, and the factors of the original equations."""
         count = len(self.names)
-        made_of = np.flatnonzero(np.abs(row[count + 1 :]) > _ZERO).tolist()
-        labels = tuple(self.equations[equation].label for equation in made_of)
+        sources = np.flatnonzero(np.abs(row[count + 1 :]) > _ZERO).tolist()
+        labels = tuple(self.equations[equation].label for equation in sources)
         return AxisCondition(row[:count], float(row[count]), labels)
 
-    def find_violation(
-        self, condition: AxisCondition, positions: Vector, bounds: Vector
-    ) -> tuple[int, int, float] | None:
+    def find_violation(self, condition: AxisCondition, positions: Vector, bounds: Vector) -> ConditionViolation | None:
         """Find the sample at which positions break a condition most.
 
         Args:
@@ -217,18 +266,17 @@ class CoupledAxes:
             bounds: deviations of each axis that are allowed, shape (n,) [rad or m].
 
         Returns:
-            index of the sample with the largest deviation, index of the axis that has the wrong position there, and
-            the position that fulfils the condition [rad or m]. Returns None if the deviation is within the bound.
+            the violation, or None if the largest deviation is within the bound of its axis.
         """
         axes = np.flatnonzero(np.abs(condition.ratios) > _ZERO)
-        misses = positions @ condition.ratios - condition.total
-        sample = int(np.argmax(np.abs(misses)))
-        # A condition without axes says nothing about positions.
+        # A condition without axes, 0 = total, does not depend on positions.
         if not len(axes):
             return None
+        deviations = positions @ condition.ratios - condition.total
+        sample = int(np.argmax(np.abs(deviations)))
         # The follower's position counts as the wrong one; if no axis of the condition follows, the first axis' does.
-        follower = min(axes, key=lambda axis: (not self._follows[axis], axis))
-        shift = -misses[sample] / condition.ratios[follower]
-        if abs(shift) <= bounds[follower]:
+        wrong_axis = int(min(axes, key=lambda axis: (not self._is_follower[axis], axis)))
+        shift = -deviations[sample] / condition.ratios[wrong_axis]
+        if abs(shift) <= bounds[wrong_axis]:
             return None
-        return sample, int(follower), float(positions[sample, follower] + shift)
+        return ConditionViolation(sample, wrong_axis, float(positions[sample, wrong_axis] + shift))

@@ -1,4 +1,4 @@
-"""The YAML files that describe robots: which files they are, and what to write into them."""
+"""The YAML files that describe robots: how to recognise such a file, and what to write into it."""
 
 from os.path import isfile
 from pathlib import Path
@@ -7,7 +7,7 @@ from simrob_drake.folders import is_cached
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.yaml_files import YAML_SUFFIXES, read_yaml
 
-_DESCRIPTION_KEYS = frozenset(("dh", "urdf", "axes"))  # of robots, which no station has at its top
+_DESCRIPTION_KEYS = frozenset(("dh", "urdf", "axes"))  # keys of robots that no station has at its top
 
 
 def is_description_file(text: str) -> bool:
@@ -23,13 +23,23 @@ def is_description_file(text: str) -> bool:
 
 
 def gripper_advice(robot: RobotModel) -> str:
-    """What to write, and where, so that a robot without fingers has some; for error messages."""
-    last = list(robot.axes)[-1]
-    joint = robot.axes[last].joint
-    lower, upper = (float(limit[-1] / robot.user_units[-1]) for limit in robot.axis_limits)
+    """Write an advice for a robot without fingers, for error messages: how to declare its last joint as a jaw.
+
+    A robot with a description file of its own gets a line for this file. Files of imported robots are in a cache, where
+    users should not write; such a robot gets an option of the import.
+    """
+    jaw_axis = list(robot.axes)[-1]
+    joint = robot.axes[jaw_axis].joint
     file = robot.description_file
-    if isfile(file) and not is_cached(file):
-        line = f"gripper: {{axes: {{{last}: [{lower:.4g}, {upper:.4g}]}}}}"
-        return f"for a moving jaw {last} write `{line}` into {file}: closed and open [{robot.unit_names[-1]}]"
-    line = f"import_options: {{gripper: {joint}}}"
-    return f"for a moving jaw {joint} write `{line}` below urdf in the station, or import with --gripper {joint}"
+    is_users_file = isfile(file) and not is_cached(file)
+    if not is_users_file:
+        entry = f"import_options: {{gripper: {joint}}}"
+        return f"for a moving jaw {joint} write `{entry}` below urdf in the station, or import with --gripper {joint}"
+    # The limits of the last axis, in degrees or metres.
+    unit_size = robot.user_units[-1]
+    lower, upper = robot.axis_limits
+    lower_text = f"{float(lower[-1] / unit_size):.4g}"
+    upper_text = f"{float(upper[-1] / unit_size):.4g}"
+    entry = f"gripper: {{axes: {{{jaw_axis}: [{lower_text}, {upper_text}]}}}}"
+    unit = robot.unit_names[-1]
+    return f"for a moving jaw {jaw_axis} write `{entry}` into {file}: closed and open [{unit}]"

@@ -1,4 +1,7 @@
-"""Axes that follow other axes of their robot, as a ``mimic`` of its file says."""
+"""Axes that follow other axes of their robot, as a ``mimic`` joint in the robot's file demands.
+
+An axis is a joint with a sense: it is positive in the direction of its joint (sign 1) or against it (sign -1).
+"""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
@@ -7,51 +10,76 @@ from typing import NamedTuple
 import numpy as np
 
 from simrob_drake.frames import Vector
-from simrob_drake.robots.bodies import FOLLOWS, followed
-from simrob_drake.robots.coupled_axes import Asked, CoupledAxes, Equation
+from simrob_drake.robots.axis import Axis
+from simrob_drake.robots.coupled_axes import CoupledAxes, Equation, Firmness
+from simrob_drake.robots.fingers import FOLLOWS, mimic_line
 
 
 class MimicFollower(NamedTuple):
-    """An axis whose position is ``factor * leader + offset``, as the robot's file says."""
+    """An axis whose position is ``factor * position of the leader + offset``.
 
-    leader: str  # name of the axis that it follows
-    factor: float  # positions of the follower by those of the leader [rad/rad, m/rad, rad/m or m/m]
-    offset: float  # position of the follower where the leader is at 0 [rad or m]
+    Attributes:
+        leader: name of the axis that it follows.
+        factor: ratio of the positions of follower and leader [rad/rad, m/rad, rad/m or m/m].
+        offset: position of the follower if the leader is at 0 [rad or m].
+    """
+
+    leader: str
+    factor: float
+    offset: float
 
     def ratios(self, follower: str) -> dict[str, float]:
-        """Ratios of a gear between the follower, by its name, and its leader; their total is the offset."""
+        """Ratios of a gear between the follower, by its name, and its leader; the total of the gear is the offset."""
         return {follower: 1.0, self.leader: -self.factor}
 
 
-def followers_among(axes: Mapping[str, tuple[str, int]], joints: Sequence[ET.Element]) -> dict[str, MimicFollower]:
-    """Find the axes that follow other axes, by name.
+def followers_among(axes: Mapping[str, Axis], joints: Sequence[ET.Element]) -> dict[str, MimicFollower]:
+    """Find the axes that follow other axes.
 
     Args:
-        axes: by name the joint of each axis, and 1 or -1 where the axis is positive in the other sense.
-        joints: the ``joint`` elements of the axes, in order.
+        axes: the axes of a robot, by name.
+        joints: the ``joint`` elements of the axes, in the same order.
+
+    Returns:
+        the followers, by the name of the axis. A joint that follows a joint without an axis is not among them.
     """
-    axis_of = {joint: name for name, (joint, _) in axes.items()}
+    axis_of_joint = {axis.joint: name for name, axis in axes.items()}
     found = {}
     for name, joint in zip(axes, joints, strict=True):
         follows = joint.find(FOLLOWS)
-        leader = None if follows is None else axis_of.get(follows.get("joint", ""))
-        if follows is None or leader is None:
+        if follows is None:
             continue
-        factor, offset = followed(follows)
-        sign, sign_of_leader = axes[name][1], axes[leader][1]
+        leader = axis_of_joint.get(follows.get("joint", ""))
+        if leader is None:
+            continue
+        # The file gives the line between joints: joint = factor * leader's joint + offset. With axis = sign * joint for
+        # both, and sign² = 1: axis = sign * factor * leader's sign * leader's axis + sign * offset.
+        factor, offset = mimic_line(follows)
+        sign = axes[name].sign
+        sign_of_leader = axes[leader].sign
         found[name] = MimicFollower(leader, sign * factor * sign_of_leader, sign * offset)
     return found
 
 
 def with_followers(axes: Sequence[str], followers: Mapping[str, MimicFollower], positions: Vector) -> Vector:
-    """Return positions (..., n) of axes [rad or m] in which each follower is where its leader takes it."""
+    """Move followers to the positions that their leaders demand.
+
+    Args:
+        axes: names of the n axes of a robot.
+        followers: the followers among them, by name. A follower may lead other followers.
+        positions: positions of the axes, shape (..., n) [rad or m].
+
+    Returns:
+        the positions with those of followers replaced, shape (..., n) [rad or m].
+    """
     if not followers:
         return positions
-    equations = [
-        Equation(f"{axis} follows {follower.leader}", follower.ratios(axis), follower.offset)
-        for axis, follower in followers.items()
-    ]
+    equations = []
+    for axis, follower in followers.items():
+        equations.append(Equation(f"{axis} follows {follower.leader}", follower.ratios(axis), follower.offset))
     coupled = CoupledAxes(axes, equations)
-    asked = [Asked.UNNAMED if axis in followers else Asked.NAMED for axis in axes]
-    dependence = coupled.solve(asked, coupled.totals(np.zeros(len(axes))))
+    firmness = [Firmness.UNNAMED if axis in followers else Firmness.NAMED for axis in axes]
+    # All equations have a total, so the positions at the start do not matter.
+    totals = coupled.totals(np.zeros(len(axes)))
+    dependence = coupled.solve(firmness, totals)
     return np.asarray(positions @ dependence.matrix.T + dependence.offset)

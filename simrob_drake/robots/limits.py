@@ -15,14 +15,17 @@ import numpy as np
 from simrob_drake.frames import Vector
 
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
+"""An array of booleans; the shape is in the docstrings."""
 
 ANGLE_TOLERANCE = 1e-4
 """Distance beyond a limit that counts as rounding [rad]; 0.1 mm at the end of an arm of one metre."""
 LENGTH_TOLERANCE = 1e-5
 """Distance beyond a limit that counts as rounding [m]."""
 
-_NEGLIGIBLE = 1e-9  # rad or m: smaller distances beyond a limit are rounding of arithmetic, not worth a warning
-_FEWEST_DIGITS, _MOST_DIGITS = 5, 17  # significant digits of positions in messages; 17 tell any two doubles apart
+_NEGLIGIBLE = 1e-9  # smaller distances beyond a limit are rounding of arithmetic, not worth a warning [rad or m]
+# Significant digits of positions in messages.
+_FEWEST_DIGITS = 5
+_MOST_DIGITS = 17  # any two different doubles differ in 17 digits
 
 
 class ClampedPosition(UserWarning):
@@ -109,22 +112,24 @@ class AxisLimits:
         outside = self.excess(postures) > 0.0
         if not outside.any():
             return None
-        row, axis = (int(index) for index in np.argwhere(outside)[0])
-        value, lower, upper = postures[row, axis], self.lower[axis], self.upper[axis]
+        row, axis = np.argwhere(outside)[0].tolist()
+        value = postures[row, axis]
+        lower = self.lower[axis]
+        upper = self.upper[axis]
         unit = "m"
         if self.revolute[axis]:
-            value, lower, upper = np.rad2deg([value, lower, upper])
+            value = np.rad2deg(value)
+            lower = np.rad2deg(lower)
+            upper = np.rad2deg(upper)
             unit = "deg"
 
-        # The position and the limit it passes get as many digits as tell them apart: a message such as "180 deg is not
-        # within -180 to 180 deg" helps nobody. Five digits are enough for the other limit.
+        # The position and the limit that it passes get so many digits that they differ: a message such as "180 deg is
+        # not within -180 to 180 deg" helps nobody. Five digits are enough for the other limit.
         is_below = value < lower
         limit = lower if is_below else upper
         value_text, limit_text = distinct_texts(float(value), float(limit))
-        if is_below:
-            lower_text, upper_text = limit_text, f"{upper:.5g}"
-        else:
-            lower_text, upper_text = f"{lower:.5g}", limit_text
+        lower_text = limit_text if is_below else f"{lower:.5g}"
+        upper_text = f"{upper:.5g}" if is_below else limit_text
         return Violation(
             row=row,
             axis=axis,
@@ -150,7 +155,8 @@ class AxisLimits:
         """
         clamped = np.clip(positions, self.lower, self.upper)
         is_moved = np.abs(clamped - positions) > _NEGLIGIBLE
-        moved_axes = np.flatnonzero(is_moved.reshape(-1, len(self.names)).any(axis=0))
+        by_posture = is_moved.reshape(-1, len(self.names))
+        moved_axes = np.flatnonzero(by_posture.any(axis=0))
         for axis in moved_axes.tolist():
             tolerance = f"{ANGLE_TOLERANCE:g} rad" if self.revolute[axis] else f"{LENGTH_TOLERANCE:g} m"
             text = f"{what}: {self.names[axis]} is beyond its limit by less than {tolerance}, and is taken to the limit"
@@ -160,11 +166,15 @@ class AxisLimits:
 
 
 def distinct_texts(value: float, limit: float) -> tuple[str, str]:
-    """Format a position and a limit with the fewest digits that tell the two numbers apart, but at least five."""
+    """Format a position and a limit with the fewest digits with which the two texts differ, but at least five.
+
+    Returns the text of the position and the text of the limit. Equal numbers have equal texts.
+    """
     for digits in range(_FEWEST_DIGITS, _MOST_DIGITS):
-        texts = f"{value:.{digits}g}", f"{limit:.{digits}g}"
-        if texts[0] != texts[1]:
-            return texts
+        value_text = f"{value:.{digits}g}"
+        limit_text = f"{limit:.{digits}g}"
+        if value_text != limit_text:
+            return value_text, limit_text
     return f"{value:.{_MOST_DIGITS}g}", f"{limit:.{_MOST_DIGITS}g}"
 
 
@@ -178,9 +188,12 @@ def middles(limits: AxisLimits, units: Vector) -> Vector:
     Returns:
         positions in the user's units, shape (n,), rounded to six digits so that a station file can hold them.
     """
-    is_excluded = limits.excess(np.zeros(len(units))) > 0.0
-    centres = [
-        (low + high) / 2 if excluded else 0.0
-        for low, high, excluded in zip(limits.lower / units, limits.upper / units, is_excluded, strict=True)
-    ]
-    return np.array([float(f"{centre:.6g}") for centre in centres])
+    excludes_zero = limits.excess(np.zeros(len(units))) > 0.0
+    lower = limits.lower / units
+    upper = limits.upper / units
+    positions = np.zeros(len(units))
+    # An axis without limits does not exclude zero, so that no middle between -inf and inf is computed.
+    for axis in np.flatnonzero(excludes_zero):
+        middle = (lower[axis] + upper[axis]) / 2
+        positions[axis] = float(f"{middle:.6g}")
+    return positions

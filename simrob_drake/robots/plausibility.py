@@ -2,6 +2,9 @@
 
 The same checks serve all robots, whatever file format they come from: each format is converted to a URDF. The checks
 doubt only numbers far beyond those of real machines, so that a doubt is nearly always a slip.
+
+The spread of a body, the sum of its principal moments of inertia divided by its mass, is a measure of its size: it does
+not depend on the unit of mass. It is compared with the spread of the body's shapes.
 """
 
 import math
@@ -24,13 +27,14 @@ HEAVIEST = 1e5
 """Largest density of a body [kg/m³]; gold has 2e4."""
 LIGHTEST = 0.1
 """Smallest density of a body [kg/m³]; air has 1.2."""
-# Moments of inertia of a body, in multiples of those of a solid body with its mass and shapes.
-_LEAST_MOMENTS, _MOST_MOMENTS = 1e-5, 1e3
+# Plausible moments of inertia of a body, in multiples of those of a solid body with its mass and shapes.
+_LEAST_MOMENTS = 1e-5
+_MOST_MOMENTS = 1e3
 _NEGLIGIBLE = 1e-3  # a link with a smaller share of the robot's mass does not affect the motion
-_TOKEN = 1e-6  # shapes with a smaller volume are mere markers; a cube of 10 mm has this volume [m³]
+_SMALLEST_VOLUME = 1e-6  # shapes with a smaller volume are mere markers; a cube of 10 mm has this volume [m³]
 # Plausible distance of a centre of mass from the middle of its body: this length [m] plus multiples of the body's size.
 _FAR = 1.0
-_SPREADS = 2.0
+_SIZES = 2.0
 _STRONG = 50.0  # largest plausible payload, in multiples of the robot's own mass
 _HEAVY = 100.0  # payloads up to this mass are plausible for any robot [kg]
 _LONGEST = 30.0  # longest plausible link of a robot [m]
@@ -40,18 +44,29 @@ _ENDLESS = 1e4  # some files write larger limits for joints without limits [rad 
 
 
 class Doubt(NamedTuple):
-    """An implausible number."""
+    """An implausible number.
 
-    where: str  # name of the element, such as ``link 'rod' <inertial>``
-    text: str  # the doubtful number, and what might have been meant
+    Attributes:
+        where: name of the element, such as ``link 'rod' <inertial>``.
+        text: the doubtful number, and what might have been meant.
+    """
+
+    where: str
+    text: str
 
 
 class MassProperties(NamedTuple):
-    """Mass and its distribution, of a body, or of its shapes with an even density."""
+    """Mass and its distribution, of a body, or of its shapes with an even density.
 
-    mass: float  # [kg]
-    centre: Vector  # centre of mass, shape (3,) [m]
-    trace: float  # sum of the principal moments about the centre of mass [kg m²]
+    Attributes:
+        mass: mass [kg].
+        centre: centre of mass, shape (3,) [m].
+        trace: sum of the principal moments about the centre of mass [kg m²].
+    """
+
+    mass: float
+    centre: Vector
+    trace: float
 
     @property
     def spread(self) -> float:
@@ -67,9 +82,10 @@ def robot_doubts(robot: ET.Element, folder: Path | None) -> list[Doubt]:
         folder: folder of the robot's meshes. If it is None, meshes are left out.
     """
     sizes = _link_sizes(robot)
+    links = robot.findall("link")
+    total_mass = sum(mass_of(link) for link in links)
     doubts = list[Doubt]()
-    total_mass = sum(mass_of(link) for link in robot.iterfind("link"))
-    for link in robot.iterfind("link"):
+    for link in links:
         if mass_of(link) > _NEGLIGIBLE * total_mass:
             doubts += _link_doubts(link, sizes[name_of(link)], folder)
     doubts += list(_joint_doubts(robot))
@@ -108,7 +124,7 @@ def _link_doubts(link: ET.Element, size: float, folder: Path | None) -> list[Dou
     own = MassProperties(mass_of(link), pose_of(inertial).translation(), float(np.trace(moments_of(inertial))))
     # With a density of 1 kg/m³ the mass of the shapes is their volume in m³.
     solid = inertia_of_shapes(link, folder, 1.0)
-    if solid is None or solid.get_mass() < _TOKEN:
+    if solid is None or solid.get_mass() < _SMALLEST_VOLUME:
         return [Doubt(where, text) for text in _doubts_by_size(own, size)]
     centre = solid.get_com()
     moments = solid.Shift(centre).CalcRotationalInertia().CopyToFullMatrix3()
@@ -131,7 +147,8 @@ def doubts_by_shapes(own: MassProperties, shapes: MassProperties) -> list[str]:
     if not shapes.spread > 0:
         return texts
     apart = float(np.linalg.norm(own.centre - shapes.centre))
-    if apart > _FAR + _SPREADS * math.sqrt(shapes.spread):
+    size_of_shapes = math.sqrt(shapes.spread)
+    if apart > _FAR + _SIZES * size_of_shapes:
         texts.append(f"its centre of mass lies {apart:.3g} m from the middle of its shapes; in mm?")
     ratio = own.spread / shapes.spread
     if ratio > _MOST_MOMENTS or 0 < ratio < _LEAST_MOMENTS:
@@ -148,10 +165,10 @@ def _doubts_by_size(own: MassProperties, size: float) -> list[str]:
     """
     texts = []
     apart = float(np.linalg.norm(own.centre))
-    if apart > _FAR + _SPREADS * size:
+    if apart > _FAR + _SIZES * size:
         texts.append(f"its centre of mass lies {apart:.3g} m from its joint, and the joints at it {size:.3g} m; in mm?")
     gyration = math.sqrt(own.spread / 2)  # root mean square distance from the centre of mass [m]
-    if gyration > _FAR + _SPREADS * max(size, apart):
+    if gyration > _FAR + _SIZES * max(size, apart):
         moments = f"its moments are those of {own.mass:.4g} kg {gyration:.3g} m from the centre of mass"
         texts.append(f"{moments}, and the joints at it are {size:.3g} m apart; in kg mm², or g m²?")
     return texts
@@ -182,22 +199,29 @@ def _joint_doubts(robot: ET.Element) -> Iterator[Doubt]:
     """Yield the implausible offsets and limits of a robot's joints."""
     # A slip with units affects all offsets, so only the first implausible one is reported.
     for joint in robot.iterfind("joint"):
-        away = float(np.linalg.norm(pose_of(joint).translation()))
-        if away > _LONGEST:
-            text = f"is {away:.4g} m from the joint before it; were millimetres meant? lengths of a URDF are in metres"
+        offset = float(np.linalg.norm(pose_of(joint).translation()))
+        if offset > _LONGEST:
+            question = "were millimetres meant? lengths of a URDF are in metres"
+            text = f"is {offset:.4g} m from the joint before it; {question}"
             yield Doubt(f"joint '{name_of(joint)}'", text)
             break
     for joint in robot.iterfind("joint"):
-        lower, upper = joint_limits(joint)
-        largest = max(-lower, upper)
-        if not math.isfinite(largest):
-            continue
-        where = f"joint '{name_of(joint)}' <limit>"
-        # A limit such as 8 pi is a whole number of half turns, and was certainly meant in radians.
-        half_turns = largest / math.pi
-        is_whole = abs(half_turns - round(half_turns)) < _WHOLE
-        if joint.get("type") == "revolute" and _MOST_TURNS < largest <= _ENDLESS and not is_whole:
-            text = f"lower {lower:g}, upper {upper:g} rad are {largest / math.tau:.1f} turns; were degrees meant?"
-            yield Doubt(where, text)
-        elif joint.get("type") == "prismatic" and _LONGEST < largest <= _ENDLESS:
-            yield Doubt(where, f"lower {lower:g}, upper {upper:g} m; were millimetres meant?")
+        text = _limit_doubt(joint)
+        if text:
+            yield Doubt(f"joint '{name_of(joint)}' <limit>", text)
+
+
+def _limit_doubt(joint: ET.Element) -> str:
+    """Write the doubt about the limits of a joint. Returns an empty text if they are plausible."""
+    lower, upper = joint_limits(joint)
+    largest = max(-lower, upper)
+    if not math.isfinite(largest) or largest > _ENDLESS:
+        return ""
+    if joint.get("type") == "prismatic" and largest > _LONGEST:
+        return f"lower {lower:g}, upper {upper:g} m; were millimetres meant?"
+    # A limit such as 8 pi is a whole number of half turns, and was certainly meant in radians.
+    half_turns = largest / math.pi
+    is_whole = abs(half_turns - round(half_turns)) < _WHOLE
+    if joint.get("type") == "revolute" and largest > _MOST_TURNS and not is_whole:
+        return f"lower {lower:g}, upper {upper:g} rad are {largest / math.tau:.1f} turns; were degrees meant?"
+    return ""

@@ -1,4 +1,4 @@
-"""The inertia of a link's shapes, as if they were solid."""
+"""The inertia of a link of a URDF, estimated from its shapes as if they were solid bodies of one density."""
 
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -9,47 +9,80 @@ from pydrake.multibody.tree import CalcSpatialInertia, SpatialInertia
 from simrob_drake.robots.urdf import DRAKE, pose_of
 from simrob_drake.robots.urdf_check import SHAPE_SIZES, shape_defect
 
-_LEAST_VOLUME = 1e-9  # m³, a cube of 1 mm: less is a decal, not a body
-_MAKERS = {"box": Box, "cylinder": Cylinder, "capsule": Capsule, "sphere": Sphere, "ellipsoid": Ellipsoid}
+_LEAST_VOLUME = 1e-9  # smaller shapes are decals, not bodies; a cube of 1 mm has this volume [m³]
+# Drake's class of each tag; the order of its arguments is that of SHAPE_SIZES.
+_CLASSES = {"box": Box, "cylinder": Cylinder, "capsule": Capsule, "sphere": Sphere, "ellipsoid": Ellipsoid}
 
 
 def inertia_of_shapes(link: ET.Element, folder: Path | None, density: float) -> SpatialInertia | None:
-    """Return the inertia of a link's collision shapes, or of its visuals if it has none, as if they were solid [kg/m³].
+    """Compute the inertia of a link's collision shapes or, if these have no volume, of its visual shapes.
 
-    It is about the link's origin, in its axes; None if it has no shape with a volume. Shapes are positive, and those
-    that overlap count twice; meshes lie below the robot's folder, and are left out without one.
+    Shapes that overlap count twice.
+
+    Args:
+        link: a ``link`` element.
+        folder: folder of the robot's meshes. If it is None, meshes are left out.
+        density: density of the shapes [kg/m³].
+
+    Returns:
+        the inertia about the link's origin, in the axes of the link, or None if no shape has a volume.
     """
-    for role in ("collision", "visual"):
-        parts = [part for element in link.iterfind(role) if (part := _solid(element, folder, density)) is not None]
-        for part in parts[1:]:
-            parts[0] += part
-        if parts and parts[0].get_mass() >= _LEAST_VOLUME * density:
-            return parts[0]
+    for tag in ("collision", "visual"):
+        total: SpatialInertia | None = None
+        for element in link.iterfind(tag):
+            inertia = _inertia_of_shape(element, folder, density)
+            if inertia is None:
+                continue
+            if total is None:
+                total = inertia
+            else:
+                total += inertia
+        if total is not None and total.get_mass() >= _LEAST_VOLUME * density:
+            return total
     return None
 
 
-def _solid(element: ET.Element, folder: Path | None, density: float) -> SpatialInertia | None:
-    """Inertia of one shape about the link's origin, or None if it has no volume or cannot be read."""
-    shape = element.find("geometry/*")
+def _inertia_of_shape(element: ET.Element, folder: Path | None, density: float) -> SpatialInertia | None:
+    """Compute the inertia of one shape about the link's origin, in the axes of the link.
+
+    Args:
+        element: a ``collision`` or ``visual`` element.
+        folder: folder of the robot's meshes, or None.
+        density: density of the shape [kg/m³].
+
+    Returns:
+        the inertia, or None if the shape has no volume or cannot be read.
+    """
+    shape_element = element.find("geometry/*")
+    if shape_element is None:
+        return None
     try:
-        solid = None if shape is None else _shape(shape, folder)
-        inertia = None if solid is None else CalcSpatialInertia(shape=solid, density=density)
+        shape = _read_shape(shape_element, folder)
+        if shape is None:
+            return None
+        inertia = CalcSpatialInertia(shape=shape, density=density)
     except (RuntimeError, ValueError, SystemExit):  # flat or empty meshes; failed assertions come as SystemExit
         return None
+    # From the frame of the shape to that of the link.
     pose = pose_of(element)
-    return None if inertia is None else inertia.ReExpress(pose.rotation()).Shift(-pose.translation())
+    return inertia.ReExpress(pose.rotation()).Shift(-pose.translation())
 
 
-def _shape(element: ET.Element, folder: Path | None) -> Shape | None:
-    """Return the shape of an element of a ``<geometry>``. Returns None if its sizes or its file are missing."""
+def _read_shape(element: ET.Element, folder: Path | None) -> Shape | None:
+    """Make the Drake shape of an element of a ``<geometry>``. Returns None if its sizes or its file are missing.
+
+    A mesh becomes its convex hull.
+    """
     if element.tag == "mesh":
-        scale = [float(word) for word in element.get("scale", "1").split()]
+        scales = [float(word) for word in element.get("scale", "1").split()]
         name = element.get("filename", "")
-        if folder is None or not name or not all(scale):
+        if folder is None or not name or not all(scales):
             return None
-        return Convex(str(folder / name), scale * 3 if len(scale) == 1 else scale)
+        # One number scales all three directions.
+        return Convex(str(folder / name), scales * 3 if len(scales) == 1 else scales)
     sizes = SHAPE_SIZES.get(element.tag)
     if sizes is None or shape_defect(element):
         return None
-    values = (float(word) for key in sizes for word in element.attrib[key].split())
-    return _MAKERS[element.tag.removeprefix(DRAKE)](*values)
+    values = [float(word) for key in sizes for word in element.attrib[key].split()]
+    shape_class = _CLASSES[element.tag.removeprefix(DRAKE)]
+    return shape_class(*values)

@@ -1,15 +1,15 @@
 """Rules for the keys of a section, such as ``reference``, whose ``kind`` is changed.
 
-Keys of the same name mean different things in sections of different kinds: the
-``target_deg`` to which a ramp goes is where a hold stands from the first moment. So a
-section of a new kind begins from that kind's defaults, and keys that were given for the
-old kind are left out and named.
+A section is a mapping of keys in a station's file. Its key ``kind`` selects one of several classes, each with keys of
+its own. Keys of the same name mean different things in sections of different kinds: the ``target_deg`` of a ramp is
+where the ramp ends, the ``target_deg`` of a hold is where the robot stands from the first moment. So a section of a new
+kind begins from that kind's defaults. Keys that were given for the old kind are dropped, and a warning names them.
 """
 
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from pydantic import BaseModel
 
@@ -17,13 +17,14 @@ from simrob_drake.parts import controllers, couplings, forces, monitors, referen
 from simrob_drake.parts.kinds import Kinds
 from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, MujocoSolver
 
+# Class of the section `solver`, by its kind.
 _SOLVERS: dict[str, type[BaseModel]] = {
     "continuous": ContinuousSolver,
     "discrete": DiscreteSolver,
     "mujoco": MujocoSolver,
 }
-# Kinds of entries, for each section that holds entries by name, such as ``monitors.fall``.
-_FAMILIES: dict[str, Kinds] = {
+# Sections that hold entries by name, such as ``monitors.fall``: the kinds that their entries may have.
+_ENTRY_KINDS: dict[str, Kinds] = {
     "controllers": controllers.KINDS,
     "couplings": couplings.KINDS,
     "forces": forces.KINDS,
@@ -31,7 +32,7 @@ _FAMILIES: dict[str, Kinds] = {
     "prescribed": references.KINDS,
     "sensors": sensors.KINDS,
 }
-_KIND = "kind"
+_KIND = "kind"  # the key that selects the class of a section
 
 
 class KeysLeftOut(UserWarning):
@@ -57,24 +58,31 @@ def kind_of(section: Mapping[str, Any], path: list[str]) -> str | None:
     """
     if _KIND in section:
         return str(section[_KIND])
-    if len(path) == 2 and path[0] in _FAMILIES and path[1] in _FAMILIES[path[0]]:
+    is_entry = len(path) == 2 and path[0] in _ENTRY_KINDS
+    if is_entry and path[1] in _ENTRY_KINDS[path[0]]:
         return path[1]
     return None
 
 
 @dataclass
 class KeyLosses:
-    """The keys that sections lose because their kinds change, while a station is changed."""
+    """A record of the keys that sections lose because their kinds change.
 
-    # Whether a dropped key with the default value of the old kind counts as lost. In a station's file it does, since a
-    # user wrote it. The content of a configuration has all keys, so that defaults there were not given by anybody.
+    Attributes:
+        counts_defaults: whether a dropped key with the default value of the old kind counts as lost. In a station's
+            file it does, since a user wrote it. The content of a configuration has all keys, so that defaults there
+            were not given by anybody.
+        texts: texts of the warnings.
+    """
+
     counts_defaults: bool
-    texts: list[str] = field(default_factory=list)  # texts of the warnings
+    texts: list[str] = field(default_factory=list)
 
     def begin_new_kind(self, section: dict[str, Any], path: list[str], kind: str) -> None:
-        """Empty a section whose kind is about to change, and record the keys that the section loses.
+        """Empty a section whose kind is about to change, and record a warning that names the dropped keys.
 
-        A section without a kind, or with the new kind already, stays as it is.
+        The caller writes the new kind into the section. A section without a kind, or with the new kind already, stays
+        as it is.
 
         Args:
             section: content of the section, which is changed.
@@ -86,7 +94,8 @@ class KeyLosses:
             return
         lost = [key for key in section if key != _KIND]
         if not self.counts_defaults:
-            lost = [key for key in lost if not _is_default(section, key, _model(path, old_kind))]
+            section_class = _class_of(path, old_kind)
+            lost = [key for key in lost if not _is_default(section, key, section_class)]
         section.clear()
         if lost:
             where = ".".join(path)
@@ -96,28 +105,32 @@ class KeyLosses:
             )
 
     def warn(self) -> None:
-        """Issue the recorded warnings."""
-        # The same text may be recorded more than once.
+        """Issue each recorded warning once."""
+        # A dict drops repeated texts and keeps their order.
         for text in dict.fromkeys(self.texts):
             warnings.warn(text, KeysLeftOut, stacklevel=2)
 
 
-def _is_default(section: Mapping[str, Any], key: str, model: type[BaseModel] | None) -> bool:
-    """Whether a key of a section has its default value; False if the class of the section is not known (None)."""
-    declared = None if model is None else model.model_fields.get(key)
-    return declared is not None and not declared.is_required() and section[key] == declared.get_default()
+def _is_default(section: Mapping[str, Any], key: str, section_class: type[BaseModel] | None) -> bool:
+    """Whether a key of a section has its default value. Returns False if the section's class is not known (None)."""
+    if section_class is None or key not in section_class.model_fields:
+        return False
+    declared = section_class.model_fields[key]
+    return not declared.is_required() and section[key] == declared.get_default()
 
 
-def _model(path: list[str], kind: str) -> type[BaseModel] | None:
+def _class_of(path: list[str], kind: str) -> type[BaseModel] | None:
     """Find the class of a section by its path of keys and its kind. Returns None if the class is not known."""
     if path[-1] == "solver":
         return _SOLVERS.get(kind)
-    family = references.KINDS if path[-1] == "reference" else _FAMILIES.get(path[0])
-    return family.model(kind) if family is not None and kind in family else None
+    kinds = references.KINDS if path[-1] == "reference" else _ENTRY_KINDS.get(path[0])
+    if kinds is None or kind not in kinds:
+        return None
+    return kinds.model(kind)
 
 
 def settings_with(settings: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Update settings with later changes.
+    """Combine earlier settings with later ones, which replace them.
 
     A change of a section's kind drops the earlier settings of that section, which were made for its old kind.
 
@@ -127,26 +140,40 @@ def settings_with(settings: Mapping[str, Any], changes: Mapping[str, Any]) -> di
     """
     kept = dict(settings)
     for key, value in changes.items():
-        section, kind = _section_of(key, value)
-        if kind is None or kept.get(f"{section}.{_KIND}") == kind:
+        change = _change_of_kind(key, value)
+        if change is None or kept.get(f"{change.section}.{_KIND}") == change.kind:
             continue
-        for other in settings:
-            if other.startswith(f"{section}.") and other not in changes:
-                kept.pop(other, None)
+        for earlier_key in settings:
+            is_in_section = earlier_key.startswith(f"{change.section}.")
+            if is_in_section and earlier_key not in changes:
+                kept.pop(earlier_key, None)
     return {**kept, **changes}
 
 
-def _section_of(key: str, value: Any) -> tuple[str, str | None]:
-    """Find the section whose kind a setting changes.
+class _ChangeOfKind(NamedTuple):
+    """A setting that changes the kind of a section.
+
+    Attributes:
+        section: dotted key of the section, such as ``solver`` or ``monitors.fall``.
+        kind: the new kind.
+    """
+
+    section: str
+    kind: str
+
+
+def _change_of_kind(key: str, value: Any) -> _ChangeOfKind | None:
+    """Find the section whose kind a setting changes. Returns None if the setting changes no kind.
 
     A setting changes a kind by a key such as ``solver.kind``, or by a mapping with the key ``kind``.
 
-    Returns:
-        the dotted key of the section, and the new kind, or None as the kind if the setting changes no kind.
+    Args:
+        key: dotted key of the setting.
+        value: value of the setting.
     """
     section, _, last = key.rpartition(".")
     if last == _KIND and section and isinstance(value, str):
-        return section, value
+        return _ChangeOfKind(section, value)
     if isinstance(value, Mapping) and isinstance(value.get(_KIND), str):
-        return key, value[_KIND]
-    return key, None
+        return _ChangeOfKind(key, value[_KIND])
+    return None

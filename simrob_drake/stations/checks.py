@@ -1,4 +1,8 @@
-"""What can be said of a station before it runs: torques, what touches and comes near, what its solver makes of it."""
+"""Check of a station before it runs: references, torques, motors, the stance of legged robots, contacts and solver.
+
+The result is a list of findings. A finding is a text for the user about one subject: a warning, a note, or that
+something is in order. The ports of a station (`StationPorts`) hold its plant with the robots, and its configuration.
+"""
 
 import numpy as np
 from pydrake.systems.framework import Diagram
@@ -6,10 +10,12 @@ from pydrake.systems.framework import Diagram
 from simrob_drake.blocks.references import Reference
 from simrob_drake.errors import listed
 from simrob_drake.frames import Vector
-from simrob_drake.parts.site import WORLD, StationPlant, StationRobot
+from simrob_drake.parts.site import WORLD, ResolvedPiece, StationPlant, StationRobot
+from simrob_drake.robots.axis_map import AxisUnit
+from simrob_drake.robots.motors import Motor
 from simrob_drake.robots.urdf import doubtful_efforts
 from simrob_drake.signals import Signal
-from simrob_drake.stations.clearance import KNEELING, standing
+from simrob_drake.stations.clearance import KNEELING, Standing, standing
 from simrob_drake.stations.clearance_checks import clearance_findings
 from simrob_drake.stations.closed import check_reference, closed_station, reference_samples
 from simrob_drake.stations.config import StationConfig
@@ -22,26 +28,34 @@ from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.solver_config import bound_value
 from simrob_drake.stations.start_overlap import TOUCHING, allowed_overlap, deepest_overlap
 
-_LISTED = 6  # links that carry
+_LISTED = 6  # largest count of links that carry a robot and are listed by name
 _DROP = 2e-3  # a robot that starts higher over the floor than this drops on it [m]
 
 _STEADY = np.tan(np.deg2rad(1.0))
-"""Part of its height by which the centre of mass has to be inside of the support area: servos sag."""
+"""Part of its height by which the centre of mass has to be inside of the support area: a robot whose servos sag leans
+by about one degree."""
 
 
 def check_station(config: StationConfig) -> list[Finding]:
-    """Look at a station before it runs; raises SimrobError: what keeps it from that, such as a reference or inertia."""
+    """Check a station before it runs.
+
+    Raises:
+        SimrobError: the station cannot run; the message names the reason, such as a reference beyond a limit.
+    """
     closed = closed_station(resolve(config))
-    ports, diagram = closed.ports, closed.diagram
+    ports = closed.ports
+    robots = ports.plant.robots.values()
     findings = _piece_findings(ports)
-    for robot in ports.plant.robots.values():
+    for robot in robots:
         findings += _reference_findings(config, robot, closed.references.get(robot.name))
-    for robot in ports.plant.robots.values():
-        findings += _effort_findings(config, robot) + _motor_findings(robot)
-        if config.mode == "kinematic" or robot.model.base == "fixed":
-            findings += _holding_findings(ports, robot, closed.references.get(robot.name))
-        else:
+    for robot in robots:
+        findings += _effort_findings(config, robot)
+        findings += _motor_findings(robot)
+        stands = config.mode == "dynamic" and robot.model.base == "floating"
+        if stands:
             findings += _standing_findings(ports, robot)
+        else:
+            findings += _holding_findings(ports, robot, closed.references.get(robot.name))
     for name, coupling in ports.config.couplings.items():
         findings.append(Finding("note", f"couplings.{name}", coupling.caption()))
     for name in config.controllers:
@@ -50,41 +64,62 @@ def check_station(config: StationConfig) -> list[Finding]:
     findings += physics_findings(config, ports, closed.references)
     findings += rounded_delays(config)
     if config.mode == "dynamic":
-        findings += contact_findings(diagram, ports)
+        findings += contact_findings(closed.diagram, ports)
         findings += _contact_model_findings(ports)
     findings += clearance_findings(config, closed.references)
-    return findings + [_declared(signal) for signal in ports.signals if signal.part]
+    return findings + [_signal_finding(signal) for signal in ports.signals if signal.part]
 
 
-def _declared(signal: Signal) -> Finding:
-    stem = signal.names[0].rpartition(".")[0]
-    ends = [name.removeprefix(f"{stem}.") for name in signal.names]
-    columns = signal.names[0] if len(ends) == 1 else f"{stem}.{ends[0]} … {ends[-1]}"
-    return Finding("note", f"signals of {signal.part}", f"{columns} [{', '.join(dict.fromkeys(signal.units))}]")
+def _signal_finding(signal: Signal) -> Finding:
+    """Describe the columns that a signal of a sensor, piece or block adds to the results, with their units."""
+    columns = signal.names[0]
+    if len(signal.names) > 1:
+        # The names of several columns differ in their last word only, such as `x`, `y` and `z`.
+        stem = columns.rpartition(".")[0]
+        words = [name.removeprefix(f"{stem}.") for name in signal.names]
+        columns = f"{stem}.{words[0]} … {words[-1]}"
+    units = ", ".join(dict.fromkeys(signal.units))  # each unit once
+    return Finding("note", f"signals of {signal.part}", f"{columns} [{units}]")
 
 
 def holding_torque(plant: StationPlant, robot: StationRobot, position: Vector) -> Vector:
-    """Return the torques (n,) [N·m or N] that hold a robot still at a posture (n,) [rad or m]."""
+    """Compute the torques (n,) [N·m or N] that hold a robot still at a posture (n,) [rad or m]."""
     context = plant.plant.CreateDefaultContext()
     robot.axis_map.set_positions(plant.plant, context, position)
-    return -robot.axis_map.efforts(plant.plant.CalcGravityGeneralizedForces(context))
+    gravity = plant.plant.CalcGravityGeneralizedForces(context)
+    return -robot.axis_map.efforts(gravity)
 
 
 def _piece_findings(ports: StationPorts) -> list[Finding]:
+    """Describe for each piece what it is fixed to."""
     findings = []
     for name, piece in ports.station.pieces.items():
-        text = "hangs on nothing: gravity and contact move it"
-        if not piece.free:
-            where = " ".join(f"{value:.4g}" for value in piece.pose.translation() + 0.0)
-            frame = f", at {piece.mount.removeprefix(f'{piece.parent}_')}" if piece.mount else ""
-            by = f"; {piece.carrier} carries it" if piece.carrier not in (piece.parent, WORLD) else ""
-            text = f"hangs on {piece.parent}{frame}, its origin at {where} m{by}"
+        text = "hangs on nothing: gravity and contact move it" if piece.free else _mount_text(piece)
         findings.append(Finding("note", f"pieces.{name}", text))
     return findings
 
 
+def _mount_text(piece: ResolvedPiece) -> str:
+    """Describe where a piece is fixed: to the world, to a robot or to another piece, which a robot may carry."""
+    # Adding 0.0 turns -0.0 into 0.0.
+    origin = " ".join(f"{value:.4g}" for value in piece.pose.translation() + 0.0)
+    text = f"hangs on {piece.parent}"
+    if piece.mount:
+        frame = piece.mount.removeprefix(f"{piece.parent}_")
+        text += f", at {frame}"
+    text += f", its origin at {origin} m"
+    if piece.carrier not in (piece.parent, WORLD):
+        text += f"; {piece.carrier} carries it"
+    return text
+
+
 def _reference_findings(config: StationConfig, robot: StationRobot, reference: Reference | None) -> list[Finding]:
-    """Judge a reference: its positions by the limits of the axes, its speeds by the share that the verdict allows.
+    """Check a reference: its positions by the limits of the axes, its speeds by the share that the verdict allows.
+
+    Args:
+        config: the station, with the bounds of its verdict.
+        robot: the robot.
+        reference: the robot's reference, or None if a controller leads the robot.
 
     Raises:
         InvalidParameter: the reference leaves the range of an axis.
@@ -109,12 +144,16 @@ def _reference_findings(config: StationConfig, robot: StationRobot, reference: R
         return findings
     text = f"within the joints' limits at {len(times)} times from 0 to {config.duration:g} s"
     if np.isfinite(limits).any():
-        # An axis without a limit of speed has a share of 0 or, at rest, none at all.
+        # An axis without a speed limit (inf) has a share of 0.
         text += f", at most {np.nanmax(speeds / limits):.0%} of their speed"
     return [Finding("ok", subject, text)]
 
 
 def _effort_findings(config: StationConfig, robot: StationRobot) -> list[Finding]:
+    """Warn of torque limits in the robot's file that are too large for the masses of the links.
+
+    Limits and motors that the station gives are not checked.
+    """
     if config.servo_of(robot.name).torque_limit is not None or any(robot.motors):
         return []
     doubtful = doubtful_efforts(robot.model.element)
@@ -126,19 +165,28 @@ def _effort_findings(config: StationConfig, robot: StationRobot) -> list[Finding
 
 
 def _motor_findings(robot: StationRobot) -> list[Finding]:
-    kinds = dict[str, list[str]]()
+    """Describe the motors of a robot; axes with equal motors share one finding."""
+    axes_by_text = dict[str, list[str]]()
     for axis, unit, motor in zip(robot.axes, robot.model.units, robot.motors, strict=True):
         if motor is not None:
-            stall, speed = motor.line
-            text = f"{stall:.3g} {unit.effort} at rest, {speed:.3g} {unit.si}/s without load"
-            text += f", {motor.peak_torque:g} {unit.effort} by its current" if motor.peak_torque else ""
-            text += f", {motor.rated_torque:g} {unit.effort} continuously" if motor.rated_torque else ""
-            kinds.setdefault(f"{text} ({motor.source or 'figures of the station'})", []).append(axis)
-    return [Finding("note", f"motors of {robot.name}", f"{listed(axes)}: {text}") for text, axes in kinds.items()]
+            axes_by_text.setdefault(_motor_text(motor, unit), []).append(axis)
+    subject = f"motors of {robot.name}"
+    return [Finding("note", subject, f"{listed(axes)}: {text}") for text, axes in axes_by_text.items()]
+
+
+def _motor_text(motor: Motor, unit: AxisUnit) -> str:
+    """Describe a motor: its torques, its speed and the source of these numbers."""
+    stall_torque, no_load_speed = motor.line
+    text = f"{stall_torque:.3g} {unit.effort} at rest, {no_load_speed:.3g} {unit.si}/s without load"
+    if motor.peak_torque:
+        text += f", {motor.peak_torque:g} {unit.effort} by its current"
+    if motor.rated_torque:
+        text += f", {motor.rated_torque:g} {unit.effort} continuously"
+    return f"{text} ({motor.source or 'figures of the station'})"
 
 
 def _holding_findings(ports: StationPorts, robot: StationRobot, reference: Reference | None) -> list[Finding]:
-    """Predict torques and sag of a robot along its reference, if it has one."""
+    """Predict torques and sag of a robot along its reference. Returns a note if the robot has no reference."""
     if reference is None:
         text = "not looked at: a controller says where the robot goes"
         return [Finding("note", f"torques of {robot.name}", text)]
@@ -147,32 +195,25 @@ def _holding_findings(ports: StationPorts, robot: StationRobot, reference: Refer
 
 
 def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding]:
-    config, subject = ports.config, f"{robot.prefix}base"
-    found = standing(ports.plant, robot)
+    """Check how a robot with a floating base stands at the start, and the torques that this takes."""
+    config = ports.config
     ground = ports.plant.ground
-    nothing = not (ground.has_floor or ground.boxes)
-    if nothing or config.contact is None or found is None:
-        missing = "floor" if nothing else "contact" if config.contact is None else "collision shapes"
-        return [Finding("warning", subject, f"the base is free and the robot has no {missing} to stand on: it falls")]
-    findings = []
-    parts = "feet's" if robot.feet else "collision shapes'"
-    side = "over" if found.gap >= 0 else "below"
-    place = f"the {parts} lowest point is {abs(found.gap) * 1e3:.2f} mm {side} the floor at the start"
-    findings.append(Finding("ok" if -TOUCHING <= found.gap <= _DROP else "warning", subject, place))
-    inside = "inside" if found.margin >= 0 else "outside"
-    links = f" of {', '.join(found.ends)}" if len(found.ends) <= _LISTED else ""
-    area = f"{found.mass:.3f} kg on {found.contacts} points{links}, "
-    area += f"the centre of mass {abs(found.margin) * 1e3:.0f} mm {inside}"
-    steady, lean = found.margin > _STEADY * found.height, np.rad2deg(np.arctan2(found.margin, found.height))
-    tips = (
-        ", unless it moves" if found.margin <= 0 else f" if it leans by {lean:.1f} deg, unless a controller balances it"
-    )
-    tips = "" if steady else f": it tips over{tips}"
-    findings.append(Finding("ok" if steady else "warning", subject, f"{area} of the support area{tips}"))
-    knees = {link: end for link, end in found.ends.items() if end < KNEELING} if not robot.feet else {}
-    if knees:
-        text = f"it stands on the near end of {', '.join(knees)}, by the joint, as on knees: bend the joints above"
-        findings.append(Finding("warning", subject, text))
+    found = standing(ports.plant, robot)
+    has_ground = ground.has_floor or ground.boxes
+    if not has_ground or config.contact is None or found is None:
+        if not has_ground:
+            missing = "floor"
+        elif config.contact is None:
+            missing = "contact"
+        else:
+            missing = "collision shapes"
+        text = f"the base is free and the robot has no {missing} to stand on: it falls"
+        return [Finding("warning", f"{robot.prefix}base", text)]
+    findings = [_gap_finding(robot, found), _balance_finding(robot, found)]
+    kneeling = [link for link, end in found.ends.items() if end < KNEELING]
+    if kneeling and not robot.feet:
+        text = f"it stands on the near end of {', '.join(kneeling)}, by the joint, as on knees: bend the joints above"
+        findings.append(Finding("warning", f"{robot.prefix}base", text))
     if robot.feet and robot.feet.boxes and config.contact.model == "point":
         text = "box soles rock in point contact, which pushes at one point a box; set contact.model to "
         findings.append(Finding("warning", f"{robot.prefix}feet", f"{text}hydroelastic_with_fallback"))
@@ -181,8 +222,42 @@ def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding
     return findings
 
 
+def _gap_finding(robot: StationRobot, found: Standing) -> Finding:
+    """Check the height of a robot's lowest point: the robot must not drop on the ground, and not begin inside of it."""
+    parts = "feet's" if robot.feet else "collision shapes'"
+    side = "over" if found.gap >= 0 else "below"
+    text = f"the {parts} lowest point is {abs(found.gap) * 1e3:.2f} mm {side} the floor at the start"
+    is_on_ground = -TOUCHING <= found.gap <= _DROP
+    return Finding("ok" if is_on_ground else "warning", f"{robot.prefix}base", text)
+
+
+def _balance_finding(robot: StationRobot, found: Standing) -> Finding:
+    """Check that the centre of mass of a robot that stands is well inside of the support area."""
+    side = "inside" if found.margin >= 0 else "outside"
+    links = f" of {', '.join(found.ends)}" if len(found.ends) <= _LISTED else ""
+    text = f"{found.mass:.3f} kg on {found.contacts} points{links}, "
+    text += f"the centre of mass {abs(found.margin) * 1e3:.0f} mm {side} of the support area"
+    is_steady = found.margin > _STEADY * found.height
+    if is_steady:
+        return Finding("ok", f"{robot.prefix}base", text)
+    if found.margin <= 0:
+        text += ": it tips over, unless it moves"
+    else:
+        # The robot tips when its centre of mass is over the edge: tan(angle) = margin / height.
+        angle = np.rad2deg(np.arctan2(found.margin, found.height))
+        text += f": it tips over if it leans by {angle:.1f} deg, unless a controller balances it"
+    return Finding("warning", f"{robot.prefix}base", text)
+
+
 def _standing_torque(config: StationConfig, robot: StationRobot, axis: int, torque: float) -> Finding:
-    """Judge the torque [N·m or N] with which an axis carries a robot that stands, and its sag."""
+    """Check the torque with which an axis carries a robot that stands, and by how much its servo gives way.
+
+    Args:
+        config: the station, with the bounds of its verdict.
+        robot: the robot.
+        axis: index of the axis.
+        torque: torque of the axis [N·m or N].
+    """
     unit = robot.model.units[axis]
     limit = robot.gains.torque_limit[axis]
     kp = robot.gains.kp[axis]
@@ -192,19 +267,21 @@ def _standing_torque(config: StationConfig, robot: StationRobot, axis: int, torq
         return Finding("warning", subject, f"{text}: the joint will not hold")
     level: Level = "ok"
     if kp > 0:
+        # The servo's spring balances the torque: torque = kp * sag.
         sag = abs(torque) / kp
         text += f"; it sags by {sag / unit.size:.2f} {unit.name}"
         bound = error_bound(config.verdict, slides=bool(robot.model.prismatic[axis]))
         if sag > bound:
             level = "warning"
             text += f" (bound {bound / unit.size:.3g} {unit.name}); raise servo.kp"
-    if warmth := too_warm(robot, axis, torque):
+    warmth = too_warm(robot, axis, torque)  # empty if the motor does not get too warm
+    if warmth:
         return Finding("warning", subject, text + warmth)
     return Finding(level, subject, text)
 
 
 def _contact_model_findings(ports: StationPorts) -> list[Finding]:
-    """Say by which contact model the shapes of a station meet."""
+    """Describe the contact model of a station; empty if it has no contact."""
     config = ports.config
     if config.contact is None:
         return []
@@ -218,7 +295,7 @@ def _contact_model_findings(ports: StationPorts) -> list[Finding]:
 
 
 def contact_findings(diagram: Diagram, ports: StationPorts) -> list[Finding]:
-    """Find bodies that are in each other at the start."""
+    """Find the two bodies that overlap most at the start, in the default context of the station's diagram."""
     if ports.config.contact is None:
         return [Finding("note", "contact", "the station has none: whatever meets passes through each other")]
     overlap = deepest_overlap(ports, diagram.CreateDefaultContext())
@@ -226,6 +303,8 @@ def contact_findings(diagram: Diagram, ports: StationPorts) -> list[Finding]:
         return [Finding("ok", "contact", "of what can touch nothing penetrates at the start")]
     if overlap.depth <= TOUCHING:
         return [Finding("ok", "contact", str(overlap))]
-    is_of_piece = overlap.first in ports.config.pieces or overlap.second in ports.config.pieces
-    refused = ", and a run does not begin" if is_of_piece and overlap.depth > allowed_overlap(ports.config) else ""
-    return [Finding("warning", "contact", f"{overlap}{refused}; move one of them")]
+    # A run does not begin if a piece is too deep in another body.
+    has_piece = overlap.first in ports.config.pieces or overlap.second in ports.config.pieces
+    is_refused = has_piece and overlap.depth > allowed_overlap(ports.config)
+    consequence = ", and a run does not begin" if is_refused else ""
+    return [Finding("warning", "contact", f"{overlap}{consequence}; move one of them")]

@@ -1,197 +1,293 @@
-"""How a robot that is held may begin and move at first: clear of floor and self, and so that its motors hold it."""
+"""Search for a first posture and a first move of a robot that is held by its root, for the draft of a first station.
 
-from collections.abc import Iterator
+A start is clear if no body of the robot lies in the floor or too near to it, no link overlaps another one, and no motor
+needs more torque than it has to hold the posture. The search begins with the home posture of the robot. It goes on to
+postures that differ from home in one axis, in two and in three, and then to random postures. Of equally simple postures
+it takes the one that is farthest from a singularity.
+"""
+
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from pydrake.multibody.tree import JacobianWrtVariable
 
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationRobot
-from simrob_drake.stations.clearance import SLIDES, TURNS, Clearance, turned, untangled
+from simrob_drake.robots.limits import Flags
+from simrob_drake.stations.clearance import SLIDES, TURNS, Clearance, neighbouring_postures, reduce_own_overlaps
 from simrob_drake.stations.posed import posture_range
 
-_STEP = 20.0, 0.05  # how far the first move goes: deg, and m of a prismatic axis
-_ROOM = 0.4  # and at most this part of the way to the joint's limit
-_SWIFT = 0.4  # and in its time with this part of the axis' largest speed: its peak is 1.9 times as fast
-_LOAD = 0.9  # part of a motor's torque that holding may take
-_OVER = 0.05  # how high links stay over the floor that can [m]
-_HANGS = 0.25  # part of its reach by which a robot that hangs reaches below its foot
-_ABOVE = 0.1  # and how high it is held then
-_RANDOM = 40  # postures of chance, which tell what the robot can reach
-_CHAIN = 5  # axes one behind the other: from as many on a singular posture is no good start
-_DEXTERITY = 0.25  # part of what a good posture of chance has
-_TRIED, _MOVED = 150, 8  # postures that change as many axes; and of how many of them the motion is looked at
-_EASED = 8  # axes that are turned where all that fails
+# Limits of the first move.
+_STEP_DEG = 20.0  # largest travel of a revolute axis [deg]
+_STEP_METRES = 0.05  # largest travel of a prismatic axis [m]
+_RANGE_SHARE = 0.4  # largest travel as a share of the way to the joint's limit
+_SPEED_SHARE = 0.4  # largest mean speed as a share of the axis' speed limit; the peak of a move is 1.9 times the mean
+_LOAD = 0.9  # largest share of a motor's torque that holding may take
+# Shares of the move at which its postures are checked.
 _PARTS = np.linspace(0.0, 1.0, 6)
-_ROUNDING = 1e-3  # m
-_FAULTS = {  # how a comment tells them of home, and with their figures
-    "in the floor, or near it": "m below the height that it should keep over the floor",
-    "in itself": "m in itself",
-    "too heavy for its motors": "of its motors' torque short",
-}
+_FEW_PARTS = _PARTS[1::2]
+
+# Heights of the robot.
+_OVER = 0.05  # height that moving links keep over the floor, where they can [m]
+_HANGS = 0.25  # a robot that reaches below its base by more than this share of its reach hangs
+_ABOVE = 0.1  # height over the floor at which a hanging robot is held, as a share of its reach
+_ROUNDING = 1e-3  # smaller differences of heights do not matter [m]
+
+# Effort of the search.
+_RANDOM = 40  # count of random postures, which also show the robot's reach
+_TRIED = 150  # count of postures that are tried for each count of changed axes
+_MOVED = 8  # count of postures of the same group whose first move is checked
+_STEPS = 8  # largest count of steps that reduce the faults of a posture, if no posture is clear
+
+# Singularities.
+_CHAIN = 5  # a singular posture is avoided if a chain has at least this many axes
+_DEXTERITY = 0.25  # least dexterity, as a share of the dexterity that one in five random postures exceeds
 
 
 @dataclass(frozen=True)
 class Start:
-    """How a robot begins."""
+    """The start of a robot.
 
-    posture: Vector  # of its axes, shape (n,) [rad or m]
-    target: Vector  # where its first move leads, shape (n,)
-    height: float  # of its root over the floor [m]
-    remarks: tuple[str, ...]  # what was looked at, and what is wrong, in words, a line each
+    Attributes:
+        posture: first positions of its axes, shape (n,) [rad or m].
+        target: positions at the end of its first move, shape (n,) [rad or m]; the posture itself if it does not move.
+        height: height of its root over the floor [m].
+        remarks: sentences for the user: what was chosen, what was checked, and what is wrong.
+    """
+
+    posture: Vector
+    target: Vector
+    height: float
+    remarks: tuple[str, ...]
+
+
+class Faults(NamedTuple):
+    """The faults of a posture; each is 0 if there is none.
+
+    Attributes:
+        low: height that is missing between a link and its required height over the floor [m].
+        overlap: depth of the deepest overlap between two links of the robot [m].
+        overload: torque that a motor lacks, as a share of its largest torque.
+    """
+
+    low: float
+    overlap: float
+    overload: float
+
+
+# For each field of Faults: how remarks describe the fault of the home posture.
+_FAULTS_AT_HOME = ("in the floor, or near it", "in itself", "too heavy for its motors")
+# For each field of Faults: how remarks describe the fault after its value.
+_FAULTS_WITH_VALUES = (
+    "m below the height that it should keep over the floor",
+    "m in itself",
+    "of its motors' torque short",
+)
 
 
 class ClearStart:
-    """The search for a start, drawn with one seed.
-
-    It begins at home and goes on to postures that change one axis, two, three; of those with as few changes as possible
-    it takes the one that is farthest from a singularity.
+    """The search for a start. Its random numbers have a fixed seed, so that the result is always the same.
 
     Attributes:
-        height: of the root over the floor [m]: it stands on what does not move, or hangs over the floor.
-        hangs: whether the robot reaches so far below its root that it does.
+        height: height of the root over the floor [m]. The robot stands on its bodies that do not move, or hangs over
+            the floor.
+        hangs: whether the robot reaches so far below its root that it is held over the floor.
     """
 
     def __init__(self, clearance: Clearance, robot: StationRobot, duration: float, *, torque: bool) -> None:
         """Prepare the search.
 
         Args:
-            clearance: the station, with the root of the robot at the origin.
+            clearance: the station, with the root of the robot at the origin. The search changes the robot's posture.
             robot: the robot.
             duration: duration of the robot's first move [s].
             torque: whether the motors must be able to hold the posture against gravity.
         """
-        self._clearance, self._robot, self._duration, self._torque = clearance, robot, duration, torque
-        self._random, self._home, self._near = np.random.default_rng(0), robot.model.home, robot.model.home
-        self._chain = max(clearance.chains(robot), key=lambda chain: len(chain[1]))
+        self._clearance = clearance
+        self._robot = robot
+        self._duration = duration
+        self._torque = torque
+        self._random = np.random.default_rng(0)
+        self._home = robot.model.home
+        self._longest_chain = max(clearance.chains(robot), key=lambda chain: len(chain.axes))
         # Indices of the axes that the search moves. Fingers stay open, and the positions of
         # followers (coupled axes) result from those of their leaders.
-        is_follower = [name in robot.model.followers for name in robot.axes]
-        self._axes = [
-            axis for axis in range(len(robot.axes)) if axis not in robot.model.fingers and not is_follower[axis]
-        ]
-        self._postures = self._random.uniform(*posture_range(robot), (_RANDOM, len(robot.axes)))
-        self._postures[:, [*robot.model.fingers]] = self._home[[*robot.model.fingers]]
-        self._postures = robot.model.with_followers(self._postures)
+        self._axes = []
+        for index, name in enumerate(robot.axes):
+            if index not in robot.model.fingers and name not in robot.model.followers:
+                self._axes.append(index)
+        self._random_postures = self._draw_postures()
+        # Each body that moves has to be as high as the search requires, or as high as it can be.
         bodies = [clearance.plant.GetBodyByName(name, robot.instance) for name in clearance.lowest(robot)]
         moves = np.array([not clearance.plant.IsAnchored(body) for body in bodies], dtype=bool)
+        heights = np.array([self._heights(posture) for posture in [self._home, *self._random_postures]])
+        self._place_root(heights, moves)
+        self._highest = np.where(moves, heights.max(axis=0) + self.height, -np.inf)
+        self._require_height(_OVER)
 
-        # Heights (postures, bodies) [m] above the floor of the root, the home posture first.
-        # They show how far the robot reaches, and whether it stands or hangs.
-        heights = np.array([self._heights(posture) for posture in [self._home, *self._postures]])
-        foot = float(heights[0][~moves].min(initial=0.0))
+        reduced = reduce_own_overlaps(clearance, robot, self._home, self._axes)
+        self._reduced_home = robot.model.with_followers(reduced)
+
+    def _draw_postures(self) -> Vector:
+        """Draw random postures within the limits, shape (_RANDOM, n) [rad or m], with fingers as at home."""
+        model = self._robot.model
+        postures = self._random.uniform(*posture_range(self._robot), (_RANDOM, len(self._robot.axes)))
+        fingers = list(model.fingers)
+        postures[:, fingers] = self._home[fingers]
+        return model.with_followers(postures)
+
+    def _place_root(self, heights: Vector, moves: Flags) -> None:
+        """Choose the height of the root: set the attributes `hangs` and `height`.
+
+        Args:
+            heights: heights of the k bodies with shapes over the root's own floor in m postures, the home posture
+                first, shape (m, k) [m].
+            moves: whether each of these bodies moves, shape (k,).
+        """
+        at_home = heights[0]
+        base_height = float(at_home[~moves].min(initial=0.0))
         reach = float(np.ptp(heights)) if heights.size else 0.0
-        highest = heights.max(axis=0)
-        self.hangs = bool(heights[0].min(initial=0.0) < foot - _HANGS * reach)
+        self.hangs = bool(at_home.min(initial=0.0) < base_height - _HANGS * reach)
         if self.hangs:
             self.height = _ABOVE * reach - float(heights.min())
         else:
-            self.height = -float(highest.min(initial=min(foot, 0.0)))
-        self._highest = np.where(moves, highest + self.height, -np.inf)
-        self._keep_over(_OVER)
+            # High enough for the base, and for each body in the posture in which it is highest.
+            self.height = -float(heights.max(axis=0).min(initial=min(base_height, 0.0)))
 
     def find(self) -> Start:
-        """Return the best start that was found: with links well over the floor, or else just over it."""
-        for over in (_OVER, 0.0):
-            self._keep_over(over)
-            for postures in self._candidates():
+        """Find the best start: with links well over the floor, or else just over it.
+
+        If no posture and move are clear, the start has the posture with the smallest faults that was found.
+        """
+        for height in (_OVER, 0.0):
+            self._require_height(height)
+            for postures in self._clear_postures():
                 for posture in postures[:_MOVED]:
                     target = self._target(posture)
                     if target is not None:
-                        return Start(posture, target, self.height, self._remarks(posture, target))
-        least = self._eased(min([self._home, self._near, *self._postures], key=self._fault))
-        target = None if any(self._faults(least)) else self._target(least)
-        target = least if target is None else target
-        return Start(least, target, self.height, self._remarks(least, target))
+                        return self._start(posture, target)
+        candidates = [self._home, self._reduced_home, *self._random_postures]
+        best = self._with_less_faults(min(candidates, key=self._total_fault))
+        is_clear = not any(self._faults(best))
+        target = self._target(best) if is_clear else None
+        return self._start(best, best if target is None else target)
 
-    def _eased(self, posture: Vector) -> Vector:
+    def _start(self, posture: Vector, target: Vector) -> Start:
+        """Make a start from its posture and the target of its first move, shape (n,) each [rad or m]."""
+        return Start(posture, target, self.height, self._remarks(posture, target))
+
+    def _with_less_faults(self, posture: Vector) -> Vector:
         """Reduce the faults of a posture (n,) in steps; each step moves the axis that reduces the faults most."""
-        for _ in range(_EASED):
-            changed = turned(self._robot, posture, self._axes)
-            near = [posture, *map(self._robot.model.with_followers, changed)]
-            best = min(near, key=self._fault)
+        for _ in range(_STEPS):
+            neighbours = neighbouring_postures(self._robot, posture, self._axes)
+            tried = [posture, *map(self._robot.model.with_followers, neighbours)]
+            best = min(tried, key=self._total_fault)
             if best is posture:
                 break
             posture = best
         return posture
 
-    def _fault(self, posture: Vector) -> float:
+    def _total_fault(self, posture: Vector) -> float:
+        """Compute the sum of a posture's faults, by which postures are compared; its units are mixed."""
         return sum(self._faults(posture))
 
-    def _keep_over(self, height: float) -> None:
-        """Have all that moves stay at a height over the floor [m], as far as it can."""
-        self._least = np.minimum(height, self._highest) - _ROUNDING
+    def _require_height(self, height: float) -> None:
+        """Require that all moving bodies are at least at a height over the floor [m], or as high as they can be."""
+        self._required_heights = np.minimum(height, self._highest) - _ROUNDING
 
     def _heights(self, posture: Vector) -> Vector:
-        """Return how high the bodies with shapes are over the root's own floor [m]."""
+        """Set the robot to a posture, and measure the heights of its k bodies with shapes, shape (k,) [m].
+
+        The heights are measured from the floor of a station in which the root is at the origin.
+        """
         self._clearance.place_robots({self._robot.name: posture})
         return np.array(list(self._clearance.lowest(self._robot).values()))
 
-    def _faults(self, posture: Vector) -> tuple[float, float, float]:
-        """Take a posture; return how far it is in floor and itself [m], and what its motors lack, by their torque."""
-        low = float((self._least - self.height - self._heights(posture)).max(initial=0.0))
-        own = [overlap.depth for overlap in self._clearance.overlaps() if overlap.robot == self._robot.name]
-        return low, max(own, default=0.0), max(self._load() - _LOAD, 0.0)
+    def _faults(self, posture: Vector) -> Faults:
+        """Set the robot to a posture (n,) [rad or m], and measure its faults."""
+        missing_heights = self._required_heights - self.height - self._heights(posture)
+        overlaps = self._clearance.own_overlaps(self._robot, posture)
+        return Faults(
+            low=float(missing_heights.max(initial=0.0)),
+            overlap=max((overlap.depth for overlap in overlaps), default=0.0),
+            overload=max(self._load() - _LOAD, 0.0),
+        )
 
     def _load(self) -> float:
-        """Return the largest part of its torque that a motor needs to hold the present posture."""
+        """Compute the largest share of its torque that a motor needs to hold the present posture.
+
+        The share is 0 if the motors need not hold the robot.
+        """
         if not self._torque:
             return 0.0
         gravity = self._clearance.plant.CalcGravityGeneralizedForces(self._clearance.context)
-        return float(np.max(np.abs(self._robot.axis_map.efforts(gravity)) / self._robot.model.efforts))
+        torques = self._robot.axis_map.efforts(gravity)
+        return float(np.max(np.abs(torques) / self._robot.model.efforts))
 
-    def _candidates(self) -> Iterator[list[Vector]]:
+    def _clear_postures(self) -> Iterator[list[Vector]]:
         """Yield lists of postures without faults, in each list the farthest from a singularity first.
 
-        The lists contain, in this order: home, home with overlaps removed, postures in which
+        The lists contain, in this order: home, home with overlaps reduced, postures in which
         one, two or three axes differ from the latter, and random postures. Postures near a
         singularity are left out.
         """
-        good = _DEXTERITY * float(np.quantile([self._dexterity(posture) for posture in self._postures], 0.8))
-        first = untangled(self._clearance, self._robot, self._home, self._axes)
-        first = self._robot.model.with_followers(first)
-        self._near = first
-        for postures in ([self._home], [first], *map(self._changed, (1, 2, 3)), list(self._postures)):
-            # The index makes the order unique for equal dexterities, and arrays cannot be compared.
-            rated = [(self._dexterity(posture), index) for index, posture in enumerate(postures)]
-            ordered = [postures[index] for dexterity, index in sorted(rated, reverse=True) if dexterity >= good]
-            yield [posture for posture in ordered if not any(self._faults(posture))]
+        random_dexterities = [self._dexterity(posture) for posture in self._random_postures]
+        least = _DEXTERITY * float(np.quantile(random_dexterities, 0.8))
+        groups = [[self._home], [self._reduced_home]]
+        groups += [self._changed_postures(count) for count in (1, 2, 3)]
+        groups.append(list(self._random_postures))
+        for postures in groups:
+            dexterities = [self._dexterity(posture) for posture in postures]
+            # Sort by dexterity; the index makes the order unique for equal dexterities.
+            ranking = sorted(zip(dexterities, range(len(postures)), strict=True), reverse=True)
+            dexterous = [postures[index] for dexterity, index in ranking if dexterity >= least]
+            yield [posture for posture in dexterous if not any(self._faults(posture))]
 
-    def _changed(self, count: int) -> list[Vector]:
-        """Postures (n,) in which ``count`` random axes are moved away from home, within the limits.
+    def _changed_postures(self, count: int) -> list[Vector]:
+        """Draw different postures (n,) in which ``count`` axes are moved away from home, within the limits.
 
-        The starting point is the home posture after its overlaps were reduced. Followers move
-        with their leaders.
+        They start from the home posture with its overlaps reduced. Followers move with their leaders.
         """
-        found = {}
+        postures = {}  # by their bytes, so that no posture is kept twice
         for _ in range(_TRIED):
-            posture = self._near.copy()
+            posture = self._reduced_home.copy()
             for axis in self._random.choice(self._axes, min(count, len(self._axes)), replace=False):
-                slides = self._robot.model.prismatic[axis]
-                posture[axis] += self._random.choice(SLIDES if slides else np.deg2rad(TURNS))
+                steps = SLIDES if self._robot.model.prismatic[axis] else np.deg2rad(TURNS)
+                posture[axis] += self._random.choice(steps)
             posture = self._robot.model.with_followers(posture)
-            if self._within(posture):
-                found[posture.tobytes()] = posture
-        return list(found.values())
+            if self._is_within_limits(posture):
+                postures[posture.tobytes()] = posture
+        return list(postures.values())
 
-    def _within(self, posture: Vector) -> bool:
+    def _is_within_limits(self, posture: Vector) -> bool:
+        """Whether a posture (n,) [rad or m] is within the limits of all axes."""
         lower, upper = self._robot.model.axis_limits
         return bool(((posture >= lower) & (posture <= upper)).all())
 
     def _dexterity(self, posture: Vector) -> float:
-        """Return the least singular value of the Jacobian of the longest chain, its lengths by its reach; else 1."""
-        body, axes = self._chain  # that at the end of the most axes one behind the other, and these
+        """Set the robot to a posture, and compute how far it is from a singularity.
+
+        This is the least singular value of the Jacobian of the body at the end of the longest chain of axes. Its
+        translations are divided by the largest of them, so that the value has no unit. It is 1 if the chain has
+        too few axes to be judged.
+        """
+        body, axes = self._longest_chain
         if len(axes) < _CHAIN:
             return 1.0
         self._clearance.place_robots({self._robot.name: posture})
-        plant, world = self._clearance.plant, self._clearance.plant.world_frame()
+        plant = self._clearance.plant
+        world = plant.world_frame()
+        # Rows: three of the angular velocity, then three of the velocity of the body's origin.
         jacobian = plant.CalcJacobianSpatialVelocity(
             self._clearance.context, JacobianWrtVariable.kV, body.body_frame(), np.zeros(3), world, world
         )
         columns = self._robot.axis_map.velocities(jacobian)[:, axes]
-        columns[3:] /= max(float(np.abs(columns[3:]).max()), _ROUNDING)
-        return float(np.linalg.svd(columns, compute_uv=False)[min(6, len(axes)) - 1])
+        reach = float(np.abs(columns[3:]).max())
+        columns[3:] /= max(reach, _ROUNDING)
+        singular_values = np.linalg.svd(columns, compute_uv=False)
+        return float(singular_values[min(6, len(axes)) - 1])
 
     def _target(self, posture: Vector) -> Vector | None:
         """Find the end of a first move without faults from a posture (n,), shape (n,) [rad or m].
@@ -200,28 +296,57 @@ class ClearStart:
         faults, each axis in turn moves to a side on which the move has no faults, or stays.
         Returns None if no axis can move, or if the move of all these axes has faults.
         """
+        step = self._with_followers(posture, self._largest_step(posture))
+        # Leaders stay within their limits by construction of the step, but followers may not.
+        is_within_limits = not self._robot.model.followers or self._is_within_limits(posture + step)
+        if is_within_limits and self._is_clear(posture, step, _PARTS):
+            return posture + step
+        step = self._combined_step(posture, step)
+        if step.any() and self._is_clear(posture, step, _PARTS):
+            return posture + step
+        return None
+
+    def _largest_step(self, posture: Vector) -> Vector:
+        """Compute how far each axis may move from a posture (n,) in the first move, shape (n,) [rad or m].
+
+        The sign is that of the side on which the axis' limit is farther away. Fingers do not move.
+        """
         model = self._robot.model
         lower, upper = model.axis_limits
-        room = np.where(upper - posture >= posture - lower, upper - posture, lower - posture)
-        most = np.minimum(model.bounds(*_STEP), _SWIFT * model.speed_limits * self._duration)
-        most[[*model.fingers]] = 0.0
-        step: Vector = np.sign(room) * np.minimum(most, _ROOM * np.abs(room))
-        step = self._with_followers(posture, step)
-        # Leaders stay within their limits by construction of the step, but followers may not.
-        is_within_limits = not model.followers or self._within(posture + step)
-        if is_within_limits and self._is_clear(posture, step):
-            return posture + step
-        moved = np.zeros_like(step)
-        independent_axes = [axis for axis, name in enumerate(self._robot.axes) if name not in model.followers]
-        for axis in independent_axes:
-            for way in (step[axis], -step[axis]):
-                tried = moved.copy()
-                tried[axis] = way
+        to_upper = upper - posture
+        to_lower = lower - posture  # negative
+        to_limit = np.where(to_upper >= -to_lower, to_upper, to_lower)
+        by_range = _RANGE_SHARE * np.abs(to_limit)
+        by_speed = _SPEED_SHARE * model.speed_limits * self._duration
+        by_size = model.bounds(_STEP_DEG, _STEP_METRES)
+        largest = np.minimum(by_size, by_speed)
+        largest[list(model.fingers)] = 0.0
+        return np.asarray(np.sign(to_limit) * np.minimum(largest, by_range))
+
+    def _combined_step(self, posture: Vector, step: Vector) -> Vector:
+        """Combine the parts of a step that have no faults, axis by axis.
+
+        To save time, few postures of each move are checked here.
+
+        Args:
+            posture: posture at the start of the move, shape (n,) [rad or m].
+            step: largest step of each axis, shape (n,) [rad or m]. Each axis makes its step, the opposite, or none.
+
+        Returns:
+            the combined step, shape (n,) [rad or m]; zero for an axis that stays.
+        """
+        combined = np.zeros_like(step)
+        for axis, name in enumerate(self._robot.axes):
+            if name in self._robot.model.followers:
+                continue
+            for travel in (step[axis], -step[axis]):
+                tried = combined.copy()
+                tried[axis] = travel
                 tried = self._with_followers(posture, tried)
-                if self._within(posture + tried) and self._is_clear(posture, tried, _PARTS[1::2]):
-                    moved = tried
+                if self._is_within_limits(posture + tried) and self._is_clear(posture, tried, _FEW_PARTS):
+                    combined = tried
                     break
-        return posture + moved if moved.any() and self._is_clear(posture, moved) else None
+        return combined
 
     def _with_followers(self, posture: Vector, step: Vector) -> Vector:
         """Add the steps of followers (coupled axes) to a step (n,) from a posture (n,) [rad or m]."""
@@ -229,30 +354,50 @@ class ClearStart:
         # Without followers, keep the step as it is: adding and subtracting would round it.
         return model.with_followers(posture + step) - posture if model.followers else step
 
-    def _is_clear(self, posture: Vector, step: Vector, parts: Vector = _PARTS) -> bool:
+    def _is_clear(self, posture: Vector, step: Vector, parts: Sequence[float] | Vector) -> bool:
+        """Whether the move by a step (n,) from a posture (n,) [rad or m] has no faults at some parts of it, 0 to 1."""
         return not any(any(self._faults(posture + part * step)) for part in parts)
 
     def _remarks(self, posture: Vector, target: Vector) -> tuple[str, ...]:
-        """Say what was chosen, looked at and found."""
-        remarks = [] if self._least.size else ["Not looked at whether it is clear: it has no shapes that collide."]
+        """Write sentences for the user: what was chosen, what was checked, and what is wrong.
+
+        Args:
+            posture: the first posture, shape (n,) [rad or m].
+            target: the end of the first move, shape (n,) [rad or m].
+        """
+        remarks = list[str]()
+        has_shapes = self._required_heights.size > 0
+        if not has_shapes:
+            remarks.append("Not looked at whether it is clear: it has no shapes that collide.")
         if self.hangs:
             remarks.append(f"Held {self.height:.3g} m over the floor, for it reaches below its root.")
         elif self.height > _ROUNDING:
             remarks.append(f"Raised by {self.height:.3g} m, so that it stands on the floor.")
         if not np.array_equal(posture, self._home):
-            why = [text for text, fault in zip(_FAULTS, self._faults(self._home), strict=True) if fault]
+            faults = self._faults(self._home)
+            why = [text for text, fault in zip(_FAULTS_AT_HOME, faults, strict=True) if fault]
             remarks.append(f"Not at home, where it is {', '.join(why) or 'outstretched, or its move is not clear'}.")
-        return *remarks, *self._looked_at(posture, target)
+        return (*remarks, *self._remarks_on_move(posture, target))
 
-    def _looked_at(self, posture: Vector, target: Vector) -> list[str]:
-        """Say what was looked at of a move, and what is wrong with it."""
-        postures = [posture + part * (target - posture) for part in _PARTS]
-        faults, loads = zip(*((self._faults(each), self._load()) for each in postures), strict=True)
-        if any(worst := np.max(faults, axis=0)):
-            faults_text = ", ".join(
-                f"{fault:.2g} {text}" for text, fault in zip(_FAULTS.values(), worst, strict=True) if fault
-            )
-            return [f"No start was found that is clear: this one is {faults_text}."]
-        good = ["clear of the floor and of itself"] if self._least.size else []
-        good += [f"its motors hold it with {max(loads):.0%} of their torque at most"] if self._torque else []
-        return [f"Looked at in {len(postures)} postures of its move: {', and '.join(good)}."] if good else []
+    def _remarks_on_move(self, posture: Vector, target: Vector) -> list[str]:
+        """Write a sentence on the checks of the move from a posture (n,) to a target (n,) [rad or m].
+
+        Returns a list with one sentence, or an empty list if nothing was checked.
+        """
+        faults = list[Faults]()
+        loads = list[float]()
+        for part in _PARTS:
+            faults.append(self._faults(posture + part * (target - posture)))
+            loads.append(self._load())
+        worst = np.max(faults, axis=0)
+        wrong = [f"{fault:.2g} {text}" for text, fault in zip(_FAULTS_WITH_VALUES, worst, strict=True) if fault]
+        if wrong:
+            return [f"No start was found that is clear: this one is {', '.join(wrong)}."]
+        good = list[str]()
+        if self._required_heights.size:
+            good.append("clear of the floor and of itself")
+        if self._torque:
+            good.append(f"its motors hold it with {max(loads):.0%} of their torque at most")
+        if not good:
+            return []
+        return [f"Looked at in {len(_PARTS)} postures of its move: {', and '.join(good)}."]

@@ -1,7 +1,13 @@
-"""Clearance of the robots in a station that is posed but never simulated, and how the robots stand on the ground."""
+"""Clearance of the robots in a station that is never simulated, and how the robots stand on the ground.
+
+The station is only posed: its robots are set to positions, and geometry is measured. A posture is a vector with the
+positions of one robot's axes. A robot stands on its lowest points, the contacts: of the shapes of its feet if its
+description has feet, otherwise of all its collision shapes.
+"""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -17,137 +23,279 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.posed import PosedStation
 from simrob_drake.stations.solver_config import ContactConfig
 
-_TOUCHING = 1e-3  # what lies less above the lowest point carries, too: contacts and servos give way by as much [m]
-KNEELING = 0.25
-"""A link that carries nearer to its joint than this part of its length kneels: heels are at 0.3 and more."""
+_TOUCHING = 1e-3
+"""Height above the lowest point up to which points carry as well [m]: contacts and servos give way by as much."""
 
-_EVEN = 1e-4  # weight of sharing the load evenly, where there are more contacts than equations
+KNEELING = 0.25
+"""A link that carries nearer to its joint than this part of its length kneels. Heels are at 0.3 and more."""
+
+_EVEN = 1e-4
+"""Weight of sharing the load evenly, where there are more contacts than equations."""
 
 
 @dataclass(frozen=True)
 class Standing:
-    """A robot on the ground, at rest."""
+    """A robot at rest on the ground.
 
-    mass: float  # of the robot with what it carries [kg]
-    gap: float  # height of the lowest point over the ground [m]; negative if it lies deeper
-    contacts: int  # how many points carry
-    # distance of the centre of mass, seen from above, from the border of the support area [m]; negative outside of it,
-    # and zero where the points span no area
+    Attributes:
+        mass: mass of the robot with the pieces that it carries [kg].
+        gap: height of the lowest point over the ground [m]; negative if the point is below the ground.
+        contacts: count of the points that carry.
+        margin: distance of the centre of mass, seen from above, from the edge of the support area [m]. It is negative
+            outside of the area, and zero if the points span no area.
+        height: height of the centre of mass over the lowest point [m].
+        torque: torques of the joints that hold the robot against gravity, shape (n,) [N·m or N].
+        ends: for each link that carries, by name, the smallest distance between its contacts and its joint as a part of
+            the link's length: 1 at its far end, near 0 at a knee. It is 1 for the root link, which has no joint.
+    """
+
+    mass: float
+    gap: float
+    contacts: int
     margin: float
-    height: float  # of the centre of mass over the lowest point [m]
-    torque: Vector  # what the joints hold against gravity, shape (n,) [N·m]
-    # of each link that carries, by its name, how far from its joint it does, as part of its length: 1 at its farthest
-    # point, near 0 at a knee; 1 of the root, which hangs on no joint
+    height: float
+    torque: Vector
     ends: Mapping[str, float]
 
 
+class ShapePoints(NamedTuple):
+    """The lowest points of one collision shape.
+
+    Attributes:
+        body: the body to which the shape belongs.
+        points: the points in the world, shape (k, 3) [m].
+    """
+
+    body: RigidBody
+    points: Vector
+
+
+class SupportPoints(NamedTuple):
+    """Points on which a robot may stand.
+
+    Attributes:
+        frame: frame of the link to which the points belong.
+        points: the points in the world, shape (k, 3) [m].
+    """
+
+    frame: Frame
+    points: Vector
+
+
+class StandingContact(NamedTuple):
+    """A point on which a robot stands.
+
+    Attributes:
+        frame: frame of the link to which the point belongs.
+        point: the point in the world, shape (3,) [m].
+    """
+
+    frame: Frame
+    point: Vector
+
+
+class BodyChain(NamedTuple):
+    """The axes that move one body of a robot.
+
+    Attributes:
+        body: the body.
+        axes: indices of the axes between the root link and the body, from the root outward.
+    """
+
+    body: RigidBody
+    axes: list[int]
+
+
 def standing(station: StationPlant, robot: StationRobot, context: Context | None = None) -> Standing | None:
-    """Return how a robot stands in a state, or at the start; without feet on its collision shapes, without any None."""
+    """Compute how a robot stands on its feet or, if it has no feet, on its collision shapes.
+
+    Args:
+        station: the plant with the robot, and the ground.
+        robot: the robot.
+        context: context of the plant with the robot's positions, or None for the positions at the start.
+
+    Returns:
+        how the robot stands, or None if it has neither feet nor collision shapes.
+    """
     plant = station.plant
-    context = plant.CreateDefaultContext() if context is None else context
-    supports = _support_points(station, robot, context)
-    if not supports:
+    if context is None:
+        context = plant.CreateDefaultContext()
+    candidates = _support_points(station, robot, context)
+    if not candidates:
         return None
-    points = np.vstack([on_body for _, on_body in supports])
+    # Only the lowest points carry.
+    points = np.vstack([support.points for support in candidates])
+    frames = [support.frame for support in candidates for _ in support.points]
     heights = points[:, 2] - station.ground.beneath(points)
     gap = float(heights.min())
-    carrying = heights <= gap + _TOUCHING
-    frames = [frame for frame, on_body in supports for _ in on_body]
-    points, frames = points[carrying], [frame for frame, carries in zip(frames, carrying, strict=True) if carries]
-    jacobians = np.array([_lift(plant, context, frame, point) for frame, point in zip(frames, points, strict=True)])
+    carrying = np.flatnonzero(heights <= gap + _TOUCHING).tolist()
+    contacts = [StandingContact(frames[index], points[index]) for index in carrying]
+
     mass = plant.CalcTotalMass(context, [robot.instance])
     com = plant.CalcCenterOfMassPositionInWorld(context, [robot.instance])
-    weight = mass * float(np.linalg.norm(plant.gravity_field().gravity_vector()))
-    forces = _vertical_forces(points, com, weight)
-    generalized = plant.CalcGravityGeneralizedForces(context) + np.einsum("kv,k->v", jacobians, forces)
-    torque = -robot.axis_map.efforts(generalized)
-    ends = {
-        frame.name(): 1.0
-        if frame.body().index() == robot.root.body().index()
-        else _end(station, frame, context, points[[other is frame for other in frames]])
-        for frame in dict.fromkeys(frames)
-    }
-    height = float(com[2] - points[:, 2].min())
-    return Standing(mass, gap, len(points), _margin(points[:, :2], com[:2]), height, torque, ends)
+    contact_points = points[carrying]
+    return Standing(
+        mass=mass,
+        gap=gap,
+        contacts=len(contacts),
+        margin=_margin(contact_points[:, :2], com[:2]),
+        height=float(com[2] - contact_points[:, 2].min()),
+        torque=_holding_torque(plant, robot, context, contacts),
+        ends=_contact_distances(station, robot, context, contacts),
+    )
 
 
-def shape_points(station: StationPlant, robot: StationRobot, context: Context) -> list[tuple[RigidBody, Vector]]:
+def shape_points(station: StationPlant, robot: StationRobot, context: Context) -> list[ShapePoints]:
     """Find the points of each collision shape of a robot that are lowest with respect to the floor.
 
-    Returns one entry for each shape: the body, and points (k, 3) in the world [m].
+    The floor may be inclined: heights are measured along its normal.
     """
-    plant, tilt = station.plant, station.ground.tilt
-    inspector, from_floor = station.scene_graph.model_inspector(), tilt.inverse()
+    plant = station.plant
+    inspector = station.scene_graph.model_inspector()
+    floor_pose = station.ground.tilt
+    from_floor = floor_pose.inverse()
     found = []
     for body in map(plant.get_body, plant.GetBodyIndices(robot.instance)):
         for shape in station.shapes_of_body(body):
             pose = from_floor @ plant.EvalBodyPoseInWorld(context, body) @ inspector.GetPoseInFrame(shape)
-            points = lowest_points(inspector.GetShape(shape), pose, shape_corners(inspector, shape))
-            found.append((body, np.asarray((tilt @ points.T).T)))
+            on_floor = lowest_points(inspector.GetShape(shape), pose, shape_corners(inspector, shape))
+            in_world = np.asarray((floor_pose @ on_floor.T).T)
+            found.append(ShapePoints(body, in_world))
     return found
 
 
-def _support_points(station: StationPlant, robot: StationRobot, context: Context) -> list[tuple[Frame, Vector]]:
-    """Return the points that a robot may stand on in a state, by the frames of its bodies: in the world, (k, 3) [m]."""
+def _support_points(station: StationPlant, robot: StationRobot, context: Context) -> list[SupportPoints]:
+    """Find the points on which a robot may stand: of its feet or, if it has none, of all its collision shapes."""
     if robot.feet is None:
-        return [(body.body_frame(), points) for body, points in shape_points(station, robot, context)]
-    plant, tilt = station.plant, station.ground.tilt
+        shapes = shape_points(station, robot, context)
+        return [SupportPoints(shape.body.body_frame(), shape.points) for shape in shapes]
+    floor_pose = station.ground.tilt
     found = []
     for link in robot.feet.links:
-        frame = plant.GetFrameByName(link, robot.instance)
-        seen = tilt.inverse() @ frame.CalcPoseInWorld(context)
-        points = robot.feet.lowest_points(link, seen.GetAsMatrix4()[np.newaxis])[0]
-        found.append((frame, np.asarray((tilt @ points.T).T)))
+        frame = station.plant.GetFrameByName(link, robot.instance)
+        pose = floor_pose.inverse() @ frame.CalcPoseInWorld(context)
+        # The description of the feet takes several poses (m, 4, 4); here there is one.
+        on_floor = robot.feet.lowest_points(link, pose.GetAsMatrix4()[np.newaxis])[0]
+        in_world = np.asarray((floor_pose @ on_floor.T).T)
+        found.append(SupportPoints(frame, in_world))
     return found
 
 
 def outline(station: StationPlant, body: RigidBody) -> Vector:
-    """Outermost points of all collision shapes of a body, in the frame of the body, shape (k, 3) [m]."""
-    inspector, shapes = station.scene_graph.model_inspector(), station.shapes_of_body(body)
-    return np.vstack([np.zeros((0, 3)), *(shape_outline(inspector, shape) for shape in shapes)])
+    """Find the outermost points of all collision shapes of a body, in the frame of the body, shape (k, 3) [m].
+
+    Without shapes k is 0.
+    """
+    inspector = station.scene_graph.model_inspector()
+    outlines = [shape_outline(inspector, shape) for shape in station.shapes_of_body(body)]
+    return np.vstack([np.zeros((0, 3)), *outlines])
 
 
-def _end(station: StationPlant, frame: Frame, context: Context, points: Vector) -> float:
-    """Return how far points (k, 3) in the world are from the joint of a link, the nearest, as part of its length."""
-    reach = np.linalg.norm(outline(station, frame.body()), axis=1).max(initial=0.0)
-    ways = np.linalg.norm(points - frame.CalcPoseInWorld(context).translation(), axis=1)
-    return float(ways.min() / reach) if reach > 0 else 1.0
+def _contact_distances(
+    station: StationPlant, robot: StationRobot, context: Context, contacts: Collection[StandingContact]
+) -> dict[str, float]:
+    """Compute for each link with contacts their smallest distance from its joint, see `Standing.ends`."""
+    by_link: dict[str, list[StandingContact]] = {}
+    for contact in contacts:
+        by_link.setdefault(contact.frame.name(), []).append(contact)
+    distances = {}
+    for link, on_link in by_link.items():
+        frame = on_link[0].frame
+        length = np.linalg.norm(outline(station, frame.body()), axis=1).max(initial=0.0)
+        is_root = frame.body().index() == robot.root.body().index()
+        if is_root or length == 0:
+            distances[link] = 1.0
+            continue
+        # The origin of a link's frame is at its joint.
+        joint_position = frame.CalcPoseInWorld(context).translation()
+        points = np.array([contact.point for contact in on_link])
+        nearest = np.linalg.norm(points - joint_position, axis=1).min()
+        distances[link] = float(nearest / length)
+    return distances
 
 
-def _lift(plant: MultibodyPlant, context: Context, frame: Frame, point: Vector) -> Vector:
-    """Return what a lifting force at a point of a body does to the plant's velocities, shape (nv,)."""
-    own = frame.CalcPoseInWorld(context).inverse() @ point
+def _holding_torque(
+    plant: MultibodyPlant, robot: StationRobot, context: Context, contacts: Collection[StandingContact]
+) -> Vector:
+    """Compute the torques with which the joints hold a robot that stands at rest, shape (n,) [N·m or N].
+
+    The contacts push upward. With their forces f, the rows J of their vertical Jacobian and the generalized forces g of
+    gravity, statics demands: torque = -(g + sum of f J).
+    """
+    points = np.array([contact.point for contact in contacts])
+    mass = plant.CalcTotalMass(context, [robot.instance])
+    com = plant.CalcCenterOfMassPositionInWorld(context, [robot.instance])
+    weight = mass * float(np.linalg.norm(plant.gravity_field().gravity_vector()))
+    forces = _vertical_forces(points, com, weight)
+    jacobians = np.array([_vertical_jacobian(plant, context, contact) for contact in contacts])
+    from_contacts = np.einsum("kv,k->v", jacobians, forces)
+    generalized = plant.CalcGravityGeneralizedForces(context) + from_contacts
+    return np.asarray(-robot.axis_map.efforts(generalized))
+
+
+def _vertical_jacobian(plant: MultibodyPlant, context: Context, contact: StandingContact) -> Vector:
+    """Compute the derivative of a contact's vertical velocity by the plant's velocities, shape (nv,).
+
+    An upward force at the contact, times this row, gives its generalized forces.
+    """
+    frame = contact.frame
+    in_frame = frame.CalcPoseInWorld(context).inverse() @ contact.point
     world = plant.world_frame()
-    jacobian = plant.CalcJacobianTranslationalVelocity(context, JacobianWrtVariable.kV, frame, own, world, world)
+    jacobian = plant.CalcJacobianTranslationalVelocity(context, JacobianWrtVariable.kV, frame, in_frame, world, world)
     return np.asarray(jacobian[2])
 
 
 def _vertical_forces(points: Vector, com: Vector, weight: float) -> Vector:
-    """Share the weight among points (k, 3), as evenly as the balance of moments about the centre of mass allows."""
-    from scipy.optimize import nnls  # loaded where it is needed: importing the package stays quick
+    """Share the weight among contacts, as evenly as the balance of moments about the centre of mass allows.
 
+    Args:
+        points: positions of the k contacts in the world, shape (k, 3) [m].
+        com: centre of mass in the world, shape (3,) [m].
+        weight: weight of the robot [N].
+
+    Returns:
+        upward force on each contact, shape (k,) [N], none of them negative.
+    """
+    from scipy.optimize import nnls  # loaded here, so that importing the package stays quick
+
+    # Least squares for the shares x >= 0: sum of x = 1, sum of x times lever arm = 0, and weakly: x = 0. The last
+    # equations make the shares even where the first ones leave several solutions.
     arms = points[:, :2] - com[:2]
     balance = np.vstack([np.ones(len(points)), arms.T])
-    rows = np.vstack([balance, _EVEN * np.eye(len(points))])
-    share, _ = nnls(rows, np.concatenate([[1.0, 0.0, 0.0], np.zeros(len(points))]))
-    return np.asarray(weight * share)
+    equations = np.vstack([balance, _EVEN * np.eye(len(points))])
+    right_sides = np.concatenate([[1.0, 0.0, 0.0], np.zeros(len(points))])
+    shares, _ = nnls(equations, right_sides)
+    return np.asarray(weight * shares)
 
 
 def _margin(points: Vector, com: Vector) -> float:
-    """Return how far inside of the convex hull of points (k, 2) a point (2,) lies [m]."""
+    """Compute how far inside of a support area the centre of mass is, seen from above [m].
+
+    Args:
+        points: contacts, shape (k, 2) [m]. The support area is their convex hull.
+        com: centre of mass, shape (2,) [m].
+
+    Returns:
+        the distance from the nearest side; negative outside of the area, and 0 if the points span no area.
+    """
     from scipy.spatial import ConvexHull, QhullError
 
     try:
         sides = ConvexHull(points).equations
     except (QhullError, ValueError):  # fewer than three points, or all in a line
         return 0.0
-    return float(-(sides[:, :2] @ com + sides[:, 2]).max())
+    # Each side has a unit normal that points outward, and an offset: the distance outward is normal · com + offset.
+    outward_distances = sides[:, :2] @ com + sides[:, 2]
+    return float(-outward_distances.max())
 
 
-TURNS, SLIDES = (15.0, -15.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0), (0.1, 0.2, 0.4)
-"""By how much an axis is moved to see whether another posture is better [deg, m]."""
+TURNS = (15.0, -15.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0)
+"""Angles by which a revolute axis is moved to see whether another posture is better [deg]."""
 
-_STEPS = 10  # axes that are turned to take links apart
+SLIDES = (0.1, 0.2, 0.4)
+"""Distances by which a prismatic axis is moved to see whether another posture is better [m]."""
+
+_MOST_STEPS = 10  # largest count of axis moves that reduce overlaps
 
 
 class Clearance(PosedStation):
@@ -188,24 +336,27 @@ class Clearance(PosedStation):
 
         Bodies without collision shapes are left out.
         """
-        found: dict[str, float] = {}
+        heights: dict[str, float] = {}
         for body, points in shape_points(self.station, robot, self.context):
+            name = body.name()
             height = float((points[:, 2] - self.station.ground.beneath(points)).min())
-            found[body.name()] = min(height, found.get(body.name(), height))
-        return found
+            heights[name] = min(height, heights.get(name, height))
+        return heights
 
-    def chains(self, robot: StationRobot) -> list[tuple[RigidBody, list[int]]]:
-        """Bodies of a robot, each with the indices of the axes that move the body, from the root outward."""
-        inboard = {joint.child_body().index(): (axis, joint) for axis, joint in enumerate(robot.joints)}
-        found = []
+    def chains(self, robot: StationRobot) -> list[BodyChain]:
+        """Find the axes that move each body of a robot."""
+        # The axis that moves each body directly, by the body's index.
+        axis_of_body = {joint.child_body().index(): axis for axis, joint in enumerate(robot.joints)}
+        chains = []
         for index in self.plant.GetBodyIndices(robot.instance):
-            axes, at = list[int](), index
-            while at in inboard:
-                axis, joint = inboard[at]
+            axes = list[int]()
+            inboard = index
+            while inboard in axis_of_body:
+                axis = axis_of_body[inboard]
                 axes.insert(0, axis)
-                at = joint.parent_body().index()
-            found.append((self.plant.get_body(index), axes))
-        return found
+                inboard = robot.joints[axis].parent_body().index()
+            chains.append(BodyChain(self.plant.get_body(index), axes))
+        return chains
 
     def overlaps(self) -> list[Overlap]:
         """Find the collisions in the present posture, except those with the floor; the deepest first.
@@ -213,43 +364,62 @@ class Clearance(PosedStation):
         Bodies of different owners that already touch at the start, by at most
         START_TOLERANCE, may overlap by that depth plus the usual tolerance.
         """
-        collisions = self.policy.overlaps(begun=self._depths_at_start)
+        collisions = self.policy.overlaps(depths_at_start=self._depths_at_start)
         return [overlap for overlap in collisions if FLOOR not in overlap.bodies]
 
+    def own_overlaps(self, robot: StationRobot, posture: Vector) -> list[Overlap]:
+        """Set a robot to a posture (n,) [rad or m] and find its collisions with itself, the deepest first."""
+        self.place_robots({robot.name: posture})
+        return [overlap for overlap in self.overlaps() if overlap.robot == robot.name]
 
-def turned(robot: StationRobot, posture: Vector, axes: Iterable[int]) -> Iterator[Vector]:
-    """Yield postures (n,) that differ from a posture in one of the given axes and keep to the limits [rad or m]."""
+
+def neighbouring_postures(robot: StationRobot, posture: Vector, axes: Iterable[int]) -> Iterator[Vector]:
+    """Yield postures that differ from a posture in one axis, by one of TURNS or SLIDES.
+
+    Args:
+        robot: the robot; its limits are kept.
+        posture: positions of the n axes, shape (n,) [rad or m].
+        axes: indices of the axes that may differ.
+    """
     lower, upper = robot.model.axis_limits
     for axis in axes:
-        for way in SLIDES if robot.model.prismatic[axis] else np.deg2rad(TURNS):
-            tried = posture.copy()
-            tried[axis] += way
-            if lower[axis] <= tried[axis] <= upper[axis]:
-                yield tried
+        steps = SLIDES if robot.model.prismatic[axis] else np.deg2rad(TURNS)
+        for step in steps:
+            neighbour = posture.copy()
+            neighbour[axis] += step
+            if lower[axis] <= neighbour[axis] <= upper[axis]:
+                yield neighbour
 
 
-def untangled(clearance: Clearance, robot: StationRobot, posture: Vector, axes: Collection[int]) -> Vector:
-    """Reduce the overlaps between the links of a robot, by turning one axis at a time.
+def reduce_own_overlaps(clearance: Clearance, robot: StationRobot, posture: Vector, axes: Collection[int]) -> Vector:
+    """Find a posture in which the links of a robot overlap less, by moving one axis at a time.
 
-    Each step turns the axis that reduces the overlaps most. Only the axes between the two
-    links that overlap most are tried. Returns a posture (n,) [rad or m].
+    Each step takes the move that reduces the overlaps most. Only the axes between the two links that overlap most are
+    tried, since no other axis changes their overlap.
+
+    Args:
+        clearance: the station with the robot; the robot's posture is changed.
+        robot: the robot.
+        posture: the first posture, shape (n,) [rad or m].
+        axes: indices of the axes that may move.
+
+    Returns:
+        the posture with the smallest overlaps that was found, shape (n,) [rad or m].
     """
-    chains = {f"{robot.prefix}{body.name()}": set(order) for body, order in clearance.chains(robot)}
+    axes_of_link = {f"{robot.prefix}{body.name()}": set(chain) for body, chain in clearance.chains(robot)}
 
-    def overlaps(tried: Vector) -> list[Overlap]:
-        clearance.place_robots({robot.name: tried})
-        return [overlap for overlap in clearance.overlaps() if overlap.robot == robot.name]
+    def total_depth(tried: Vector) -> float:
+        return sum(overlap.depth for overlap in clearance.own_overlaps(robot, tried))
 
-    def depth(tried: Vector) -> float:
-        return sum(overlap.depth for overlap in overlaps(tried))
-
-    for _ in range(_STEPS):
-        found = overlaps(posture)
-        if not found:
+    for _ in range(_MOST_STEPS):
+        overlaps = clearance.own_overlaps(robot, posture)
+        if not overlaps:
             break
-        first, second = (chains.get(body, set()) for body in found[0].bodies)
-        tried = [posture, *turned(robot, posture, sorted((first ^ second) & set(axes)))]
-        best = min(tried, key=depth)
+        first, second = overlaps[0].bodies
+        # An axis that moves both links does not change their overlap.
+        between = axes_of_link.get(first, set()) ^ axes_of_link.get(second, set())
+        tried = [posture, *neighbouring_postures(robot, posture, sorted(between & set(axes)))]
+        best = min(tried, key=total_depth)
         if best is posture:
             break
         posture = best

@@ -1,6 +1,13 @@
-"""Findings about collisions of robots with the ground, with themselves, with other robots and with pieces."""
+"""Findings about collisions of robots with the ground, with themselves, with other robots and with pieces.
 
-from collections.abc import Mapping
+The station is not simulated. Its robots are set to postures along their references (the desired motions), and the
+heights and overlaps of all bodies are measured in each posture. A finding is a result for the user: a warning, a note,
+or that something is in order.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +17,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.stations.clearance import Clearance
 from simrob_drake.stations.closed import reference_samples
-from simrob_drake.stations.collisions import Overlap
+from simrob_drake.stations.collisions import Bodies, Overlap
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.findings import Finding
 from simrob_drake.stations.solver_config import bound_value
@@ -19,126 +26,220 @@ _EVERY = 20
 """Every 20th of a reference's 501 samples is checked; checking all of them would be slow."""
 
 
+class _TimedOverlap(NamedTuple):
+    """A collision of two bodies in one of the checked postures.
+
+    Attributes:
+        time: time of the posture [s].
+        overlap: the two bodies and how deep they overlap.
+    """
+
+    time: float
+    overlap: Overlap
+
+
+class _LinkHeight(NamedTuple):
+    """Height of a link in one of the checked postures. Sorted, the lowest link comes first.
+
+    Attributes:
+        height: height of the link above the ground [m].
+        time: time of the posture [s].
+        link: name of the link.
+    """
+
+    height: float
+    time: float
+    link: str
+
+
+@dataclass(frozen=True)
+class _Measurements:
+    """Heights and collisions in the checked postures.
+
+    Attributes:
+        times: times of the m postures, shape (m,) [s].
+        heights: for each robot by name, m mappings with the height of each of its links above the ground [m], by the
+            link's name. Links without collision shapes are left out.
+        overlaps: the collisions of all postures.
+    """
+
+    times: Vector
+    heights: Mapping[str, Sequence[Mapping[str, float]]]
+    overlaps: Sequence[_TimedOverlap]
+
+
 def clearance_findings(config: StationConfig, references: Mapping[str, Reference]) -> list[Finding]:
     """Check whether robots collide with the ground, with themselves or with other bodies.
 
     A robot with a reference is checked at samples of its reference, any other robot at its start posture.
+
+    Args:
+        config: the station.
+        references: references by robot; robots that a controller leads have none.
     """
     if not config.robots:
         return []
     clearance = Clearance(config)
-    sampled = {name: reference_samples(reference, config.duration) for name, reference in references.items()}
-    postures = {name: positions[::_EVERY] for name, (_, positions) in sampled.items()}
-    # All references are sampled at the same times; without any, only the start is checked.
-    times = next((times[::_EVERY] for times, _ in sampled.values()), np.zeros(1))
-    heights: dict[str, list[Mapping[str, float]]] = {name: [] for name in config.robots}
-    overlaps: list[tuple[float, Overlap]] = []
-    for index, time in enumerate(times.tolist()):
-        clearance.place_robots({name: posture[index] for name, posture in postures.items()})
-        overlaps += [(time, overlap) for overlap in clearance.overlaps()]
-        for name, robot in clearance.station.robots.items():
-            heights[name].append(clearance.lowest(robot))
-    findings = []
+    measured = _measure(clearance, references)
+    findings = list[Finding]()
     for name, robot in clearance.station.robots.items():
-        when_checked = f"at {len(times)} times along its reference" if name in references else "where it starts"
-        if not heights[name][0]:
+        heights = measured.heights[name]
+        has_shapes = bool(heights[0])
+        if not has_shapes:
             text = "not looked at: the robot has no shapes that collide"
             findings.append(Finding("note", f"clearance of {name}", text))
             continue
-        if not robot.floats:  # a robot without a fixed base stands on the floor
-            findings += _floor_findings(clearance, robot, times, heights[name], when_checked)
-        findings += _self_findings(clearance, robot, overlaps, len(heights[name][0]), when_checked)
-    return findings + _other_findings(clearance, overlaps)
+        when_checked = "where it starts"
+        if name in references:
+            when_checked = f"at {len(measured.times)} times along its reference"
+        # A robot that floats touches the floor with its feet, which is no collision.
+        if not robot.floats:
+            findings += _floor_findings(clearance, robot, measured, when_checked)
+        findings += _self_findings(clearance, robot, measured, when_checked)
+    return findings + _other_findings(clearance, measured)
+
+
+def _measure(clearance: Clearance, references: Mapping[str, Reference]) -> _Measurements:
+    """Set the robots to postures along their references, and measure heights and collisions in each posture."""
+    # All references are sampled at the same times; without any, only the start is checked.
+    times = np.zeros(1)
+    postures = {}
+    for name, reference in references.items():
+        all_times, positions = reference_samples(reference, clearance.config.duration)
+        times = all_times[::_EVERY]
+        postures[name] = positions[::_EVERY]
+
+    heights: dict[str, list[Mapping[str, float]]] = {name: [] for name in clearance.config.robots}
+    overlaps = list[_TimedOverlap]()
+    for index, time in enumerate(times.tolist()):
+        clearance.place_robots({name: posture[index] for name, posture in postures.items()})
+        overlaps += [_TimedOverlap(time, overlap) for overlap in clearance.overlaps()]
+        for name, robot in clearance.station.robots.items():
+            heights[name].append(clearance.lowest(robot))
+    return _Measurements(times, heights, overlaps)
 
 
 def _floor_findings(
-    clearance: Clearance, robot: StationRobot, times: Vector, heights: list[Mapping[str, float]], when_checked: str
+    clearance: Clearance, robot: StationRobot, measured: _Measurements, when_checked: str
 ) -> list[Finding]:
     """Find links of a robot that lie below the ground.
 
     Args:
         clearance: the station.
         robot: the robot, fixed to the world.
-        times: times of the checked postures [s].
-        heights: height of each link above the ground [m] by name, one mapping for each time.
+        measured: heights of the links in the checked postures.
         when_checked: text that tells the user at which postures the robot was checked.
     """
-    ground, subject = clearance.station.ground, f"floor and {robot.name}"
+    ground = clearance.station.ground
+    subject = f"floor and {robot.name}"
     if not (ground.has_floor or ground.boxes):
         return [Finding("note", subject, "not looked at: there is no floor")]
-    fixed_links = {
-        body.name()
-        for body in map(clearance.plant.get_body, clearance.plant.GetBodyIndices(robot.instance))
-        if clearance.plant.IsAnchored(body)
-    }
-    bound = bound_value(clearance.config.verdict.below_floor)
-    fixed_height = min((height for link, height in heights[0].items() if link in fixed_links), default=0.0)
+    allowed_depth = bound_value(clearance.config.verdict.below_floor)
+    fixed_heights, moving_heights = _split_by_motion(clearance, robot, measured)
     findings = []
-    if fixed_height < -bound:
+
+    fixed_height = min(fixed_heights, default=0.0)
+    if fixed_height < -allowed_depth:
         text = f"what is fixed of it reaches {-fixed_height * 1e3:.0f} mm below the ground; raise its base"
         findings.append(Finding("warning", subject, text))
-    moving = [
-        (height, time, link)
-        for time, link_heights in zip(times.tolist(), heights, strict=True)
-        for link, height in link_heights.items()
-        if link not in fixed_links
-    ]
-    if not moving:
-        return [*findings, Finding("note", subject, "not looked at: no link that moves has a shape to touch with")]
-    lowest, time, link = min(moving)
-    if lowest >= -bound:
-        text = f"{when_checked} {link} comes nearest to the ground: {max(lowest, 0.0) * 1e3:.0f} mm at {time:.2f} s"
+
+    if not moving_heights:
+        text = "not looked at: no link that moves has a shape to touch with"
+        return [*findings, Finding("note", subject, text)]
+    # The tuples are compared by their heights first.
+    lowest = min(moving_heights)
+    if lowest.height >= -allowed_depth:
+        height_mm = max(lowest.height, 0.0) * 1e3
+        text = f"{when_checked} {lowest.link} comes nearest to the ground: {height_mm:.0f} mm at {lowest.time:.2f} s"
         return [*findings, Finding("ok", subject, text)]
-    text = f"{link} is {-lowest * 1e3:.0f} mm below the ground at {time:.2f} s"
-    return [
-        *findings,
-        _contact_finding(clearance, subject, text, "raise its base, or change initial_deg and reference"),
-    ]
+    text = f"{lowest.link} is {-lowest.height * 1e3:.0f} mm below the ground at {lowest.time:.2f} s"
+    remedy = "raise its base, or change initial_deg and reference"
+    return [*findings, _contact_finding(clearance, subject, text, remedy)]
+
+
+class _HeightsByMotion(NamedTuple):
+    """Heights of a robot's links, apart for links that are fixed to the world and links that move.
+
+    Attributes:
+        fixed: height of each fixed link [m].
+        moving: heights of the moving links in all postures.
+    """
+
+    fixed: list[float]
+    moving: list[_LinkHeight]
+
+
+def _split_by_motion(clearance: Clearance, robot: StationRobot, measured: _Measurements) -> _HeightsByMotion:
+    """Separate the heights of a robot's fixed links from those of its moving links."""
+    plant = clearance.plant
+    bodies = [plant.get_body(index) for index in plant.GetBodyIndices(robot.instance)]
+    fixed_links = {body.name() for body in bodies if plant.IsAnchored(body)}
+    by_motion = _HeightsByMotion(fixed=[], moving=[])
+    for time, heights in zip(measured.times.tolist(), measured.heights[robot.name], strict=True):
+        for link, height in heights.items():
+            if link not in fixed_links:
+                by_motion.moving.append(_LinkHeight(height, time, link))
+            elif time == 0.0:
+                # Fixed links have the same height at all times, so the first one suffices.
+                by_motion.fixed.append(height)
+    return by_motion
 
 
 def _self_findings(
-    clearance: Clearance, robot: StationRobot, overlaps: list[tuple[float, Overlap]], shapes: int, when_checked: str
+    clearance: Clearance, robot: StationRobot, measured: _Measurements, when_checked: str
 ) -> list[Finding]:
     """Find collisions between links of one robot.
 
     Args:
         clearance: the station.
         robot: the robot.
-        overlaps: all collisions in the station, with their times [s].
-        shapes: count of the robot's bodies that have collision shapes.
+        measured: the collisions of all bodies in the checked postures.
         when_checked: text that tells the user at which postures the robot was checked.
     """
     subject = f"links of {robot.name}"
     left_out = _left_out_text(clearance, robot)
-    own = [(time, overlap) for time, overlap in overlaps if overlap.robot == robot.name]
-    if not own:
-        return [Finding("ok", subject, f"{when_checked} none of {shapes} bodies with shapes lies in another{left_out}")]
-    return [_contact_finding(clearance, subject, _deepest(own) + left_out, "change initial_deg or reference", own=True)]
+    own = [timed for timed in measured.overlaps if timed.overlap.robot == robot.name]
+    if own:
+        text = _deepest_text(own) + left_out
+        return [_contact_finding(clearance, subject, text, "change initial_deg or reference", is_own=True)]
+    count = len(measured.heights[robot.name][0])
+    return [Finding("ok", subject, f"{when_checked} none of {count} bodies with shapes lies in another{left_out}")]
 
 
 def _left_out_text(clearance: Clearance, robot: StationRobot) -> str:
-    """Text that lists the pairs of links that never count as a collision, with the reasons; empty if there are none."""
+    """List the pairs of a robot's links that never count as a collision, with the reasons.
+
+    Returns the end of a sentence, or an empty text if there are no such pairs.
+    """
     policy = clearance.policy
     at_home = {bodies for bodies, owner in policy.home_contacts.items() if owner == robot.name}
     always = {bodies for bodies, owner in policy.permanent_overlaps.items() if owner == robot.name}
+    # A pair with both reasons is listed with the stronger one.
     text = ""
-    for pairs, reason in ((always, "always overlap"), (at_home - always, "touch at home")):
-        names = sorted(" and ".join(bodies) for bodies in pairs)
-        text += f"; left out: {listed(names)}, whose shapes {reason}" if names else ""
+    if always:
+        text += f"; left out: {_pairs_text(always)}, whose shapes always overlap"
+    only_at_home = at_home - always
+    if only_at_home:
+        text += f"; left out: {_pairs_text(only_at_home)}, whose shapes touch at home"
     return text
 
 
-def _other_findings(clearance: Clearance, overlaps: list[tuple[float, Overlap]]) -> list[Finding]:
-    """Find collisions between different robots, or between robots and pieces; ``overlaps`` has the times [s]."""
-    if len(clearance.resolved.robots) + len(clearance.resolved.pieces) < 2:
+def _pairs_text(pairs: Collection[Bodies]) -> str:
+    """List pairs of bodies in alphabetical order."""
+    return listed(sorted(" and ".join(bodies) for bodies in pairs))
+
+
+def _other_findings(clearance: Clearance, measured: _Measurements) -> list[Finding]:
+    """Find collisions between different robots, or between robots and pieces."""
+    if len(clearance.resolved.robots) + len(clearance.resolved.pieces) < 2:  # there is nothing to collide with
         return []
-    others = [(time, overlap) for time, overlap in overlaps if overlap.is_between_owners]
+    others = [timed for timed in measured.overlaps if timed.overlap.is_between_owners]
     if others:
-        return [_contact_finding(clearance, "robots and pieces", _deepest(others), "move one of them")]
+        return [_contact_finding(clearance, "robots and pieces", _deepest_text(others), "move one of them")]
     return [Finding("ok", "robots and pieces", "none lies in one that it does not hang on, where references lead")]
 
 
-def _contact_finding(clearance: Clearance, subject: str, text: str, remedy: str, *, own: bool = False) -> Finding:
+def _contact_finding(clearance: Clearance, subject: str, text: str, remedy: str, *, is_own: bool = False) -> Finding:
     """Report a collision, as a note if the run simulates the contact, and as a warning if it does not.
 
     Args:
@@ -146,18 +247,22 @@ def _contact_finding(clearance: Clearance, subject: str, text: str, remedy: str,
         subject: the bodies that the finding is about.
         text: describes the collision.
         remedy: tells the user what to change.
-        own: whether both bodies belong to the same robot.
+        is_own: whether both bodies belong to the same robot.
     """
-    config = clearance.config
-    if config.mode == "dynamic" and config.contact is not None and (config.contact.self_collision or not own):
+    contact = clearance.config.contact
+    # Contact forces hold bodies apart in a dynamic station; between links of one robot they are optional.
+    is_simulated = clearance.config.mode == "dynamic" and contact is not None and (contact.self_collision or not is_own)
+    if is_simulated:
         return Finding("note", subject, f"{text}, if nothing held them back; the run shows what comes of it")
-    why = "contact.self_collision is off" if own and config.contact is not None else "the station has no contact"
+    why = "contact.self_collision is off" if is_own and contact is not None else "the station has no contact"
     return Finding("warning", subject, f"{text}, and nothing holds them back: {why}; {remedy}")
 
 
-def _deepest(overlaps: list[tuple[float, Overlap]]) -> str:
-    """Describe the deepest of some collisions with its time [s], and count the other pairs of bodies."""
-    time, worst = max(overlaps, key=lambda timed: timed[1].depth)
-    more = len({overlap.bodies for _, overlap in overlaps}) - 1
-    text = f"{' and '.join(worst.bodies)} lie {worst.depth * 1e3:.0f} mm in each other at {time:.2f} s"
-    return text + (f", and {more} more pairs" if more else "")
+def _deepest_text(overlaps: Sequence[_TimedOverlap]) -> str:
+    """Describe the deepest of some collisions with its time, and count the other pairs of bodies."""
+    time, deepest = max(overlaps, key=lambda timed: timed.overlap.depth)
+    other_pairs = len({timed.overlap.bodies for timed in overlaps}) - 1
+    text = f"{' and '.join(deepest.bodies)} lie {deepest.depth * 1e3:.0f} mm in each other at {time:.2f} s"
+    if other_pairs:
+        text += f", and {other_pairs} more pairs"
+    return text

@@ -1,19 +1,23 @@
 """The collision policy, shared by moves, programs, checks and drafts.
 
-Two shapes collide if they overlap by more than their tolerance. These pairs do not count:
+The policy looks at a posed station: a station whose robots are set to positions, without simulation.
+Two bodies (links, pieces or the floor) collide if their shapes overlap by more than a tolerance.
+Each body has an owner, the robot that it belongs to, or none. The tolerance depends on whether
+both bodies have the same owner. These pairs do not count:
 
 - links that a joint connects, and links that are fixed to each other (Drake excludes these),
 - links of one robot that touch in its home posture, or overlap in nearly every posture,
 - meshes whose convex hulls overlap although the convex parts of the meshes do not.
 
-What a robot carries, or holds between its fingers, counts as a part of the robot.
+The robot that carries a piece, or holds it between its fingers, is the owner of the piece.
 """
 
 from collections import Counter
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from functools import cache, cached_property, partial
+from functools import cache, cached_property
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from pydrake.geometry import GeometryId, QueryObject, Role, SceneGraphInspector
@@ -49,6 +53,19 @@ Bodies = tuple[str, str]
 """Names of two bodies in alphabetical order: links, pieces, the floor."""
 
 
+class Owner(NamedTuple):
+    """The body and the robot to which a shape belongs.
+
+    Attributes:
+        body: name of a link, of a piece, or ``floor``.
+        robot: name of the robot that owns, carries or holds the body; an empty string if there
+            is no such robot.
+    """
+
+    body: str
+    robot: str
+
+
 @dataclass(frozen=True)
 class Overlap:
     """Two bodies that overlap.
@@ -57,15 +74,16 @@ class Overlap:
         depth: depth of the deepest pair of shapes [m]. It is too large if a body passes
             through a thin shape.
         bodies: names of the bodies in alphabetical order.
-        robot: name of the robot that both bodies belong to; an empty string if the bodies
-            have different owners.
-        moved: names of the bodies; the body that belongs to a moving robot is first.
+        robot: name of the robot that owns both bodies; an empty string if the bodies have
+            different owners, or none.
+        moved: names of the bodies, where the body of a moving robot is first. If one robot
+            owns both bodies, their order is alphabetical.
     """
 
     depth: float
     bodies: Bodies
     robot: str
-    moved: Bodies
+    moved: tuple[str, str]
 
     @property
     def is_between_owners(self) -> bool:
@@ -86,55 +104,58 @@ class CollisionPolicy:
         """
         self._posed = posed
         self._trusts_home = trusts_home
-        self._fine = FineShapes(posed.station)
-        # These owners never change, so each is looked up only once. The robots that hold
-        # pieces with their fingers may change, see :meth:`owner`.
-        self._fixed_owner = cache(partial(owner_and_robot, posed.station))
+        self._fine = FineShapes(posed.station)  # the convex parts of concave meshes
 
-    def owner(self, shape: GeometryId) -> tuple[str, str]:
-        """Names of the body of a shape and of the robot that owns or holds the body.
+        # These owners never change, so each is looked up only once. Fingers may grasp a piece
+        # or release it, which changes its owner, see :meth:`owner`.
+        @cache
+        def fixed_owner(shape: GeometryId) -> Owner:
+            body, robot = owner_and_robot(posed.station, shape)
+            return Owner(body, robot)
 
-        The name of the robot is an empty string for the floor, and for a piece that no
-        robot carries.
-        """
-        body, robot = self._fixed_owner(shape)
-        return body, self._posed.holders.get(body, robot)
+        self._fixed_owner = fixed_owner
+
+    def owner(self, shape: GeometryId) -> Owner:
+        """Find the body of a shape, and the robot that owns, carries or holds this body now."""
+        return self._present_owner(shape, self._posed.holders)
+
+    def _present_owner(self, shape: GeometryId, holders: Mapping[str, str]) -> Owner:
+        """Find the owner of a shape; ``holders`` names the robot for each piece between fingers."""
+        owner = self._fixed_owner(shape)
+        if owner.body in holders:
+            return Owner(owner.body, holders[owner.body])
+        return owner
 
     def overlaps(
         self,
         movers: Collection[str] | None = None,
-        begun: Mapping[Bodies, float] | None = None,
-        share: float = 1.0,
+        depths_at_start: Mapping[Bodies, float] | None = None,
+        tolerance_factor: float = 1.0,
     ) -> list[Overlap]:
         """Find the collisions in the present posture, the deepest first.
 
         Args:
             movers: names of the robots that move. Only pairs with a body of such a robot
                 count; if it is None, all pairs count.
-            begun: depth [m] that each of these pairs of bodies may have in addition to the
-                tolerance, see :meth:`allowed_from_start`.
-            share: factor on the tolerances, from 0 to 1.
+            depths_at_start: depth [m] that each of these pairs of bodies may have in addition
+                to the tolerance, see :meth:`allowed_from_start`. If it is None, no pair may.
+            tolerance_factor: factor on the tolerances, from 0 to 1.
         """
+        extra_depths = {} if depths_at_start is None else depths_at_start
         holders = self._posed.holders
-        extra_depths = {} if begun is None else begun
-        found: dict[Bodies, Overlap] = {}
-        query = self._posed.query()
-        for pair in query.ComputePointPairPenetration():
-            # `first` and `second` are bodies, `one` and `other` the robots that own them.
-            first, one = self._fixed_owner(pair.id_A)
-            second, other = self._fixed_owner(pair.id_B)
-            if holders:  # a piece between fingers belongs to the robot that holds it
-                one = holders.get(first, one)
-                other = holders.get(second, other)
-            if movers is not None and one not in movers and other not in movers:
+        deepest: dict[Bodies, Overlap] = {}
+        for pair in self._posed.query().ComputePointPairPenetration():
+            first = self._present_owner(pair.id_A, holders)
+            second = self._present_owner(pair.id_B, holders)
+            if movers is not None and first.robot not in movers and second.robot not in movers:
                 continue
 
             # The cheap tests come first: most pairs that touch are within the tolerance.
             # The convex parts of the meshes are compared last, since that is slow.
-            bodies = (first, second) if first < second else (second, first)
-            robot = one if one == other else ""  # empty if the owners differ
+            bodies = _sorted_names(first, second)
+            robot = _common_robot(first, second)
             tolerance = OWN_TOLERANCE if robot else OTHER_TOLERANCE
-            allowed = extra_depths.get(bodies, 0.0) + share * tolerance
+            allowed = extra_depths.get(bodies, 0.0) + tolerance_factor * tolerance
             if pair.depth <= allowed or (robot and bodies in self.left_out):
                 continue
             depth = self._fine_depth(pair.depth, pair.id_A, pair.id_B)
@@ -142,12 +163,17 @@ class CollisionPolicy:
                 continue
 
             # A body may have several shapes: keep the deepest overlap of the two bodies.
-            known = found.get(bodies)
-            if known is None or depth > known.depth:
-                is_first_moving = movers is None or one in movers
-                moved = (first, second) if is_first_moving else (second, first)
-                found[bodies] = Overlap(depth, bodies, robot, bodies if robot else moved)
-        return sorted(found.values(), key=lambda overlap: -overlap.depth)
+            known = deepest.get(bodies)
+            if known is not None and depth <= known.depth:
+                continue
+            if robot:
+                moved = bodies
+            elif movers is None or first.robot in movers:
+                moved = (first.body, second.body)
+            else:
+                moved = (second.body, first.body)
+            deepest[bodies] = Overlap(depth, bodies, robot, moved)
+        return sorted(deepest.values(), key=lambda overlap: -overlap.depth)
 
     def touching(
         self,
@@ -168,32 +194,31 @@ class CollisionPolicy:
         Returns:
             the deepest overlap of each pair of bodies.
         """
-        found: dict[Bodies, Overlap] = {}
+        holders = self._posed.holders
+        deepest: dict[Bodies, Overlap] = {}
         for pair in self._posed.query().ComputePointPairPenetration():
-            # Sorted by the names of the bodies, `first` and `second`; `one` and `other`
-            # are the robots that own them.
-            bodies_and_robots = sorted((self.owner(pair.id_A), self.owner(pair.id_B)))
-            (first, one), (second, other) = bodies_and_robots
-            if movers is not None and one not in movers and other not in movers:
+            first = self._present_owner(pair.id_A, holders)
+            second = self._present_owner(pair.id_B, holders)
+            if movers is not None and first.robot not in movers and second.robot not in movers:
                 continue
-            robot = one if one == other else ""  # empty if the owners differ
+            robot = _common_robot(first, second)
             if own_only and not robot:
                 continue
-            bodies = first, second
             depth = float(pair.depth)
             if depth > refined_from:
                 depth = self._fine_depth(depth, pair.id_A, pair.id_B)
-            known = found.get(bodies)
+            bodies = _sorted_names(first, second)
+            known = deepest.get(bodies)
             largest_so_far = ANY_DEPTH if known is None else known.depth
             if depth > largest_so_far:
-                found[bodies] = Overlap(depth, bodies, robot, bodies)
-        return found
+                deepest[bodies] = Overlap(depth, bodies, robot, bodies)
+        return deepest
 
     def allowed_from_start(self, movers: Collection[str]) -> dict[Bodies, float]:
-        """Overlap [m] that each pair of bodies may keep because it touches at the start.
+        """Measure the overlap [m] that each pair of bodies may keep because it touches at the start.
 
         Call this in the start posture. A pair may stay as deep during the move, such as a
-        piece on its table. The depth is infinite for bodies of different owners
+        piece on its table. The allowed depth is infinite for bodies of different owners
         that overlap by more than START_TOLERANCE: such a pair is not checked at all, so
         that a move can separate the two bodies.
 
@@ -201,13 +226,14 @@ class CollisionPolicy:
             movers: names of the robots that move.
         """
         allowed: dict[Bodies, float] = {}
-        for bodies, overlap in self.touching(movers, OTHER_TOLERANCE).items():
+        # Shallow overlaps are not refined: their depth matters little, and the comparison is slow.
+        for bodies, overlap in self.touching(movers, refined_from=OTHER_TOLERANCE).items():
             is_too_deep = overlap.is_between_owners and overlap.depth > START_TOLERANCE
             allowed[bodies] = np.inf if is_too_deep else overlap.depth
         return allowed
 
     def _fine_depth(self, depth: float, first: GeometryId, second: GeometryId) -> float:
-        """Overlap of two shapes [m], measured with the convex parts of their meshes.
+        """Measure the overlap of two shapes [m] with the convex parts of their meshes.
 
         The result is negative if only the convex hulls overlap and the parts do not.
 
@@ -229,16 +255,18 @@ class CollisionPolicy:
         """
         if not self._trusts_home:
             return {}
+        # The positions are restored at the end: a caller may be in the middle of a check.
         before = self._posed.plant.GetPositions(self._posed.context)
-        robots = self._posed.station.robots
-        # Home is zero if the robot's file gives no other posture, and the limits of an axis
-        # may exclude zero.
-        homes = {name: np.clip(robot.model.home, *robot.model.axis_limits) for name, robot in robots.items()}
+        homes = {}
+        for name, robot in self._posed.station.robots.items():
+            # Home is zero if the robot's file gives no other posture, and the limits of an axis
+            # may exclude zero.
+            homes[name] = np.clip(robot.model.home, *robot.model.axis_limits)
         self._posed.place_robots(homes)
-        contacts = self.touching(own_only=True).items()
+        touching = self.touching(own_only=True)
         self._posed.place(before)
         pieces = self._posed.resolved.pieces
-        return {bodies: found.robot for bodies, found in contacts if not any(body in pieces for body in bodies)}
+        return {bodies: overlap.robot for bodies, overlap in touching.items() if pieces.keys().isdisjoint(bodies)}
 
     @cached_property
     def permanent_overlaps(self) -> Mapping[Bodies, str]:
@@ -247,45 +275,72 @@ class CollisionPolicy:
         An example is a ball in its socket.
         """
         before = self._posed.plant.GetPositions(self._posed.context)
-        random = np.random.default_rng(0)
-        robots = self._posed.station.robots
-        counts = Counter[tuple[Bodies, str]]()  # count of postures in which the links of a robot overlap
+        random = np.random.default_rng(0)  # a fixed seed, so that the pairs are always the same
+        counts = Counter[Bodies]()  # count of postures in which two links overlap
+        robot_of: dict[Bodies, str] = {}
         for _ in range(_SAMPLES):
-            postures = {name: random_posture(robot, random) for name, robot in robots.items()}
+            postures = {name: random_posture(robot, random) for name, robot in self._posed.station.robots.items()}
             self._posed.place_robots(postures)
             touching = self.touching(refined_from=OWN_TOLERANCE, own_only=True)
-            for bodies, found in touching.items():
-                if found.depth > OWN_TOLERANCE:
-                    counts[bodies, found.robot] += 1
+            for bodies, overlap in touching.items():
+                if overlap.depth > OWN_TOLERANCE:
+                    counts[bodies] += 1
+                    robot_of[bodies] = overlap.robot
         self._posed.place(before)
-        least = _NEARLY_ALL * _SAMPLES
-        return {bodies: robot for (bodies, robot), count in counts.items() if count >= least}
+        least_count = _NEARLY_ALL * _SAMPLES
+        return {bodies: robot_of[bodies] for bodies, count in counts.items() if count >= least_count}
 
     @cached_property
     def left_out(self) -> Mapping[Bodies, str]:
-        """Pairs of links of one robot that never count as a collision, with the robot's name."""
+        """Pairs of links that never count as a collision, with the name of their robot.
+
+        These are the pairs of :attr:`home_contacts` and of :attr:`permanent_overlaps`.
+        """
         return {**self.home_contacts, **self.permanent_overlaps}
 
     def own_distances(self, robot: str) -> "OwnDistances":
-        """Distances between all pairs of shapes of one robot that can collide.
+        """Prepare the distances between all pairs of shapes of one robot that can collide.
 
-        Shapes of the same body, pairs that Drake excludes and :attr:`left_out` cannot.
+        Pairs of the same body, pairs that Drake excludes and pairs in :attr:`left_out` are not
+        among them.
+
+        Args:
+            robot: the robot's name. The pieces that it carries or holds now belong to it.
         """
         inspector = self._posed.station.scene_graph.model_inspector()
-        shapes = [shape for shape in inspector.GetAllGeometryIds(Role.kProximity) if self.owner(shape)[1] == robot]
+        owner_of_shape = {}
+        for shape in inspector.GetAllGeometryIds(Role.kProximity):
+            owner = self.owner(shape)
+            if owner.robot == robot:
+                owner_of_shape[shape] = owner
         pairs = []
-        for first, second in combinations(shapes, 2):
-            one, _ = self.owner(first)
-            other, _ = self.owner(second)
-            bodies = (one, other) if one < other else (other, one)
-            is_filtered = inspector.CollisionFiltered(first, second)
-            if one != other and not is_filtered and bodies not in self.left_out:
-                pairs.append((first, second))
+        for first, second in combinations(owner_of_shape, 2):
+            bodies = _sorted_names(owner_of_shape[first], owner_of_shape[second])
+            is_one_body = bodies[0] == bodies[1]
+            if is_one_body or bodies in self.left_out or inspector.CollisionFiltered(first, second):
+                continue
+            pairs.append((first, second))
         return OwnDistances(pairs, inspector, self._fine)
 
 
+def _sorted_names(first: Owner, second: Owner) -> Bodies:
+    """Names of two bodies in alphabetical order."""
+    if first.body < second.body:
+        return first.body, second.body
+    return second.body, first.body
+
+
+def _common_robot(first: Owner, second: Owner) -> str:
+    """Name of the robot that owns two bodies; an empty string if their owners differ or there is none."""
+    return first.robot if first.robot == second.robot else ""
+
+
 class OwnDistances(Distances):
-    """Signed distances of pairs of shapes; concave meshes are replaced by their convex parts."""
+    """Signed distances of pairs of shapes, measured between the convex parts of concave meshes.
+
+    Attributes:
+        pairs: the pairs of shapes, in the order of the distances.
+    """
 
     def __init__(self, pairs: Collection[Pair], inspector: SceneGraphInspector, fine: FineShapes) -> None:
         """Prepare the distances.
@@ -300,7 +355,7 @@ class OwnDistances(Distances):
         self._fine = fine
 
     def only(self, pairs: Collection[Pair]) -> "OwnDistances":
-        """Distances of a subset of the pairs."""
+        """Prepare the distances of a subset of the pairs."""
         return OwnDistances(pairs, self._inspector, self._fine)
 
     def of(self, query: QueryObject) -> Vector:

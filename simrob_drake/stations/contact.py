@@ -1,4 +1,9 @@
-"""Give the shapes of a station's plant the surfaces of its configuration, and tell which ones its solver can hold."""
+"""Contact materials of a station: write them into the shapes of its plant, and check that its solver can hold them.
+
+A material is the stiffness, dissipation, friction and hydroelastic modulus of a surface. The section ``contact`` of a
+station gives one material for all shapes; a piece may replace some of its values. The last functions add the friction
+inside of the robots' joints, which Drake's plants do not simulate.
+"""
 
 from collections.abc import Sequence
 from itertools import combinations
@@ -40,29 +45,38 @@ from simrob_drake.stations.solver_config import (
     SolverConfig,
 )
 
-_MOST_FACES = 20_000  # of round shapes, about: 33 000 of one ball take Drake 3 s, 131 000 take 12 s and 0.2 GB
-_FINEST_STEP = 1e-5  # s
-_STABLE = 2.5  # h ω of a third-order Runge-Kutta scheme on an undamped spring is below 1.7, on a damped one 2.5
-_STEPS_A_CONTACT = 10
+_MOST_FACES = 20_000
+"""Largest count of faces into which the round shapes of a station are divided. 33 000 faces of one ball take Drake 3 s,
+131 000 take 12 s and 0.2 GB."""
+_FINEST_STEP = 1e-5  # shortest step of an error-controlled scheme that is worth waiting for [s]
+_STABLE = 2.5
+"""Largest stable product of step and angular frequency of a damped spring, for a third-order Runge-Kutta scheme. For a
+spring without damping it is below 1.7."""
+_STEPS_A_CONTACT = 10  # fixed steps that a scheme needs during one contact
+# The limit of sap's contact stiffness, see `largest_stiffness`: a measured factor, and Drake's relaxation time [s].
 _SAP_FACTOR = 3.3
-_SAP_RELAXATION = 0.1  # s, Drake's default
+_SAP_RELAXATION = 0.1
 
 MODULUS = 1e7  # hydroelastic modulus [Pa] where none is given: stiff rubber
 
 
 def needs_shapes(config: StationConfig) -> bool:
-    """Tell whether a station's plant needs collision shapes: for contact, or for the distances of a kinematic one."""
-    measured = any(sensor.kind == "distance" for sensor in config.sensors.values())
-    return config.contact is not None or (config.mode == "kinematic" and measured)
+    """Whether a station's plant needs collision shapes: for contact, or for distance sensors of a kinematic station."""
+    has_distances = any(sensor.kind == "distance" for sensor in config.sensors.values())
+    return config.contact is not None or (config.mode == "kinematic" and has_distances)
 
 
 def apply_materials(plant: MultibodyPlant, scene_graph: SceneGraph, station: ResolvedStation) -> None:
-    """Write stiffness, dissipation, friction and modulus into the shapes of a plant.
+    """Write stiffness, dissipation, friction and modulus into the shapes of a plant, before the plant is finalized.
 
-    The plant is not finalized yet: a shape whose surface is written anew loses its collision filters, and finalizing
-    makes those between neighbours. Raises InvalidParameter: a resolution that is too fine.
+    Finalizing makes the collision filters between neighbouring links, and a shape would lose them if its material were
+    written later.
+
+    Raises:
+        InvalidParameter: the resolution is too fine, or a piece that meets others at points does not fit the model.
     """
-    config, contact = station.config, station.config.contact
+    config = station.config
+    contact = config.contact
     if contact is None:
         return
     plant.set_stiction_tolerance(contact.stiction_speed)
@@ -74,78 +88,112 @@ def apply_materials(plant: MultibodyPlant, scene_graph: SceneGraph, station: Res
         _check_resolution(contact.resolution, [inspector.GetShape(shape) for shape in shapes])
     for shape in shapes:
         piece = piece_of_shape(station, inspector, shape)
-        own, material = config.pieces[piece].contact if piece else None, _material(config, contact, piece)
-        if inspector.GetName(shape).startswith(f"{FLOOR}."):  # what is soft of a terrain says so itself
-            material = material.model_copy(update={"hydroelastic_modulus": None})
-        properties = ProximityProperties(inspector.GetProximityProperties(shape))
-        if own is not None and own.model == "point" and contact.model == "hydroelastic":
+        contact_of_piece = config.pieces[piece].contact if piece else None
+        touches_at_points = contact_of_piece is not None and contact_of_piece.model == "point"
+        if touches_at_points and contact.model == "hydroelastic":
             expected = "hydroelastic_with_fallback, as a piece meets others at points"
             raise InvalidParameter("contact.model", contact.model, expected)
-        _write(properties, material, contact, at_points=own is not None and own.model == "point")
+        material = _material(config, contact, piece)
+        if inspector.GetName(shape).startswith(f"{FLOOR}."):
+            # Boxes of the terrain have a modulus already if the terrain is soft.
+            material = material.model_copy(update={"hydroelastic_modulus": None})
+        properties = ProximityProperties(inspector.GetProximityProperties(shape))
+        _write_material(properties, material)
+        if contact.model != "point" and not touches_at_points:
+            _write_modulus(properties, material, contact)
         scene_graph.AssignRole(source, shape, properties, RoleAssign.kReplace)
 
 
 def _check_resolution(resolution: float, shapes: Sequence[Shape]) -> None:
-    """Check that edges of a length [m] do not divide round shapes into more faces than a computer can hold.
+    """Check that a resolution does not divide round shapes into more faces than a computer can hold.
 
     Drake divides the surfaces of balls, ellipsoids and capsules, and the rims of cylinders; others it leaves whole.
+
+    Args:
+        resolution: length of the edges into which Drake divides shapes [m].
+        shapes: all collision shapes of the station.
+
+    Raises:
+        InvalidParameter: the resolution is too fine; the message gives one that is not.
     """
-    surfaces = rims = 0.0
+    area = 0.0  # of surfaces that are divided [m²]
+    rim_length = 0.0  # of rims that are divided [m]
     for shape in shapes:
         if isinstance(shape, Cylinder):
-            rims += 2 * np.pi * shape.radius()
+            rim_length += 2 * np.pi * shape.radius()
         elif isinstance(shape, (Sphere, Capsule)):
             length = shape.length() if isinstance(shape, Capsule) else 0.0
-            surfaces += 2 * np.pi * shape.radius() * (2 * shape.radius() + length)
+            area += 2 * np.pi * shape.radius() * (2 * shape.radius() + length)
         elif isinstance(shape, Ellipsoid):
-            surfaces += 4 * np.pi * max(shape.a(), shape.b(), shape.c()) ** 2
-    finest = np.sqrt(surfaces / _MOST_FACES) + rims / _MOST_FACES
+            area += 4 * np.pi * max(shape.a(), shape.b(), shape.c()) ** 2
+    # Edges of the length h divide the surfaces into about area / h² faces, and the rims into length / h.
+    finest = np.sqrt(area / _MOST_FACES) + rim_length / _MOST_FACES
     if resolution < finest:
         expected = f"{finest:.2g} m or more: finer ones give the shapes of this station too many faces"
         raise InvalidParameter("contact.resolution", f"{resolution:g} m", expected)
 
 
 def check_stiffnesses(plant: MultibodyPlant, scene_graph: SceneGraph, station: ResolvedStation) -> None:
-    """Check that a solver can hold a station's contacts; raises InvalidParameter: with the largest stiffness it can."""
+    """Check that the solver of a station can hold the contacts of its bodies.
+
+    Raises:
+        InvalidParameter: a stiffness is too large; the message gives the largest one that the solver can hold.
+    """
     config = station.config
     if config.contact is None or config.mode == "kinematic":
         return
     inspector = scene_graph.model_inspector()
     for shape in inspector.GetAllGeometryIds(Role.kProximity):
         body = plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
-        stiffness = _material(config, config.contact, piece_of_shape(station, inspector, shape)).stiffness
+        material = _material(config, config.contact, piece_of_shape(station, inspector, shape))
+        stiffness = material.stiffness
         if stiffness is not None and not plant.IsAnchored(body):
             _check_stiffness(config.solver, body, stiffness)
 
 
 def pairs_without_surface(plant: MultibodyPlant, inspector: SceneGraphInspector) -> list[str]:
-    """Return the pairs of bodies that cannot meet in a hydroelastic surface, since both are rigid."""
+    """Find the pairs of bodies that cannot meet in a hydroelastic surface, since both are rigid.
+
+    Returns a text for each pair, such as "table and cube", in alphabetical order.
+    """
     rigid = [shape for shape in inspector.GetAllGeometryIds(Role.kProximity) if _is_rigid(inspector, shape)]
     pairs = set()
     for first, second in combinations(rigid, 2):
         bodies = [plant.GetBodyFromFrameId(inspector.GetFrameId(shape)) for shape in (first, second)]
-        if not (inspector.CollisionFiltered(first, second) or all(plant.IsAnchored(body) for body in bodies)):
-            pairs.add(" and ".join(sorted(body.scoped_name().get_full() for body in bodies)))
+        is_fixed = all(plant.IsAnchored(body) for body in bodies)
+        if not is_fixed and not inspector.CollisionFiltered(first, second):
+            names = sorted(body.scoped_name().get_full() for body in bodies)
+            pairs.add(" and ".join(names))
     return sorted(pairs)
 
 
 def _is_rigid(inspector: SceneGraphInspector, shape: GeometryId) -> bool:
+    """Whether a shape is rigid in hydroelastic contact: it takes part, but has no modulus."""
     properties = inspector.GetProximityProperties(shape)
-    hydroelastic = properties.HasGroup("hydroelastic") and properties.HasProperty("hydroelastic", "compliance_type")
-    return hydroelastic and not properties.HasProperty("hydroelastic", "hydroelastic_modulus")
+    if not _is_hydroelastic(properties):
+        return False
+    return not properties.HasProperty("hydroelastic", "hydroelastic_modulus")
+
+
+def _is_hydroelastic(properties: ProximityProperties) -> bool:
+    """Whether a shape with these properties takes part in hydroelastic contact."""
+    return bool(properties.HasGroup("hydroelastic") and properties.HasProperty("hydroelastic", "compliance_type"))
 
 
 def _material(config: StationConfig, contact: ContactConfig, piece: str | None) -> ContactMaterial:
-    """Return the station's figures, those of the piece in their place."""
+    """Combine the material of a station with the values that a piece replaces; ``piece`` is None for other bodies."""
     own = config.pieces[piece].contact if piece else None
-    stated = {} if own is None else own.model_dump(exclude_none=True, exclude={"model"})
+    replaced = {} if own is None else own.model_dump(exclude_none=True, exclude={"model"})
     shared = contact.model_dump(include=set(ContactMaterial.model_fields), exclude_none=True)
-    return ContactMaterial.model_validate({**shared, **stated})
+    return ContactMaterial.model_validate({**shared, **replaced})
 
 
-def _write(
-    properties: ProximityProperties, material: ContactMaterial, contact: ContactConfig, *, at_points: bool
-) -> None:
+def _write_material(properties: ProximityProperties, material: ContactMaterial) -> None:
+    """Write stiffness, dissipation and friction into the properties of a shape, except values that are None.
+
+    Drake combines the stiffnesses of two shapes like springs in series. So two shapes with twice the stiffness make a
+    contact with the stiffness that the user gives.
+    """
     if material.stiffness is not None:
         properties.UpdateProperty("material", "point_contact_stiffness", 2 * material.stiffness)
     if material.dissipation is not None:
@@ -153,17 +201,23 @@ def _write(
     if material.friction is not None:
         friction = CoulombFriction(material.friction.static, material.friction.dynamic)
         properties.UpdateProperty("material", "coulomb_friction", friction)
-    known = properties.HasGroup("hydroelastic") and properties.HasProperty("hydroelastic", "compliance_type")
-    if contact.model == "point" or at_points:
-        return
-    if not known:
+
+
+def _write_modulus(properties: ProximityProperties, material: ContactMaterial, contact: ContactConfig) -> None:
+    """Write the hydroelastic modulus into the properties of a shape.
+
+    A shape of which the robot's file makes a rigid hydroelastic body stays rigid.
+    """
+    if not _is_hydroelastic(properties):
         AddCompliantHydroelasticProperties(contact.resolution, material.hydroelastic_modulus or MODULUS, properties)
-    elif material.hydroelastic_modulus is not None and properties.HasProperty("hydroelastic", "hydroelastic_modulus"):
+        return
+    is_compliant = properties.HasProperty("hydroelastic", "hydroelastic_modulus")
+    if material.hydroelastic_modulus is not None and is_compliant:
         properties.UpdateProperty("hydroelastic", "hydroelastic_modulus", material.hydroelastic_modulus)
 
 
 def largest_stiffness(solver: SolverConfig, mass: float) -> float:
-    r"""Return the stiffest contact [N/m] of a body of ``mass`` [kg] that a solver can hold; inf if any.
+    r"""Compute the largest contact stiffness [N/m] that a solver can hold; infinite if it holds any.
 
     * Error-controlled schemes follow any spring with steps that are short enough, :math:`h = 2.5 \sqrt{m/k}` for
       explicit ones at rest. Steps shorter than 10 µs are not worth waiting for, so :math:`k \le m\,(2.5/h)^2`.
@@ -171,6 +225,10 @@ def largest_stiffness(solver: SolverConfig, mass: float) -> float:
     * ``sap`` never lets a contact be stiffer than :math:`k = 4\pi^2 m / (3.3\,h\,(h + 0.1\,\mathrm{s}))`, whatever it
       is told (measured within 5 % on a ball at rest, for steps of 1 and 5 ms): it would soften a stiffer one silently.
     * ``lagged``, ``similar``, ``cenic`` and MuJoCo treat the spring implicitly and hold any.
+
+    Args:
+        solver: the solver of the station.
+        mass: mass m of the body in contact [kg].
     """
     if isinstance(solver, DiscreteSolver):
         step = solver.time_step
@@ -184,6 +242,11 @@ def largest_stiffness(solver: SolverConfig, mass: float) -> float:
 
 
 def _check_stiffness(solver: SolverConfig, body: RigidBody, stiffness: float) -> None:
+    """Check that a solver can hold a body with a contact stiffness [N/m].
+
+    Raises:
+        InvalidParameter: the stiffness is too large.
+    """
     largest = largest_stiffness(solver, body.default_mass())
     if stiffness > largest:
         step = f"steps of {solver.time_step:g} s" if isinstance(solver, FixedSteps) else solver.kind
@@ -192,27 +255,34 @@ def _check_stiffness(solver: SolverConfig, body: RigidBody, stiffness: float) ->
 
 
 def wire_friction(builder: DiagramBuilder, ports: StationPorts) -> None:
-    """Let the actuators that stand for friction want their joints to rest; under ``cenic`` add blocks in their place.
+    """Add the Coulomb friction of the robots' joints to the diagram of a station.
 
-    Actuators of ``cenic`` hold one torque a joint, the motor's. It linearises other forces at the start of a step h,
-    and friction that turns a joint's motion around within a step would do so for ever: there v_s is at least c h / M,
-    M being the inertia that the axis feels alone.
+    Usually, the plant has an actuator for the friction of each joint: a servo without stiffness whose torque limit is
+    the friction. Its desired state, zero, is connected here. The solver ``cenic`` gets blocks instead, since its
+    actuators hold one torque for each joint, that of the motor. Another engine than Drake has friction of its own.
+
+    ``cenic`` linearises the forces of blocks at the start of a step h. Friction c that reverses a joint's motion within
+    a step would do so for ever. So the speed v_s above which friction is constant is at least c h / M, with the inertia
+    M of the axis if all other axes are free.
     """
-    config, plant = ports.config, ports.plant.plant
+    config = ports.config
+    if ports.plant.engine is not None:
+        return
     for robot in ports.plant.robots.values():
         friction = robot.model.friction
-        if not friction.any() or ports.plant.engine is not None:  # which has friction of its own
+        if not friction.any():
             continue
         if isinstance(config.solver, ContinuousSolver) and config.solver.scheme == "cenic":
-            speed = np.maximum(
-                robot.model.drives.friction_speed, friction * config.solver.max_step / robot.free_inertias()
-            )
+            slowest = friction * config.solver.max_step / robot.free_inertias()
+            speed = np.maximum(robot.model.drives.friction_speed, slowest)
             sliding = _sliding(builder, ports, robot, speed)
-            spread = -robot.axis_map.velocity_matrix.T
-            ports.generalized_forces.append(mapped(builder, f"{robot.prefix}friction.force", spread, sliding))
+            # Friction acts against the motion: from the n axes to the generalized forces of the plant, with a minus.
+            to_plant = -robot.axis_map.velocity_matrix.T
+            ports.generalized_forces.append(mapped(builder, f"{robot.prefix}friction.force", to_plant, sliding))
         elif config.servo_of(robot.name).realization != "implicit":
-            rest = plant.get_desired_state_input_port(robot.instance)
-            builder.Connect(fed(builder, f"{robot.prefix}rest", ConstantVectorSource(np.zeros(rest.size()))), rest)
+            desired_state = ports.plant.plant.get_desired_state_input_port(robot.instance)
+            rest = ConstantVectorSource(np.zeros(desired_state.size()))
+            builder.Connect(fed(builder, f"{robot.prefix}rest", rest), desired_state)
             ports.draw_nothing(f"{robot.prefix}rest")
 
 
@@ -224,25 +294,52 @@ def with_friction(
     *,
     axes: Sequence[int] | None = None,
 ) -> OutputPort:
-    """Add to torques (n,) [N·m or N] what the motors give against friction.
+    """Add the torques that overcome Coulomb friction to the torques of a robot's motors.
 
-    ``axes`` are the indices of those axes whose torques are without friction: all of
-    them unless given.
+    Args:
+        builder: builder of the station's diagram, to which blocks are added.
+        ports: ports of the station; its plant's state drives the friction.
+        robot: the robot.
+        torque: output port with torques (n,) [N·m or N], which lack friction.
+        axes: indices of the axes whose torques lack friction; None stands for all axes.
+
+    Returns:
+        output port with the sum, shape (n,) [N·m or N]; the given port if none of these axes has friction.
     """
     count = len(robot.axes)
-    counted = np.zeros(count)
-    counted[list(range(count)) if axes is None else list(axes)] = 1.0
-    if not (counted * robot.model.friction).any():
+    is_added = np.ones(count)
+    if axes is not None:
+        is_added = np.zeros(count)
+        is_added[list(axes)] = 1.0
+    if not (is_added * robot.model.friction).any():
         return torque
-    sliding = _sliding(builder, ports, robot, np.full(count, robot.model.drives.friction_speed))
-    if not counted.all():
-        sliding = mapped(builder, f"{robot.prefix}friction.counted", np.diag(counted), sliding)
-    return summed(builder, f"{robot.prefix}friction.torque", torque, sliding)
+    speeds = np.full(count, robot.model.drives.friction_speed)
+    friction = _sliding(builder, ports, robot, speeds)
+    if not is_added.all():
+        # A diagonal matrix of ones and zeros drops the friction of the other axes.
+        friction = mapped(builder, f"{robot.prefix}friction.counted", np.diag(is_added), friction)
+    return summed(builder, f"{robot.prefix}friction.torque", torque, friction)
 
 
 def _sliding(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, speed: Vector) -> OutputPort:
-    """Add c sat(v / v_s), size n, of the plant's state."""
-    name, friction = f"{robot.prefix}friction", robot.model.friction
+    """Add a block for the Coulomb friction of a robot's axes: c sat(v / v_s), of the plant's state.
+
+    Here c are the friction torques of the robot's model, v the speeds of its axes, and sat limits to -1 and 1.
+
+    Args:
+        builder: builder of the station's diagram.
+        ports: ports of the station.
+        robot: the robot.
+        speed: speeds v_s above which friction is constant, shape (n,) [rad/s or m/s].
+
+    Returns:
+        output port with torques in the direction of the motion, shape (n,) [N·m or N].
+    """
+    name = f"{robot.prefix}friction"
+    friction = robot.model.friction
     ports.draw(name, "force", f"Friction\nof {robot.model.name}", robot)
-    slope = (friction / speed)[:, np.newaxis] * robot.axis_map.state_matrix[len(friction) :]
-    return fed(builder, name, Saturation(-friction, friction), mapped(builder, f"{name}.slope", slope, ports.state))
+    # The lower half of the state matrix gives the speeds of the axes.
+    speeds_of_state = robot.axis_map.state_matrix[len(friction) :]
+    slope = (friction / speed)[:, np.newaxis] * speeds_of_state
+    unlimited = mapped(builder, f"{name}.slope", slope, ports.state)
+    return fed(builder, name, Saturation(-friction, friction), unlimited)

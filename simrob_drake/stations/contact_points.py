@@ -8,13 +8,18 @@ the corners and along the edges carry a flat body as Coulomb's law and statics d
 * A box twice as high as wide stands on a slope of 25 degrees and falls at 28; in theory it tips at 26.6. With
   hydroelastic surfaces it falls at 22 degrees, since the sudden load at the start shakes it.
 
-A box touches others with its balls alone. So does the convex hull of a mesh with few corners. Of cylinders, capsules
-and rounder meshes, the shape itself touches as well; its balls protrude a little, so that they carry its flat faces.
+Terms:
+
+* A **ball** is such a small collision sphere, fixed to the body of the shape for which it stands.
+* A **polyhedron** is a box, or the convex hull of a mesh with few corners. It touches planes and other polyhedra with
+  balls alone.
+* A **round shape** is a cylinder, a capsule or a mesh with more corners. The shape itself touches as well; its balls
+  protrude a little, so that they carry its flat faces.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise, product
+from itertools import combinations, pairwise, product
 from typing import NamedTuple
 
 import numpy as np
@@ -46,52 +51,72 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import ResolvedStation
 
 LARGEST_RADIUS = 1e-3
-"""Radius of the balls [m], unless the shape is small. They lie inside of the shape, so it gets rounder by this."""
+"""Radius of the balls of large shapes with stiff contacts [m]. Balls lie inside of their shape, so that its corners
+become rounder by this radius."""
 
 RADIUS_SHARE = 0.05
-"""Largest radius of the balls as a share of the shortest side of a shape."""
+"""Largest radius of the balls with stiff contacts, as a share of the shape's shortest side."""
 
 SOFT_RADIUS_SHARE = 0.2
-"""The same where contacts are soft: a ball must not sink in by more than its radius, or the side of a body on which it
-lies near an edge would push it away sideways."""
+"""Largest radius of the balls with soft contacts, as a share of the shape's shortest side.
+
+Soft contacts need larger balls: a ball must not sink in by more than its radius. If it did and were near an edge of the
+body on which it lies, the side of that body would push it away sideways."""
 
 SMALLEST_PROTRUSION = 2e-5
-"""How far the balls of round shapes protrude beyond their flat faces [m]. Drake's default stiffness gives way by less
-under a body's own weight (12 µm for a box of 3 kg)."""
+"""Least height by which balls of round shapes protrude beyond the flat faces [m].
+
+With Drake's default stiffness, a body sinks in by less under its own weight (12 µm for a box of 3 kg)."""
 
 LARGEST_PROTRUSION = 5e-4
-"""Limit of the protrusion where contacts are soft [m]."""
+"""Largest height by which balls of round shapes protrude, with soft contacts [m]."""
 
 RIM_POINTS = 12
-"""Balls on each rim of a cylinder. It tips up to r (1 - cos(180°/12)), 3.4 % of its radius, too early."""
+"""Count of balls on each rim of a cylinder. Between two balls the rim is nearer to the axis by r (1 - cos(180°/12)),
+which is 3.4 % of the radius, so that the cylinder tips a little too early."""
 
 MOST_CORNERS = 32
-"""Corners of a mesh's convex hull that get balls. If a hull has more, those that are farthest apart get them."""
+"""Largest count of a convex hull's corners that get balls. Of more corners, those that are farthest apart get balls."""
 
 MOST_EDGE_PARTS = 8
-"""Parts into which balls divide an edge. A part is at most half of the shape's shortest side, if these suffice."""
+"""Largest count of parts into which balls divide an edge."""
+
+_CARRYING_BALLS = 4  # count of balls that share the weight of a body that lies on a face
 
 
 class ContactBall(NamedTuple):
-    """A ball that stands for a part of a flat shape.
+    """One ball of a shape.
 
     Attributes:
-        centre: in the frame of the shape, shape (3,) [m].
-        radius: [m].
+        centre: position of the ball's centre in the frame of the shape, shape (3,) [m].
+        radius: radius of the ball [m].
     """
 
     centre: Vector
     radius: float
 
 
-@dataclass
-class ContactPoints:
-    """The balls of a plant.
+class Edge(NamedTuple):
+    """An edge of a polyhedron.
 
     Attributes:
-        corners: balls at corners, rims and ends.
-        edges: balls along edges, which carry what lies across another body.
-        polyhedra: shapes whose corners all have balls, so that they need not touch planes or each other themselves.
+        first: index of one end among the corners of the polyhedron.
+        second: index of the other end.
+    """
+
+    first: int
+    second: int
+
+
+@dataclass
+class ContactPoints:
+    """The balls of a plant, and the shapes that they replace.
+
+    Attributes:
+        corners: balls at corners of polyhedra, and all balls of round shapes.
+        edges: balls along the edges of polyhedra. They carry a body that lies across another one.
+        polyhedra: polyhedra with balls, and the boxes of the terrain. The boxes have no balls of their own, since the
+            balls of the bodies on them suffice.
     """
 
     corners: list[GeometryId] = field(default_factory=list)
@@ -100,14 +125,14 @@ class ContactPoints:
 
     @property
     def balls(self) -> list[GeometryId]:
-        """All balls."""
+        """The balls of `corners` and `edges` in one list."""
         return [*self.corners, *self.edges]
 
 
 def uses_contact_points(config: StationConfig) -> bool:
-    """Whether flat bodies of a station touch at their corners: in point contact, unless it is turned off.
+    """Whether the flat shapes of a station get balls: in point contact, unless ``contact.corners`` is false.
 
-    MuJoCo finds several points for each pair of shapes by itself.
+    MuJoCo needs no balls, since it finds several contact points for each pair of shapes.
     """
     contact = config.contact
     if config.mode != "dynamic" or contact is None or config.solver.scheme == "mujoco":
@@ -118,48 +143,60 @@ def uses_contact_points(config: StationConfig) -> bool:
 def add_contact_points(
     plant: MultibodyPlant, scene_graph: SceneGraph, station: ResolvedStation, robots: Sequence[StationRobot]
 ) -> ContactPoints:
-    """Give the flat shapes of a station their balls, before the plant is finalized.
+    """Register the balls of a station's flat shapes in the plant, before the plant is finalized.
 
-    Free pieces and robots that float get them. If there are any of these, so do the things on which they can lie and
-    between which they can be held: fixed and carried pieces, and the fingers of robots.
+    Free pieces and robots that float get balls. If there are any of these, the bodies on which they can lie and
+    between which they can be held get balls, too: fixed and carried pieces, and the fingers of robots.
+
+    Args:
+        plant: the plant with all robots and pieces, not finalized.
+        scene_graph: the scene graph of the plant.
+        station: the station with its pieces and configuration.
+        robots: the robots in the plant.
     """
     points = ContactPoints()
     if not uses_contact_points(station.config):
         return points
-    inspector = scene_graph.model_inspector()
-    shapes = [shape for shape in inspector.GetAllGeometryIds(Role.kProximity) if is_flat(inspector, shape)]
-    free = [shape for shape in shapes if _is_free(plant, inspector, station, robots, shape)]
-    if free:
-        supports = [shape for shape in shapes if _is_support(plant, inspector, station, robots, shape)]
-        load = max(_mass_of(plant, inspector, shape) for shape in free) * abs(station.config.gravity)
-        for shape in [*free, *supports]:
-            _add_balls(plant, inspector, station, shape, load, points)
-        # Boxes of a terrain need no balls: those of the bodies on them find their faces.
-        points.polyhedra += [shape for shape in shapes if own_name(inspector, shape).startswith(f"{FLOOR}.")]
+    owners = _ShapeOwners(plant, scene_graph.model_inspector(), station, robots)
+    flat = [shape for shape in owners.inspector.GetAllGeometryIds(Role.kProximity) if is_flat(owners.inspector, shape)]
+    free = [shape for shape in flat if owners.is_free(shape)]
+    if not free:  # nothing rests on a face, and balls would only cost time
+        return points
+    supports = [shape for shape in flat if owners.is_support(shape)]
+    heaviest = max(owners.moved_mass(shape) for shape in free)
+    load = heaviest * abs(station.config.gravity)
+    for shape in [*free, *supports]:
+        _register_balls(owners, shape, load, points)
+    points.polyhedra += [shape for shape in flat if _is_terrain_box(owners.inspector, shape)]
     return points
 
 
 def filter_contact_points(scene_graph: SceneGraph, points: ContactPoints) -> list[tuple[GeometryId, GeometryId]]:
-    """Leave out the pairs of shapes that would count a contact twice, after the plant is finalized.
-
-    Returns the pairs of shapes for which balls touch.
+    """Exclude the pairs of shapes that would count a contact twice, after the plant is finalized.
 
     * Balls do not touch balls.
-    * Over a plane, the lowest point of a polyhedron is a corner. So only balls at corners touch planes.
-    * Two polyhedra touch with their balls: a corner or an edge of one of them is always on the other.
+    * Polyhedra do not touch planes, and of their balls only those at corners do: the lowest point of a polyhedron over
+      a plane is always a corner.
+    * Polyhedra do not touch each other: if two overlap, a corner or an edge of one of them is in the other.
+
+    Returns:
+        the pairs of shapes (no balls) that touched before and no longer do. The balls of these shapes touch in their
+        place.
     """
     if not points.balls:
         return []
     inspector = scene_graph.model_inspector()
-    everything = inspector.GetAllGeometryIds(Role.kProximity)
-    planes = [shape for shape in everything if isinstance(inspector.GetShape(shape), HalfSpace)]
+    shapes = inspector.GetAllGeometryIds(Role.kProximity)
+    planes = [shape for shape in shapes if isinstance(inspector.GetShape(shape), HalfSpace)]
     polyhedra = set(points.polyhedra)
-    others = polyhedra | set(planes)
-    replaced = [
-        pair
-        for pair in sorted(inspector.GetCollisionCandidates())
-        if polyhedra.intersection(pair) and others.issuperset(pair)
-    ]
+    planes_and_polyhedra = polyhedra.union(planes)
+    replaced = []
+    # Sorted, so that the order of the pairs is the same in every run.
+    for pair in sorted(inspector.GetCollisionCandidates()):
+        has_polyhedron = not polyhedra.isdisjoint(pair)
+        if has_polyhedron and planes_and_polyhedra.issuperset(pair):
+            replaced.append(pair)
+
     filters = CollisionFilterDeclaration()
     filters.ExcludeWithin(GeometrySet(points.balls))
     filters.ExcludeWithin(GeometrySet(points.polyhedra))
@@ -173,92 +210,108 @@ def is_flat(inspector: SceneGraphInspector, shape: GeometryId) -> bool:
     return isinstance(inspector.GetShape(shape), Box | Cylinder | Capsule | Mesh | Convex)
 
 
-def _is_free(
-    plant: MultibodyPlant,
-    inspector: SceneGraphInspector,
-    station: ResolvedStation,
-    robots: Sequence[StationRobot],
-    shape: GeometryId,
-) -> bool:
-    """Whether a shape belongs to a body that only contact carries: a free piece, or a robot that floats.
+def _is_terrain_box(inspector: SceneGraphInspector, shape: GeometryId) -> bool:
+    """Whether a shape is a box of the floor's terrain, which is called ``floor.<number>``."""
+    return own_name(inspector, shape).startswith(f"{FLOOR}.")
 
-    A robot with feet is carried by these alone, so its other links keep their single points.
+
+@dataclass(frozen=True)
+class _ShapeOwners:
+    """Finds the bodies, pieces and robots to which the collision shapes of a plant belong.
+
+    Attributes:
+        plant: the plant with all robots and pieces.
+        inspector: inspector of the plant's scene graph.
+        station: the station with its pieces.
+        robots: the robots in the plant.
     """
-    piece = piece_of_shape(station, inspector, shape)
-    if piece is not None and station.pieces[piece].carrier == WORLD:
-        return station.pieces[piece].free
-    robot = _robot_of(plant, inspector, robots, shape)
-    if robot is None or not robot.floats:
-        return False
-    if robot.feet is None or piece is not None:
-        return True
-    feet = [plant.GetFrameByName(link, robot.instance).body().index() for link in robot.feet.links]
-    return _body_of(plant, inspector, shape).index() in feet
+
+    plant: MultibodyPlant
+    inspector: SceneGraphInspector
+    station: ResolvedStation
+    robots: Sequence[StationRobot]
+
+    def body(self, shape: GeometryId) -> RigidBody:
+        """Find the body to which a shape is fixed."""
+        return self.plant.GetBodyFromFrameId(self.inspector.GetFrameId(shape))
+
+    def piece(self, shape: GeometryId) -> str | None:
+        """Find the name of the piece to which a shape belongs. Returns None for shapes of robots and of the floor."""
+        return piece_of_shape(self.station, self.inspector, shape)
+
+    def robot(self, shape: GeometryId) -> StationRobot | None:
+        """Find the robot that owns a shape, or carries the shape's piece. Returns None if there is no such robot."""
+        instance = self.body(shape).model_instance()
+        return next((robot for robot in self.robots if robot.instance == instance), None)
+
+    def moved_mass(self, shape: GeometryId) -> float:
+        """Mass of the free piece, or of the whole robot, with which a shape moves [kg]."""
+        instance = self.body(shape).model_instance()
+        indices = self.plant.GetBodyIndices(instance)
+        return float(sum(self.plant.get_body(index).default_mass() for index in indices))
+
+    def is_free(self, shape: GeometryId) -> bool:
+        """Whether contact carries the body of a shape: a free piece, or a robot that floats with what it carries.
+
+        If the robot has feet, its feet carry it, and of its own links only these count.
+        """
+        piece = self.piece(shape)
+        # A piece that no robot carries has the world as its carrier.
+        if piece is not None and self.station.pieces[piece].carrier == WORLD:
+            return self.station.pieces[piece].free
+        robot = self.robot(shape)
+        if robot is None or not robot.floats:
+            return False
+        if robot.feet is None or piece is not None:
+            return True
+        # Feet may be named after links that were merged into other bodies, so that bodies are compared, not names.
+        feet = [self.plant.GetFrameByName(link, robot.instance).body().index() for link in robot.feet.links]
+        return self.body(shape).index() in feet
+
+    def is_support(self, shape: GeometryId) -> bool:
+        """Whether free bodies can lie on a shape or be held by it: a fixed or carried piece, or a finger.
+
+        Fingers of robots that float, and pieces that such robots carry, do not count.
+        """
+        piece = self.piece(shape)
+        robot = self.robot(shape)
+        if robot is not None and robot.floats:
+            return False
+        if piece is not None:
+            return not self.station.pieces[piece].free
+        if robot is None:
+            return False
+        fingers = [robot.joints[axis].child_body().index() for axis in robot.model.fingers]
+        return self.body(shape).index() in fingers
 
 
-def _is_support(
-    plant: MultibodyPlant,
-    inspector: SceneGraphInspector,
-    station: ResolvedStation,
-    robots: Sequence[StationRobot],
-    shape: GeometryId,
-) -> bool:
-    """Whether free bodies can lie on a shape or be held by it: a fixed or carried piece, or a finger."""
-    piece = piece_of_shape(station, inspector, shape)
-    robot = _robot_of(plant, inspector, robots, shape)
-    if piece is not None:
-        floats = robot is not None and robot.floats
-        return not (floats or station.pieces[piece].free)
-    if robot is None or robot.floats:
-        return False
-    fingers = [robot.joints[axis].child_body().index() for axis in robot.model.fingers]
-    return _body_of(plant, inspector, shape).index() in fingers
+def _register_balls(owners: _ShapeOwners, shape: GeometryId, load: float, points: ContactPoints) -> None:
+    """Register the balls of one shape in the plant, and append them to ``points``.
 
+    Each ball has the material of the shape, and the shape's name with a number.
 
-def _body_of(plant: MultibodyPlant, inspector: SceneGraphInspector, shape: GeometryId) -> RigidBody:
-    """Find the body to which a shape is fixed."""
-    return plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
-
-
-def _mass_of(plant: MultibodyPlant, inspector: SceneGraphInspector, shape: GeometryId) -> float:
-    """Mass of everything that moves with a shape: a free piece, or a whole robot [kg]."""
-    instance = _body_of(plant, inspector, shape).model_instance()
-    return float(sum(plant.get_body(index).default_mass() for index in plant.GetBodyIndices(instance)))
-
-
-def _robot_of(
-    plant: MultibodyPlant, inspector: SceneGraphInspector, robots: Sequence[StationRobot], shape: GeometryId
-) -> StationRobot | None:
-    """Find the robot to whose links a shape is fixed. Returns None for pieces that stand alone, and for the floor."""
-    instance = _body_of(plant, inspector, shape).model_instance()
-    return next((robot for robot in robots if robot.instance == instance), None)
-
-
-def _add_balls(
-    plant: MultibodyPlant,
-    inspector: SceneGraphInspector,
-    station: ResolvedStation,
-    shape: GeometryId,
-    load: float,
-    points: ContactPoints,
-) -> None:
-    """Register the balls of one shape, with its material, under its name and a number.
-
-    The load is the weight of the heaviest body that such balls carry [N].
+    Args:
+        owners: the plant with its shapes.
+        shape: the flat shape.
+        load: weight of the heaviest body that such balls carry [N].
+        points: the balls registered so far; changed.
     """
-    body = _body_of(plant, inspector, shape)
+    inspector = owners.inspector
+    body = owners.body(shape)
     pose = inspector.GetPoseInFrame(shape)
     material = inspector.GetProximityProperties(shape)
     name = own_name(inspector, shape)
 
     def register(ball: ContactBall, label: str) -> GeometryId:
+        # The ball's name begins with that of the shape, so that forces on it count as forces on the shape's piece.
         centre = RigidTransform(pose.multiply(ball.centre))
         properties = ProximityProperties(material)
-        return plant.RegisterCollisionGeometry(body, centre, Sphere(ball.radius), f"{name}.{label}", properties)
+        return owners.plant.RegisterCollisionGeometry(body, centre, Sphere(ball.radius), f"{name}.{label}", properties)
 
+    depth = _sinking_depth(owners.station.config, owners.piece(shape), load)
     corners = shape_corners(inspector, shape)
-    depth = _sinking(station.config, piece_of_shape(station, inspector, shape), load)
-    if 0 < len(corners) <= MOST_CORNERS:
+    is_polyhedron = 0 < len(corners) <= MOST_CORNERS
+    if is_polyhedron:
         balls = balls_at_corners(corners, depth=depth)
         on_edges = balls_on_edges(balls, _edges_of(inspector, shape))
         points.polyhedra.append(shape)
@@ -277,90 +330,124 @@ def balls_at_corners(corners: Vector, *, depth: float = 0.0, protrusion: float =
 
     Args:
         corners: corners of the body, shape (m, 3) [m], in the frame of the shape.
-        depth: how far the balls sink in under the body's weight [m]; their radius is chosen by it.
+        depth: how far the balls sink in under the body's weight [m]; soft contacts get larger balls.
         protrusion: how far the balls reach beyond the faces [m].
     """
     middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
-    radius = _radius(float(np.ptp(corners, axis=0).min()), depth)
+    shortest_side = float(np.ptp(corners, axis=0).min())
+    radius = _ball_radius(shortest_side, depth)
+    # Signs of the directions along x, y and z from the middle to each corner.
     outward = np.sign(corners - middle)
     centres = corners - outward * (radius - protrusion)
     return [ContactBall(centre, radius) for centre in centres]
 
 
-def balls_on_edges(corners: Sequence[ContactBall], edges: Sequence[tuple[int, int]]) -> Iterator[ContactBall]:
-    """Yield balls along edges, evenly spaced between those at the corners.
+def balls_on_edges(corners: Sequence[ContactBall], edges: Sequence[Edge]) -> Iterator[ContactBall]:
+    """Yield balls along the edges of a polyhedron, evenly spaced between the balls at its corners.
+
+    Two neighbouring balls are apart by at most half of the polyhedron's shortest side, unless an edge would then have
+    more than MOST_EDGE_PARTS parts.
 
     Args:
-        corners: balls at the corners of a polyhedron.
-        edges: the places of an edge's two ends among the corners.
+        corners: balls at all corners of the polyhedron.
+        edges: edges between these corners.
     """
     centres = np.array([ball.centre for ball in corners])
+    # The sides of the box around the balls are a little shorter than those of the polyhedron.
     longest_part = float(np.ptp(centres, axis=0).min()) / 2
-    for first, second in edges:
-        along = centres[second] - centres[first]
+    for edge in edges:
+        start = centres[edge.first]
+        along = centres[edge.second] - start
         needed = np.ceil(np.linalg.norm(along) / longest_part)
         parts = int(min(needed, MOST_EDGE_PARTS))
+        # The two ends of the edge, 0 and `parts`, have the balls of the corners.
         for part in range(1, parts):
-            yield ContactBall(centres[first] + along * part / parts, corners[first].radius)
+            yield ContactBall(start + along * part / parts, corners[edge.first].radius)
 
 
-def _edges_of(inspector: SceneGraphInspector, shape_id: GeometryId) -> list[tuple[int, int]]:
-    """Find the edges of a box or a convex hull, as pairs of the places of their ends among the shape's corners."""
-    if isinstance(inspector.GetShape(shape_id), Box):
-        corners = shape_corners(inspector, shape_id)
-        # The ends of an edge of a box differ in one coordinate.
-        differences = (corners[:, np.newaxis] != corners).sum(axis=2)
-        return [(int(first), int(second)) for first, second in np.argwhere(np.triu(differences == 1))]
-    hull = inspector.GetConvexHull(shape_id)
-    edges = set[tuple[int, int]]()
+def _edges_of(inspector: SceneGraphInspector, shape: GeometryId) -> list[Edge]:
+    """Find the edges of a box or of a mesh's convex hull; the corners are numbered as in :func:`shape_corners`."""
+    if isinstance(inspector.GetShape(shape), Box):
+        return _edges_of_box(shape_corners(inspector, shape))
+    hull = inspector.GetConvexHull(shape)
+    # Two faces share each edge, so the ends are sorted and duplicates dropped.
+    edges = set[Edge]()
     for face in range(hull.num_elements()):
         polygon = hull.element(face)
-        around = [polygon.vertex(place) for place in range(polygon.num_vertices())]
-        edges |= {(min(ends), max(ends)) for ends in pairwise([*around, around[0]])}
+        around = [polygon.vertex(index) for index in range(polygon.num_vertices())]
+        closed = [*around, around[0]]
+        edges |= {Edge(min(ends), max(ends)) for ends in pairwise(closed)}
     return sorted(edges)
 
 
-def _sinking(config: StationConfig, piece: str | None, load: float) -> float:
-    """Compute how far four balls of a piece sink in under a load [N], in [m].
+def _edges_of_box(corners: Vector) -> list[Edge]:
+    """Find the twelve edges of a box from its corners (8, 3) in its own frame: their ends differ in one coordinate."""
+    edges = []
+    for first, second in combinations(range(len(corners)), 2):
+        differences = np.count_nonzero(corners[first] != corners[second])
+        if differences == 1:
+            edges.append(Edge(first, second))
+    return edges
 
-    This counts where the station or the piece states a stiffness. Drake's default gives way by some micrometres,
-    and the result is 0.
+
+def _sinking_depth(config: StationConfig, piece: str | None, load: float) -> float:
+    """Compute how far four balls sink in under a load, [m].
+
+    Only the stiffness that the user gives counts: that of the piece, otherwise that of the station. Without one, the
+    depth is 0: with Drake's default stiffness bodies sink in by some micrometres only.
+
+    Args:
+        config: configuration of the station.
+        piece: name of the piece to which the balls belong, or None if they belong to a robot or the floor.
+        load: the load on all balls together [N].
     """
-    contact = config.contact
-    stiffness = None if contact is None else contact.stiffness
-    own = None if piece is None else config.pieces[piece].contact
-    if own is not None and own.stiffness is not None:
-        stiffness = own.stiffness
-    return 0.0 if stiffness is None else load / (4 * stiffness)
+    stiffness = None if config.contact is None else config.contact.stiffness
+    contact_of_piece = None if piece is None else config.pieces[piece].contact
+    if contact_of_piece is not None and contact_of_piece.stiffness is not None:
+        stiffness = contact_of_piece.stiffness
+    if stiffness is None:
+        return 0.0
+    # Each ball carries an equal part of the load: depth = force / stiffness.
+    return load / (_CARRYING_BALLS * stiffness)
 
 
 def _balls_of_round_shape(inspector: SceneGraphInspector, shape_id: GeometryId, depth: float) -> list[ContactBall]:
     """Place the balls of a shape that is flat in parts only: a cylinder, a capsule or a mesh with many corners.
 
-    They protrude by twice the depth (m) to which they sink in, so that they carry its flat faces.
+    The balls protrude by twice the depth [m] by which they sink in, so that they carry the flat parts.
     """
     protrusion = float(np.clip(2 * depth, SMALLEST_PROTRUSION, LARGEST_PROTRUSION))
     shape = inspector.GetShape(shape_id)
     if isinstance(shape, Cylinder):
         return balls_of_cylinder(shape.radius(), shape.length() / 2, protrusion)
     if isinstance(shape, Capsule):
-        ends = np.array([[0.0, 0.0, side * shape.length() / 2] for side in (-1.0, 1.0)])
-        return [ContactBall(end, shape.radius() + protrusion) for end in ends]
-    corners = _spread(shape_corners(inspector, shape_id), MOST_CORNERS)
+        return _balls_of_capsule(shape, protrusion)
+    corners = _spread_corners(shape_corners(inspector, shape_id), MOST_CORNERS)
     return balls_at_corners(corners, depth=depth, protrusion=protrusion)
 
 
-def balls_of_cylinder(radius: float, half_length: float, protrusion: float) -> list[ContactBall]:
-    """Place balls on both rims of a cylinder and, if it is long, two as wide as itself on which it rolls.
+def _balls_of_capsule(capsule: Capsule, protrusion: float) -> list[ContactBall]:
+    """Place a ball at each end of a capsule; its radius is that of the capsule plus the protrusion [m]."""
+    balls = []
+    for side in (-1.0, 1.0):
+        centre = np.array([0.0, 0.0, side * capsule.length() / 2])
+        balls.append(ContactBall(centre, capsule.radius() + protrusion))
+    return balls
 
-    The balls on the rims protrude from the end faces and not from the mantle, so that they do not disturb rolling.
+
+def balls_of_cylinder(radius: float, half_length: float, protrusion: float) -> list[ContactBall]:
+    """Place small balls on both rims of a cylinder and, if it is longer than wide, two wide balls on which it rolls.
+
+    The small balls protrude from the end faces but not from the mantle, so that they do not disturb rolling. The wide
+    balls are inside the ends of the cylinder and as wide as it.
 
     Args:
-        radius: [m].
+        radius: radius of the cylinder [m].
         half_length: half of its length along z [m].
-        protrusion: how far the balls reach beyond the end faces, and the wide ones beyond the mantle [m].
+        protrusion: how far the small balls reach beyond the end faces, and the wide ones beyond the mantle [m].
     """
-    small = _radius(2 * min(radius, half_length), protrusion)
+    small = _ball_radius(2 * min(radius, half_length), protrusion)
+    # A small ball reaches to `radius - protrusion` across, and to `half_length + protrusion` along the axis.
     across = radius - small - protrusion
     height = half_length - small + protrusion
     angles = 2 * np.pi * np.arange(RIM_POINTS) / RIM_POINTS
@@ -375,22 +462,38 @@ def balls_of_cylinder(radius: float, half_length: float, protrusion: float) -> l
     return balls
 
 
-def _radius(shortest_side: float, depth: float) -> float:
-    """Compute the radius of the balls of a shape that sink in by a depth under its weight, all in [m]."""
+def _ball_radius(shortest_side: float, depth: float) -> float:
+    """Choose the radius of a shape's small balls [m].
+
+    Args:
+        shortest_side: shortest side of the shape [m].
+        depth: how far the balls sink in, or protrude [m]. The radius is at least twice as large, unless the shape is
+            too small for such balls.
+    """
     usual = min(LARGEST_RADIUS, RADIUS_SHARE * shortest_side)
+    # With the factor 2, a ball sinks in by no more than half of its radius.
     soft = min(2 * depth, SOFT_RADIUS_SHARE * shortest_side)
     return max(usual, soft)
 
 
-def _spread(corners: Vector, most: int) -> Vector:
-    """Select ``most`` corners (k, 3) that are far apart: each is the farthest from those before.
+def _spread_corners(corners: Vector, count: int) -> Vector:
+    """Select some of k corners (k, 3) [m] so that they are far apart: each next one is the farthest from those before.
 
     The choice begins at the corner with the lowest z, then y, then x. Of corners that are equally far away, the
-    first one in the order of the mesh's hull is taken, which is the same in every run.
+    first one in the order of the mesh's hull is taken. So the choice is the same in every run.
+
+    Args:
+        corners: all corners of a hull, shape (k, 3) [m].
+        count: number of corners to select, smaller than k.
+
+    Returns:
+        the selected corners, shape (count, 3) [m].
     """
-    chosen = [int(np.lexsort(corners.T)[0])]
-    distances = np.linalg.norm(corners - corners[chosen[0]], axis=1)
-    while len(chosen) < most:
+    lowest = int(np.lexsort(corners.T)[0])
+    chosen = [lowest]
+    # Distance of each corner from the nearest chosen one.
+    distances = np.linalg.norm(corners - corners[lowest], axis=1)
+    while len(chosen) < count:
         farthest = int(np.argmax(distances))
         chosen.append(farthest)
         distances = np.minimum(distances, np.linalg.norm(corners - corners[farthest], axis=1))

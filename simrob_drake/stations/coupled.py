@@ -1,6 +1,12 @@
-"""The coupled axes of a station: gears, joints that mimic others in a robot's file, and postures that obey both."""
+"""The coupled axes of a station: which axes are coupled, and initial positions that obey the couplings.
 
-from collections.abc import Mapping, Sequence
+A gear is an entry under ``couplings`` of a station: a constant sum of the positions of some axes times ratios. A mimic
+joint follows another joint, its leader, as the file of its robot says; here each mimic joint becomes such a gear.
+Not every solver can hold a gear during a run, but the initial positions obey all of them. The full name of an axis is
+its name with a prefix of its robot, if the station has several robots.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -9,15 +15,15 @@ from simrob_drake.errors import InvalidParameter, listed
 from simrob_drake.frames import Vector
 from simrob_drake.parts.couplings import Gear
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.robots.coupled_axes import AxisCondition, CoupledAxes
+from simrob_drake.robots.coupled_axes import AxisCondition, ConditionViolation, CoupledAxes, Firmness
 from simrob_drake.stations.config import RobotConfig, StationConfig
 from simrob_drake.stations.solver_config import FixedSteps
 
-# Deviations from a coupling that count as rounding: stations hold degrees with four decimals, and the grippers of
-# robot.yaml have six digits.
+# Deviations from a coupling that count as rounding, of revolute axes [deg] and of prismatic axes [m]: stations hold
+# degrees with four decimals, and the grippers of robot.yaml have six digits.
 ROUNDING_DEG = 0.01
 ROUNDING_METRES = 1e-5
-_ZERO_RATIO = 1e-9  # smaller ratios of a condition are what rounding leaves of zero
+_ZERO_RATIO = 1e-9  # smaller ratios of a condition count as zero: they are rounding errors
 
 
 def gear_name(config: StationConfig, robot: str, axis: str) -> str:
@@ -38,21 +44,29 @@ def mimic_gears(config: StationConfig, models: Mapping[str, RobotModel]) -> dict
     Returns:
         the gears, by their keys under ``couplings``.
     """
-    axes_of_gears = [gear.ratios.keys() for gear in config.couplings.values() if isinstance(gear, Gear)]
+    axes_of_own_gears = [gear.ratios.keys() for gear in config.couplings.values() if isinstance(gear, Gear)]
     gears = {}
     for name, model in models.items():
         if not config.robots[name].mimic:
             continue
         prefix = config.prefix(name)
         for axis, follower in model.followers.items():
-            ratios = {f"{prefix}{one}": ratio for one, ratio in follower.ratios(axis).items()}
-            if not any(ratios.keys() <= coupled for coupled in axes_of_gears):
+            ratios = {f"{prefix}{own_name}": ratio for own_name, ratio in follower.ratios(axis).items()}
+            is_replaced = any(ratios.keys() <= axes for axes in axes_of_own_gears)
+            if not is_replaced:
                 gears[gear_name(config, name, axis)] = Gear(kind="gear", ratios=ratios, total=follower.offset)
     return gears
 
 
+class MimicPair(NamedTuple):
+    """A mimic joint and its leader, by the full names of their axes."""
+
+    follower: str
+    leader: str
+
+
 class SolverTraits(NamedTuple):
-    """Properties of a station's solver on which it depends which couplings the solver can hold."""
+    """The properties of a station's solver that decide which couplings it can hold."""
 
     mode: Literal["dynamic", "kinematic"]
     scheme: str  # name of the scheme, such as "radau3"; an empty text in a kinematic station
@@ -66,19 +80,15 @@ def solver_traits(config: StationConfig) -> SolverTraits:
     return SolverTraits(config.mode, scheme, time_step)
 
 
-def unheld_mimics(config: StationConfig, robot: str, model: RobotModel) -> list[tuple[str, str]]:
-    """Find the mimic joints of a robot that the solver of a station cannot hold.
-
-    Returns:
-        pairs of the axis that should follow and its leader, by their full names.
-    """
+def unheld_mimics(config: StationConfig, robot: str, model: RobotModel) -> list[MimicPair]:
+    """Find the mimic joints of a robot that the solver of a station cannot hold during a run."""
     traits = solver_traits(config)
     pairs = []
     for gear in mimic_gears(config, {robot: model}).values():
         if not gear.is_held(traits):
-            # The ratios of a mimic joint name two axes, the follower first.
-            axis, leader = gear.ratios
-            pairs.append((axis, leader))
+            # The gear of a mimic joint has the ratios of two axes, the follower first.
+            follower, leader = gear.ratios
+            pairs.append(MimicPair(follower, leader))
     return pairs
 
 
@@ -90,27 +100,54 @@ def coupled_axes(config: StationConfig, mimics: Mapping[str, Gear], axes: Sequen
         mimics: further gears, of mimic joints that are not part of the configuration.
         axes: full names of the axes of all robots, in order.
     """
-    gears = {name: gear for name, gear in config.couplings.items() if isinstance(gear, Gear)} | dict(mimics)
+    own_gears = {name: gear for name, gear in config.couplings.items() if isinstance(gear, Gear)}
+    gears = {**own_gears, **mimics}
     return CoupledAxes(axes, [gear.equation(f"couplings.{name}") for name, gear in gears.items()])
 
 
+class AxisUnits(NamedTuple):
+    """Units of the n axes of all robots of a station, one robot after the other.
+
+    Attributes:
+        sizes: size of the user's unit of each axis in SI, shape (n,): pi/180 for degrees, 1 for metres.
+        names: name of the user's unit of each axis, ``deg`` or ``m``.
+        rounding: deviation of each axis that counts as rounding, shape (n,) [rad or m].
+    """
+
+    sizes: Vector
+    names: Sequence[str]
+    rounding: Vector
+
+
+def axis_units(models: Iterable[RobotModel]) -> AxisUnits:
+    """Collect the units of all axes of some robots, in the order of the robots."""
+    robots = list(models)
+    return AxisUnits(
+        sizes=np.concatenate([model.user_units for model in robots]),
+        names=[unit for model in robots for unit in model.unit_names],
+        rounding=np.concatenate([model.bounds(ROUNDING_DEG, ROUNDING_METRES) for model in robots]),
+    )
+
+
 def expected_position(
-    coupled: CoupledAxes, condition: AxisCondition, found: tuple[int, int, float], values: Vector, units: Sequence[str]
+    coupled: CoupledAxes, condition: AxisCondition, violation: ConditionViolation, position: Vector, units: AxisUnits
 ) -> str:
     """Write, for an error message, the position that an axis would need and the couplings that demand this position.
 
     Args:
         coupled: the n coupled axes.
         condition: the condition that the positions break.
-        found: index of the sample, index of the axis, and the position that this axis would need, in the user's units.
-        values: positions of the n axes at that sample, in the user's units, shape (n,).
-        units: names of the users' units, such as ``deg``, for each of the n axes.
+        violation: the axis that has the wrong position, and the position that it would need.
+        position: positions of the n axes at the sample of the violation, shape (n,) [rad or m].
+        units: units of the axes.
     """
-    _, wrong, right = found
+    wrong = violation.axis
     in_condition = np.flatnonzero(np.abs(condition.ratios) > _ZERO_RATIO).tolist()
+    in_units = position / units.sizes
     others = [axis for axis in in_condition if axis != wrong]
-    state = listed([f"{coupled.names[axis]} at {position_text(values[axis])} {units[axis]}" for axis in others])
-    return f"{position_text(right)} {units[wrong]}, to which {listed(condition.labels)} takes it with {state}"
+    state = [f"{coupled.names[axis]} at {position_text(in_units[axis])} {units.names[axis]}" for axis in others]
+    needed = f"{position_text(violation.position / units.sizes[wrong])} {units.names[wrong]}"
+    return f"{needed}, to which {listed(condition.labels)} takes it with {listed(state)}"
 
 
 def position_text(value: float) -> str:
@@ -125,7 +162,7 @@ def coupled_start(
     models: Mapping[str, RobotModel],
     positions: Mapping[str, Vector],
 ) -> dict[str, Vector]:
-    """Move coupled axes that ``initial_deg`` does not name to positions that obey the couplings.
+    """Compute initial positions that obey the couplings, by moving coupled axes that ``initial_deg`` does not name.
 
     Args:
         config: configuration of the station.
@@ -134,41 +171,45 @@ def coupled_start(
         positions: initial positions of each robot's axes before couplings are considered, shape (n,) each [rad or m].
 
     Returns:
-        initial positions by robot, shape (n,) each [rad or m]. If no axis has to move, these are the given arrays.
+        initial positions by robot, shape (n,) each [rad or m]. If no axis has to move, they are those of
+        ``positions``.
 
     Raises:
         InvalidParameter: ``initial_deg`` contradicts a coupling, or couplings contradict each other.
     """
     # A coupling without a total keeps the sum of the initial posture, so any initial posture obeys it.
-    fixed = CoupledAxes(coupled.names, [one for one in coupled.equations if one.total is not None])
-    if not fixed:
+    with_totals = CoupledAxes(coupled.names, [equation for equation in coupled.equations if equation.total is not None])
+    if not with_totals:
         return dict(positions)
     # The axes of all robots in one vector: a coupling may tie axes of two robots.
-    whole = np.concatenate([positions[name] for name in models])
-    asked = [one for name, model in models.items() for one in model.asked(config.robots[name].initial_deg)]
-    bounds = np.concatenate([model.bounds(ROUNDING_DEG, ROUNDING_METRES) for model in models.values()])
-    sizes = np.concatenate([model.user_units for model in models.values()])
-    units = [unit for model in models.values() for unit in model.unit_names]
+    initial = np.concatenate([positions[name] for name in models])
+    firmness = list[Firmness]()
+    for name, model in models.items():
+        firmness += model.firmness(config.robots[name].initial_deg)
+    units = axis_units(models.values())
 
-    dependence = fixed.solve(asked, fixed.totals(whole))
+    dependence = with_totals.solve(firmness, with_totals.totals(initial))
+    # A condition is an equation that is left for axes whose positions are all given in ``initial_deg``.
     for condition in dependence.conditions:
         _check_solvable(condition)
-        broken = fixed.find_violation(condition, whole[np.newaxis], bounds)
-        if broken is not None:
-            _, axis, right = broken
-            found = (0, axis, right / sizes[axis])
-            expected = expected_position(fixed, condition, found, whole / sizes, units)
-            value = f"{position_text(whole[axis] / sizes[axis])} {units[axis]}"
-            raise InvalidParameter(f"initial_deg of {fixed.names[axis]}", value, expected)
+        violation = with_totals.find_violation(condition, initial[np.newaxis], units.rounding)
+        if violation is not None:
+            axis = violation.axis
+            expected = expected_position(with_totals, condition, violation, initial, units)
+            value = f"{position_text(initial[axis] / units.sizes[axis])} {units.names[axis]}"
+            raise InvalidParameter(f"initial_deg of {with_totals.names[axis]}", value, expected)
 
     # Axes that obey their couplings up to rounding keep the very numbers of the station file.
-    solved = dependence.matrix @ whole + dependence.offset
-    moved = [axis for axis in dependence.moved if abs(solved[axis] - whole[axis]) > bounds[axis]]
+    solved = dependence.matrix @ initial + dependence.offset
+    moved = [axis for axis in dependence.moved if abs(solved[axis] - initial[axis]) > units.rounding[axis]]
     if not moved:
         return dict(positions)
-    whole[moved] = solved[moved]
-    ends = np.cumsum([len(model.axes) for model in models.values()])[:-1]
-    return dict(zip(models, np.split(whole, ends), strict=True))
+    starts = initial.copy()
+    starts[moved] = solved[moved]
+    # Split the vector at the first axis of each robot but the first.
+    counts = [len(model.axes) for model in models.values()]
+    by_robot = np.split(starts, np.cumsum(counts)[:-1])
+    return dict(zip(models, by_robot, strict=True))
 
 
 def _check_solvable(condition: AxisCondition) -> None:
@@ -178,6 +219,7 @@ def _check_solvable(condition: AxisCondition) -> None:
         InvalidParameter: no posture fulfils all of these couplings.
     """
     # Couplings that contradict each other leave an equation without any axis: 0 = total, with a total that is not 0.
+    # Totals may be of revolute axes as well; the bound of prismatic axes is the stricter one.
     has_no_axis = np.abs(condition.ratios).max(initial=0.0) < _ZERO_RATIO
     if has_no_axis and abs(condition.total) > ROUNDING_METRES:
         *others, last = condition.labels
@@ -218,33 +260,38 @@ def _initial_position(entry: RobotConfig, robot: str, model: RobotModel) -> Vect
     """
     if entry.initial_deg is None:
         return model.home
-    otherwise = np.where(model.excludes_zero, model.home, 0.0)
-    values = model.axis_vector(entry.initial_deg, f"robots.{robot}.initial_deg", otherwise / model.user_units)
-    return np.asarray(model.user_units * values)
+    default = np.where(model.excludes_zero, model.home, 0.0)
+    key = f"robots.{robot}.initial_deg"
+    in_units = model.axis_vector(entry.initial_deg, key, default / model.user_units)
+    return np.asarray(model.user_units * in_units)
 
 
 def _within_limits(model: RobotModel, position: Vector, key: str) -> Vector:
     """Clamp initial positions that are beyond a limit by rounding, except those of followers.
 
-    A follower that is beyond its limit only by its leader's rounding keeps its position, so that it still obeys its
-    coupling.
+    A follower is an axis of a mimic joint. If it is beyond its limit only by its leader's rounding, it keeps its
+    position, so that it still obeys its coupling.
 
     Args:
         model: the robot.
         position: initial positions of its axes, shape (n,) [rad or m].
         key: key of the positions in the station, for warnings, such as ``robots.arm.initial_deg``.
 
+    Returns:
+        the positions, shape (n,) [rad or m].
+
     Raises:
         InvalidParameter: an axis is beyond a limit by more than rounding.
     """
-    # Followers inherit the rounding of their leaders' positions, which station files hold with four decimals. An
-    # "eased" follower is beyond its limit by no more than this slack.
-    follows = np.array([axis in model.followers for axis in model.axes])
-    slack = np.where(follows, model.bounds(ROUNDING_DEG, ROUNDING_METRES), 0.0)
+    # Followers inherit the rounding of their leaders' positions, which station files hold with four decimals. A
+    # follower within this slack beyond its limits is neither checked nor clamped.
     lower, upper = model.axis_limits
-    eased = np.where(follows, np.clip(position, lower - slack, upper + slack), position)
-    is_eased = follows & (np.clip(position, lower, upper) != position) & (eased == position)
-    checked = np.flatnonzero(~is_eased).tolist()
+    slack = model.bounds(ROUNDING_DEG, ROUNDING_METRES)
+    follows = np.array([axis in model.followers for axis in model.axes])
+    is_beyond = (position < lower) | (position > upper)
+    is_within_slack = (position >= lower - slack) & (position <= upper + slack)
+    is_excepted = follows & is_beyond & is_within_slack
+    checked = np.flatnonzero(~is_excepted).tolist()
 
     limits = model.limits.of_axes(checked)
     violation = limits.find_violation(position[np.newaxis, checked])

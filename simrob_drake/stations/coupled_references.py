@@ -1,7 +1,13 @@
-"""References of coupled axes: a reference for one axis moves its partners, and a contradiction raises an error."""
+"""References of coupled axes: a reference for one axis moves its partners, and a contradiction raises an error.
+
+A reference is the desired motion of one robot: a function of time with the positions of its axes. Couplings tie axes of
+one or several robots by linear equations, for example a gear; the partners of an axis are the other axes of the same
+equation. So the functions here treat the axes of all robots as one vector of n positions, one robot after the other.
+Where the references of coupled axes do not agree, the axis whose reference is given least firmly follows the others,
+see :class:`simrob_drake.robots.coupled_axes.Firmness`.
+"""
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -10,36 +16,33 @@ from simrob_drake.blocks.references import Reference, SineReference, reference_v
 from simrob_drake.errors import InvalidParameter, listed
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import ResolvedRobot
-from simrob_drake.robots.coupled_axes import Asked, CoupledAxes
-from simrob_drake.stations.coupled import ROUNDING_DEG, ROUNDING_METRES, expected_position, position_text
+from simrob_drake.robots.coupled_axes import CoupledAxes, Dependence, Firmness
+from simrob_drake.stations.coupled import (
+    ROUNDING_DEG,
+    ROUNDING_METRES,
+    AxisUnits,
+    axis_units,
+    expected_position,
+    position_text,
+)
 from simrob_drake.stations.resolve import ResolvedStation
 
 _COMPARISONS = 500  # intervals between the times at which references are compared with couplings
 
 
-class _Axes(NamedTuple):
-    """The n axes of all robots of a station, one robot after the other."""
-
-    names: Sequence[str]
-    asked: Sequence[Asked]  # how firmly the reference of each axis counts
-    sizes: Vector  # size of one of the user's units in SI, shape (n,): pi/180 for degrees, 1 for metres
-    units: Sequence[str]  # names of the user's units, such as "deg"
-    bounds: Vector  # deviations that count as rounding, shape (n,) [rad or m]
-
-
 def obey_couplings(
     station: ResolvedStation,
     references: Mapping[str, Reference],
-    requested: Mapping[str, object],
+    requested: Collection[str],
     starts: Mapping[str, Vector],
 ) -> dict[str, Reference]:
     """Change references so that coupled axes without a target of their own follow their partners.
 
     Args:
-        station: the station with the couplings.
+        station: the station with the robots and couplings.
         references: reference of each robot, by name.
-        requested: robots whose reference comes from the caller of the run, not from the station: their references
-            count for every axis. Only the keys, names of robots, are read.
+        requested: names of the robots whose reference comes from the caller of the run, not from the station. Such a
+            reference counts for every axis.
         starts: positions at which robots begin, shape (n,) each [rad or m]; empty if all robots begin at their initial
             positions. A run that is resumed gives its starts.
 
@@ -52,44 +55,92 @@ def obey_couplings(
     coupled = station.coupled
     if not coupled:
         return dict(references)
-    axes = _axes_of(station, requested)
-    played = {name: _with_prescribed(robot, references[name]) for name, robot in station.robots.items()}
-    times = _comparison_times(played, station.config.duration)
-    positions = np.hstack([reference_values(played[name], times) for name in station.robots])
-    begin = np.concatenate([starts.get(name, robot.initial) for name, robot in station.robots.items()])
+    robots = station.robots
+    firmness = list[Firmness]()
+    for name, robot in robots.items():
+        firmness += _firmness(station, robot, is_requested=name in requested)
+    units = axis_units(robot.model for robot in robots.values())
+
+    # The motions that the robots would make without couplings.
+    motions = {name: _with_prescribed(robot, references[name]) for name, robot in robots.items()}
+    times = _comparison_times(motions, station.config.duration)
+    positions = np.hstack([reference_values(motions[name], times) for name in robots])
+
     # A resumed run begins with a small gap in its couplings, which the solver left. This gap is no contradiction of the
     # references, so the totals come from the start, and only changes of the positions have to agree.
+    begin = np.concatenate([starts.get(name, robot.initial) for name, robot in robots.items()])
     totals = coupled.ratios @ begin if starts else coupled.totals(begin)
 
-    dependence = coupled.solve(axes.asked, totals)
-    for condition in dependence.conditions:
-        found = coupled.find_violation(condition, positions, axes.bounds)
-        if found is not None:
-            sample, axis, right = found
-            asked = position_text(positions[sample, axis] / axes.sizes[axis])
-            value = f"{asked} {axes.units[axis]} at {times[sample]:.2f} s"
-            in_units = sample, axis, right / axes.sizes[axis]
-            expected = expected_position(coupled, condition, in_units, positions[sample] / axes.sizes, axes.units)
-            raise InvalidParameter(f"reference of {axes.names[axis]}", value, expected)
+    dependence = coupled.solve(firmness, totals)
+    _check_conditions(coupled, dependence, times, positions, units)
+    followers = _axes_to_change(dependence, positions, firmness, units)
+    for axis in followers:
+        # Other axes could give way in place of this one.
+        alternatives = dependence.undecided.get(axis)
+        if alternatives:
+            raise _ambiguity(coupled, (axis, *alternatives))
+    return _let_follow(station, references, motions, followers, dependence)
 
-    # Axes whose references have to change. The reference of a passive axis does not matter, since no servo follows it,
-    # and a shift within the bounds is rounding.
+
+def _check_conditions(
+    coupled: CoupledAxes, dependence: Dependence, times: Vector, positions: Vector, units: AxisUnits
+) -> None:
+    """Check that references fulfil the couplings between axes of which none gives way.
+
+    Args:
+        coupled: the n axes of all robots and their equations.
+        dependence: the solution of the equations, with the conditions to check.
+        times: times of the samples, shape (m,) [s].
+        positions: positions that the references demand, shape (m, n) [rad or m].
+        units: units of the axes.
+
+    Raises:
+        InvalidParameter: a condition is broken; the message names the axis, its position and the time.
+    """
+    # A condition is an equation that is left for axes whose references are all given firmly.
+    for condition in dependence.conditions:
+        violation = coupled.find_violation(condition, positions, units.rounding)
+        if violation is None:
+            continue
+        axis = violation.axis
+        position = positions[violation.sample]
+        text = position_text(position[axis] / units.sizes[axis])
+        value = f"{text} {units.names[axis]} at {times[violation.sample]:.2f} s"
+        expected = expected_position(coupled, condition, violation, position, units)
+        raise InvalidParameter(f"reference of {coupled.names[axis]}", value, expected)
+
+
+def _axes_to_change(
+    dependence: Dependence, positions: Vector, firmness: Sequence[Firmness], units: AxisUnits
+) -> list[int]:
+    """Find the axes whose references have to change so that the couplings hold.
+
+    Args:
+        dependence: the solution of the couplings.
+        positions: positions that the references demand, shape (m, n) [rad or m].
+        firmness: how firmly the reference of each axis is given.
+        units: units of the axes.
+
+    Returns:
+        indices of the axes among the axes of all robots.
+    """
     solved = positions @ dependence.matrix.T + dependence.offset
     shifts = np.abs(solved - positions).max(axis=0)
-    moved = [
-        axis for axis in dependence.moved if axes.asked[axis] != Asked.PASSIVE and shifts[axis] > axes.bounds[axis]
-    ]
-    for axis in moved:
-        if dependence.undecided.get(axis):
-            raise _ambiguity(coupled, axes, (axis, *dependence.undecided[axis]))
-    return _let_follow(station, references, played, moved, (dependence.matrix, dependence.offset))
+    changed = []
+    for axis in dependence.moved:
+        # The reference of a passive axis does not matter, since no servo follows it.
+        has_servo = firmness[axis] != Firmness.PASSIVE
+        is_shifted = shifts[axis] > units.rounding[axis]
+        if has_servo and is_shifted:
+            changed.append(axis)
+    return changed
 
 
 def with_partners(station: ResolvedStation, robot: str, posture: Vector, named: Collection[int]) -> Vector:
-    """Move the partners of some axes of a robot to positions that obey the couplings.
+    """Complete a posture: move the partners of some axes of a robot to positions that obey the couplings.
 
     Args:
-        station: the station with the couplings.
+        station: the station with the robots and couplings.
         robot: name of the robot; the other robots stay at their initial positions.
         posture: positions of the robot's axes, shape (n,) [rad or m].
         named: indices of the axes that keep their positions in ``posture``.
@@ -100,70 +151,71 @@ def with_partners(station: ResolvedStation, robot: str, posture: Vector, named: 
     coupled = station.coupled
     if not coupled:
         return posture
-    postures = {name: posture if name == robot else one.initial for name, one in station.robots.items()}
-    asked = [
-        Asked.PASSIVE if name != robot else Asked.NAMED if axis in named else Asked.UNNAMED
-        for name, one in station.robots.items()
-        for axis in range(len(one.axes))
-    ]
-    initial = np.concatenate([one.initial for one in station.robots.values()])
-    dependence = coupled.solve(asked, coupled.totals(initial))
-    whole = dependence.matrix @ np.concatenate([*postures.values()]) + dependence.offset
-    # Index of the robot's first axis among the axes of all robots.
-    first = 0
-    for name, one in station.robots.items():
-        if name == robot:
-            break
-        first += len(one.axes)
-    found = whole[first : first + len(posture)]
+    initial = np.concatenate([resolved.initial for resolved in station.robots.values()])
+    own_axes = list(_axis_ranges(station)[robot])
+    positions = initial.copy()
+    positions[own_axes] = posture
+    # The partners on other robots may give way first, since the posture is of this robot alone.
+    firmness = [Firmness.PASSIVE] * len(positions)
+    for axis, index in enumerate(own_axes):
+        firmness[index] = Firmness.NAMED if axis in named else Firmness.UNNAMED
+
+    dependence = coupled.solve(firmness, coupled.totals(initial))
+    solved = dependence.matrix @ positions + dependence.offset
+    completed = solved[own_axes]
     # Axes that obey their couplings up to rounding keep the very numbers that were given.
-    bounds = station.robots[robot].model.bounds(ROUNDING_DEG, ROUNDING_METRES)
-    return np.where(np.abs(found - posture) > bounds, found, posture)
+    rounding = station.robots[robot].model.bounds(ROUNDING_DEG, ROUNDING_METRES)
+    is_moved = np.abs(completed - posture) > rounding
+    return np.where(is_moved, completed, posture)
 
 
-def _axes_of(station: ResolvedStation, requested: Mapping[str, object]) -> _Axes:
-    """Collect the axes of all robots. ``requested`` is as in :func:`obey_couplings`."""
-    robots = station.robots.values()
-    return _Axes(
-        names=station.coupled.names,
-        asked=[one for robot in robots for one in _firmness(station, robot, is_requested=robot.name in requested)],
-        sizes=np.concatenate([robot.model.user_units for robot in robots]),
-        units=[unit for robot in robots for unit in robot.model.unit_names],
-        bounds=np.concatenate([robot.model.bounds(ROUNDING_DEG, ROUNDING_METRES) for robot in robots]),
-    )
+def _axis_ranges(station: ResolvedStation) -> dict[str, range]:
+    """Find, for each robot by name, the indices of its axes among the axes of all robots."""
+    ranges = {}
+    first = 0
+    for name, robot in station.robots.items():
+        ranges[name] = range(first, first + len(robot.axes))
+        first += len(robot.axes)
+    return ranges
 
 
-def _firmness(station: ResolvedStation, robot: ResolvedRobot, *, is_requested: bool) -> list[Asked]:
-    """Return for each of the n axes how firmly its reference counts (see `Asked`).
-
-    The axes whose references count least give way where couplings contradict references.
+def _firmness(station: ResolvedStation, robot: ResolvedRobot, *, is_requested: bool) -> list[Firmness]:
+    """Find how firmly the reference of each of a robot's axes is given.
 
     Args:
         station: the station with the robot.
         robot: the robot.
         is_requested: whether the reference comes from the caller of the run. It then gives a position for every axis.
+
+    Returns:
+        the firmness of each axis, in the order of the robot's axes.
     """
     config = station.config
-    asked = config.reference_of(robot.name).asked(robot.model)
+    firmness = config.reference_of(robot.name).firmness(robot.model)
     if is_requested:
-        asked = [Asked.NAMED] * len(robot.axes)
+        firmness = [Firmness.NAMED] * len(robot.axes)
         # Programs command fingers to positions inside the part that they hold, so that the servos press. Fingers do not
         # reach these positions, so their references are no contradiction of a coupling.
         for finger in robot.model.fingers:
-            asked[finger] = Asked.PASSIVE
+            firmness[finger] = Firmness.PASSIVE
     if config.mode == "dynamic" and not config.servo_of(robot.name).follows_motion:
-        # Without a proportional and an integral gain no servo pulls the axis to its reference. Servos that know the
-        # robot's model (follows_motion) are excepted: they apply torques for the reference's acceleration at any gain.
-        for axis in np.flatnonzero((robot.gains.kp == 0) & (robot.gains.ki == 0)).tolist():
-            asked[axis] = Asked.PASSIVE
+        # Without a proportional and an integral gain no servo pulls the axis to its reference. Servos with a model of
+        # the robot (follows_motion) are excepted: they apply torques for the reference's acceleration at any gain.
+        is_loose = (robot.gains.kp == 0) & (robot.gains.ki == 0)
+        for axis in np.flatnonzero(is_loose).tolist():
+            firmness[axis] = Firmness.PASSIVE
     # Imposed motion never gives way.
     for axis in robot.prescribed:
-        asked[axis] = Asked.NAMED
-    return asked
+        firmness[axis] = Firmness.NAMED
+    return firmness
 
 
 def _with_prescribed(robot: ResolvedRobot, reference: Reference) -> Reference:
-    """Replace the reference of each prescribed axis by the axis' imposed motion. Returns the reference of the robot."""
+    """Replace the reference of each prescribed axis, whose motion the station imposes, by that motion.
+
+    Returns:
+        the reference of the whole robot; the same object if the robot has no prescribed axis.
+    """
     if not robot.prescribed:
         return reference
     # Each row of the matrix selects one of the sources: the robot's n positions, then the imposed motions.
@@ -191,16 +243,16 @@ def _comparison_times(references: Mapping[str, Reference], duration: float) -> V
     return np.linspace(0.0, max([duration, *finite]), _COMPARISONS + 1)
 
 
-def _ambiguity(coupled: CoupledAxes, axes: _Axes, candidates: Sequence[int]) -> InvalidParameter:
+def _ambiguity(coupled: CoupledAxes, candidates: Sequence[int]) -> InvalidParameter:
     """Make the error for references that leave open which of several axes gives way.
 
     Args:
         coupled: the axes and their equations.
-        axes: the axes of all robots.
         candidates: indices of the axes that could give way.
     """
-    names = [axes.names[axis] for axis in candidates]
-    labels = [one.label for one in coupled.equations if len(set(names) & one.ratios.keys()) > 1]
+    names = [coupled.names[axis] for axis in candidates]
+    # The couplings that tie at least two of these axes.
+    labels = [equation.label for equation in coupled.equations if len(set(names) & equation.ratios.keys()) > 1]
     problem = f"no value for {' and '.join(names)}"
     return InvalidParameter("reference", problem, f"a value for one of them, since {listed(labels)} moves either")
 
@@ -208,48 +260,37 @@ def _ambiguity(coupled: CoupledAxes, axes: _Axes, candidates: Sequence[int]) -> 
 def _let_follow(
     station: ResolvedStation,
     references: Mapping[str, Reference],
-    played: Mapping[str, Reference],
-    moved: Sequence[int],
-    dependence: tuple[Vector, Vector],
+    motions: Mapping[str, Reference],
+    followers: Collection[int],
+    dependence: Dependence,
 ) -> dict[str, Reference]:
-    """Replace the references of axes that follow by combinations of the other axes' references.
+    """Replace the references of axes that follow by combinations of the other axes' motions.
 
     Args:
-        station: the station with the robots; n is the number of their axes in all.
+        station: the station with the robots.
         references: reference of each robot, by name.
-        played: the same references with the motions of prescribed axes.
-        moved: indices of the axes that follow, among the axes of all robots.
-        dependence: matrix (n, n) and offset (n,) [rad or m] that give the positions of the axes that follow.
+        motions: the same references with the motions of prescribed axes.
+        followers: indices of the axes that follow, among the axes of all robots.
+        dependence: the solution of the couplings, which gives the positions of the axes that follow.
 
     Returns:
         the references by robot; robots without axes that follow keep the same objects.
     """
-    matrix, offset = dependence
     results = dict(references)
-    # Indices of the robots' first axes among the axes of all robots.
-    begins = {}
-    count = 0
-    for name, robot in station.robots.items():
-        begins[name] = count
-        count += len(robot.axes)
-    for name, robot in station.robots.items():
-        own = range(begins[name], begins[name] + len(robot.axes))
-        followers = [axis for axis in own if axis in moved]
-        if not followers:
+    ranges = _axis_ranges(station)
+    count = sum(len(axes) for axes in ranges.values())
+    for name, own_axes in ranges.items():
+        own_followers = [axis for axis in own_axes if axis in followers]
+        if not own_followers:
             continue
-        # The combination starts as the robot's own references, and the rows of the followers are replaced.
-        rows = np.eye(count)[list(own)]
-        shift = np.zeros(len(own))
-        for axis in followers:
-            rows[axis - begins[name]] = matrix[axis]
-            shift[axis - begins[name]] = offset[axis]
-        # References that are not read are left out: a sine cannot be combined with other motions.
-        used = [other for other in station.robots if _reads(rows, begins[other], station.robots[other])]
-        columns = [begins[other] + axis for other in used for axis in range(len(station.robots[other].axes))]
-        results[name] = combine_references([played[other] for other in used], rows[:, columns], shift)
+        # The combination starts as the robot's own motion, and the rows of the followers are replaced.
+        matrix = np.eye(count)[list(own_axes)]
+        offset = np.zeros(len(own_axes))
+        for axis in own_followers:
+            matrix[axis - own_axes.start] = dependence.matrix[axis]
+            offset[axis - own_axes.start] = dependence.offset[axis]
+        # Robots on which the combination does not depend are left out: a sine cannot be combined with other motions.
+        used = [other for other, axes in ranges.items() if matrix[:, list(axes)].any()]
+        columns = [index for other in used for index in ranges[other]]
+        results[name] = combine_references([motions[other] for other in used], matrix[:, columns], offset)
     return results
-
-
-def _reads(rows: Vector, begin: int, robot: ResolvedRobot) -> bool:
-    """Whether any row of a combination reads an axis of a robot; ``begin`` is the index of the robot's first axis."""
-    return bool(rows[:, begin : begin + len(robot.axes)].any())

@@ -1,10 +1,15 @@
-"""A first station for a robot of which only the URDF is known: tried already, and its owner's to change."""
+"""Draft of a first station for a robot of which only its own file is known, such as a URDF.
+
+The draft is the text of a YAML file. Its content is a mapping: the sections of the station by their keys. The functions
+here complete this content step by step, simulate the station for a moment, and return remarks. Remarks are sentences
+for the user: what was chosen, tried and found. They become comments at the top of the file.
+"""
 
 import shlex
 from collections.abc import Mapping
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
@@ -32,25 +37,38 @@ from simrob_drake.stations.stances import Stance, Stances
 from simrob_drake.stations.steps import apply_solver, step_findings
 from simrob_drake.yaml_files import YAML_SUFFIXES
 
-_MOVE = 1.5  # s
-_LOOP_MOVE = np.deg2rad(10.0), 0.01  # travel of each motor of a robot with loops in its first station [rad, m]
-_TRIALS = 4  # stances that are tried
-_FALLEN = 0.6  # part of its height below which a robot has fallen
-_FALLS = 40.0  # deg
-_UNSHAPED = "The robot has no shapes that collide, so that nothing could carry it: it is held by its root."
+_MOVE = 1.5  # duration of the first move [s]
+_DURATION = 3.0  # duration of the run [s]
+# Travel of each motor in the first move of a robot with closed loops.
+_LOOP_ANGLE = np.deg2rad(10.0)  # [rad]
+_LOOP_DISTANCE = 0.01  # [m]
+_TRIALS = 4  # count of stances that are tried
 
-_ARM: dict[str, Any] = {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-2, "max_step": 0.1}
-_CREEPS = f"In discrete steps, since {_ARM['scheme']} was tried and creeps: some links are too light for it."
-_DISCRETE: dict[str, Any] = {"kind": "discrete", "scheme": "sap", "time_step": 1e-3}
-_REPEATED = ("mesh_path", "xacro_arg")  # options that may be given several times
+# Monitor of a robot on its feet: it has fallen if its root is lower than this share of its first height, or leans more.
+_FALLEN_SHARE = 0.6
+_FALLEN_LEAN_DEG = 40.0  # [deg]
+# A robot that leans or sinks more than this during a trial does not stand.
+_LEANS_DEG = 10.0  # [deg]
+_SINKS_SHARE = 0.1  # as a share of the height of its root
+_LEAST_HEIGHT = 0.1  # lower roots count as if they were at this height [m]
+
+_UNSHAPED = "The robot has no shapes that collide, so that nothing could carry it: it is held by its root."
+_CREEPS = "In discrete steps, since radau3 was tried and creeps: some links are too light for it."
 _COUPLED = "By the robot's file these axes follow others, see couplings: {followers}."
 _HOLDING = "Fingers ({fingers}) move together, as by one motor, and hold by friction: surfaces, and the solver lagged."
+_REPEATED_OPTIONS = ("mesh_path", "xacro_arg")  # options of the command line that may be given several times
 _ORIGINS = ("urdf", "model", "import_options")  # keys of a station that say where its robot comes from
-_GRIPS: dict[str, Any] = {
+
+# Sections of drafted stations: the solver of an arm, and that of an arm for which it takes too long.
+_CONTINUOUS: dict[str, Any] = {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-2, "max_step": 0.1}
+_DISCRETE: dict[str, Any] = {"kind": "discrete", "scheme": "sap", "time_step": 1e-3}
+# Sections of a station whose robot has fingers: surfaces in contact hold a part more steadily than points.
+_WITH_FINGERS: dict[str, Any] = {
     "contact": {"model": "hydroelastic", "friction": {"static": 0.5, "dynamic": 0.5}},
     "solver": {"kind": "discrete", "scheme": "lagged", "time_step": 5e-3},
 }
-_HOLDS: dict[str, Any] = {
+# Sections of a station whose robot stands on its feet.
+_ON_FEET: dict[str, Any] = {
     "reference": {"kind": "hold"},
     "floor": {"size": 3},
     "contact": {"model": "point"},
@@ -59,61 +77,76 @@ _HOLDS: dict[str, Any] = {
 
 
 def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, folder: Path | str | None = None) -> str:
-    """Return the YAML text of a first station for a robot's file; its file will be in a folder.
-
-    The file is a URDF, raw or imported, or a YAML file that describes the robot, such as one with a table of
-    Denavit-Hartenberg parameters.
+    """Write the YAML text of a first station for a robot.
 
     A robot with a fixed base starts clear of the floor and of itself, and moves all joints a little way under joint
-    torque, in continuous time if that was tried and found to get through, else in discrete steps. One with a floating
-    base is put on its feet, and was tried to stand there; a monitor ends the run if it falls. A robot without inertias
-    moves kinematically. Comments say what was looked at, tried and found. Options of the import are written into the
-    station, and paths start at its folder. Raises InvalidModel: the robot cannot be imported.
+    torque, in continuous time if a trial run gets to its end quickly enough, otherwise in discrete steps. A robot with
+    a floating base is put on its feet in a posture in which it stands in a trial run; a monitor ends the run if it
+    falls. A robot without inertias moves kinematically. Comments in the file list what was checked, tried and found.
+
+    Args:
+        urdf: the robot's file: a URDF, raw or imported, or a YAML file that describes the robot, such as one with a
+            table of Denavit-Hartenberg parameters.
+        options: options of the import, which are written into the station. A robot of a YAML file has none.
+        folder: folder in which the station's file will be. The path of the robot's file is relative to it if the file
+            is inside.
+
+    Raises:
+        InvalidModel: the robot cannot be imported.
+        InvalidParameter: options are given for a YAML file.
     """
-    file, home = robot_file(urdf, "urdf"), None if folder is None else as_path(folder, "folder")
+    file = robot_file(urdf, "urdf")
+    own_folder = None if folder is None else as_path(folder, "folder")
     is_description = file.suffix.lower() in YAML_SUFFIXES
     if is_description and options is not None:
         raise InvalidParameter("options", "given", f"left out: {file.name} describes a robot, and nothing is imported")
     robot = load_robot_file(file) if is_description else robot_from_file(file, options)
-    remarks = []
-    shaped = robot.element.find("link/collision") is not None
-    if robot.base == "floating" and not robot.links_without_inertia and not shaped and not is_description:
+    remarks = list[str]()
+    if not is_description and _falls_through(robot):
         options = (options or ImportOptions()).model_copy(update={"base": "fixed"})
         robot = robot_from_file(file, options)
         remarks.append(_UNSHAPED)
-    kinematic = bool(robot.links_without_inertia)
-    near = home is not None and file.is_relative_to(home.resolve())
-    origin = "model" if is_description else "urdf"
-    section: dict[str, Any] = {origin: str(file.relative_to(home.resolve()) if near and home else file)}
+
+    is_kinematic = bool(robot.links_without_inertia)
+    section: dict[str, Any] = {"model" if is_description else "urdf": _path_text(file, own_folder)}
     if options is not None:
         section["import_options"] = options.model_dump(mode="json", exclude_defaults=True)
     content: dict[str, Any] = {
         "description": f"{robot.name}: first station",
-        "mode": "kinematic" if kinematic else "dynamic",
+        "mode": "kinematic" if is_kinematic else "dynamic",
         "robot": section,
     }
     if robot.followers:
         content["couplings"] = _couplings(robot)
         remarks.append(_COUPLED.format(followers=", ".join(robot.followers)))
-    remarks += _losses(robot, content, file)
-    if robot.loops and not kinematic and robot.base == "fixed":
-        remarks += _looped(robot, content)
-        return _written(robot, file, options, kinematic, remarks, content)
-    remarks += _held(robot, content) if kinematic or robot.base == "fixed" else _on_feet(robot, content)
-    return _written(robot, file, options, kinematic, remarks, content)
+    remarks += _import_warnings(robot, content, file)
+    if is_kinematic:
+        remarks += _complete_with_fixed_base(robot, content)
+    elif robot.base == "floating":
+        remarks += _complete_on_feet(robot, content)
+    elif robot.loops:
+        remarks += _complete_with_loops(robot, content)
+    else:
+        remarks += _complete_with_fixed_base(robot, content)
 
-
-def _written(
-    robot: RobotModel,
-    file: Path,
-    options: ImportOptions | None,
-    kinematic: bool,
-    remarks: list[str],
-    content: dict[str, Any],
-) -> str:
-    """Write the YAML text of a first station: a header, the remarks as comments, and the content of the file."""
+    header = _header(robot, file, options) if is_kinematic else _FIRST_LINE
+    comments = "".join(f"# {remark}\n" for remark in remarks)
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
-    return _header(robot, file, options, kinematic) + "".join(f"# {remark}\n" for remark in remarks) + text
+    return header + comments + text
+
+
+def _falls_through(robot: RobotModel) -> bool:
+    """Whether a robot has a free base but no collision shapes, so that nothing could carry it in a dynamic station."""
+    has_shapes = robot.element.find("link/collision") is not None
+    is_dynamic = not robot.links_without_inertia
+    return robot.base == "floating" and is_dynamic and not has_shapes
+
+
+def _path_text(file: Path, folder: Path | None) -> str:
+    """Write the path of a robot's file, relative to the folder of the station's file if it is inside of this folder."""
+    if folder is not None and file.is_relative_to(folder.resolve()):
+        return str(file.relative_to(folder.resolve()))
+    return str(file)
 
 
 def _couplings(robot: RobotModel) -> dict[str, Any]:
@@ -129,10 +162,16 @@ def _couplings(robot: RobotModel) -> dict[str, Any]:
     return couplings
 
 
-def _losses(robot: RobotModel, content: Mapping[str, Any], file: Path) -> list[str]:
+def _import_warnings(robot: RobotModel, content: Mapping[str, Any], file: Path) -> list[str]:
     """Find mechanics that were lost in the import of the robot's file, and implausible numbers of the robot.
 
-    Returns a comment for each warning; ``content`` is the content of the station, as far as it is known.
+    Args:
+        robot: the robot.
+        content: content of the station as far as it is complete.
+        file: the robot's file.
+
+    Returns:
+        a remark for each warning.
     """
     sections = {key: content[key] for key in ("mode", "couplings") if key in content}
     station = resolve(_config(robot, {**sections, "robot": {"initial_deg": _home(robot)}}))
@@ -141,40 +180,48 @@ def _losses(robot: RobotModel, content: Mapping[str, Any], file: Path) -> list[s
     return [f"Warning: {finding.text}" for finding in findings if finding.level == "warning"]
 
 
-def _held(robot: RobotModel, content: dict[str, Any]) -> list[str]:
-    """Complete the content of a station whose robot has a fixed base or is kinematic. Returns remarks for comments."""
-    kinematic = content["mode"] == "kinematic"
-    if not kinematic:
+def _complete_with_fixed_base(robot: RobotModel, content: dict[str, Any]) -> list[str]:
+    """Complete the content of a station whose robot is held by its root, or is kinematic. Returns remarks."""
+    is_kinematic = content["mode"] == "kinematic"
+    if not is_kinematic:
         content["servo"] = _servo(robot, "per_joint")
     content["floor"] = {"size": 3}
-    at_home_config = _config(robot, {**content, "robot": {"initial_deg": _home(robot)}})
-    looked_at = Clearance(at_home_config, trusts_home=False)
-    start = ClearStart(looked_at, looked_at.station.robots[ONLY_ROBOT], _MOVE, torque=not kinematic).find()
-    if (height := round(start.height, 4)) > 0:
+    config_at_home = _config(robot, {**content, "robot": {"initial_deg": _home(robot)}})
+    # Contacts of links at home count here: the search judges the home posture itself.
+    clearance = Clearance(config_at_home, trusts_home=False)
+    search = ClearStart(clearance, clearance.station.robots[ONLY_ROBOT], _MOVE, torque=not is_kinematic)
+    start = search.find()
+    height = round(start.height, 4)
+    if height > 0:
         content["robot"]["base"] = [0.0, 0.0, height, 0.0, 0.0, 0.0]
-    _begin(robot, content, start.posture)
-    moves = bool((start.target != start.posture).any())
-    target = _leading(robot, _in_user_units(robot, start.target))
-    move = {"kind": "move", "target_deg": target, "duration": _MOVE}
-    content["reference"] = move if moves else {"kind": "hold"}
+    _set_initial_posture(robot, content, start.posture)
+    content["reference"] = {"kind": "hold"}
+    if (start.target != start.posture).any():
+        target = _without_followers(robot, _in_user_units(robot, start.target))
+        content["reference"] = {"kind": "move", "target_deg": target, "duration": _MOVE}
+    content["duration"] = _DURATION
     remarks = list(start.remarks)
-    content["duration"] = 3.0
-    if kinematic:
+    if is_kinematic:
         return remarks
     if robot.fingers:
-        return remarks + _grips(robot, content)
-    content["servo"]["feedforward"] = "gravity"  # else each joint sags by its weight over its gain
-    content["inputs"] = ["reference_velocity"]  # else the damping holds the motion back
-    content["solver"] = _ARM
-    if not gets_through(_config(robot, content)):
-        content["solver"] = _DISCRETE
-        content["servo"]["realization"] = "implicit"
-        remarks.append(_CREEPS)
-    return remarks
+        return remarks + _complete_fingers(robot, content)
+    return remarks + _complete_arm(robot, content)
 
 
-def _looped(robot: RobotModel, content: dict[str, Any]) -> list[str]:
-    """Complete the content of a station whose robot has closed kinematic loops. Returns remarks for comments.
+def _complete_arm(robot: RobotModel, content: dict[str, Any]) -> list[str]:
+    """Add the servo's model terms and the solver to the content of an arm's station. Returns remarks."""
+    content["servo"]["feedforward"] = "gravity"  # otherwise each joint sags by its weight over its gain
+    content["inputs"] = ["reference_velocity"]  # otherwise the damping of the servos delays the motion
+    content["solver"] = _CONTINUOUS
+    if gets_through(_config(robot, content)):
+        return []
+    content["solver"] = _DISCRETE
+    content["servo"]["realization"] = "implicit"
+    return [_CREEPS]
+
+
+def _complete_with_loops(robot: RobotModel, content: dict[str, Any]) -> list[str]:
+    """Complete the content of a station whose robot has closed kinematic loops. Returns remarks.
 
     Couplings close the loops. Only as many axes have motors as the loops leave free; the others are passive.
 
@@ -184,189 +231,242 @@ def _looped(robot: RobotModel, content: dict[str, Any]) -> list[str]:
     loops = LoopsOfRobot(robot)
     posture = loops.closed_posture()
     passive = loops.passive_axes(posture)  # indices
-    axes = list(robot.axes)
     content.setdefault("couplings", {}).update(robot.loops)
     content["servo"] = _servo(robot, "implicit")
     for gain in ("kp", "kd"):
         values = np.array(robot.axis_vector(content["servo"][gain], gain))
         values[passive] = 0.0
-        content["servo"][gain] = _by_axis(robot, values)
+        content["servo"][gain] = _number_or_mapping(robot, values)
     content["solver"] = _DISCRETE
-    _begin(robot, content, posture)
-    angle, distance = _LOOP_MOVE
-    target = np.clip(posture + np.where(robot.prismatic, distance, angle), *robot.axis_limits)
-    named = _named(robot, _in_user_units(robot, target))
-    target_of_motors = {axis: value for index, (axis, value) in enumerate(named.items()) if index not in passive}
-    content["reference"] = {"kind": "move", "target_deg": target_of_motors, "duration": _MOVE}
-    content["duration"] = 3.0
-    without_motor = ", ".join(axes[index] for index in passive)
-    return [f"Loops are closed by couplings: {', '.join(robot.loops)}.", f"These axes have no motor: {without_motor}."]
+    _set_initial_posture(robot, content, posture)
+
+    travel = np.where(robot.prismatic, _LOOP_DISTANCE, _LOOP_ANGLE)
+    target = np.clip(posture + travel, *robot.axis_limits)
+    target_deg = _by_axis(robot, _in_user_units(robot, target))
+    names_of_passive = [list(robot.axes)[index] for index in passive]
+    for name in names_of_passive:
+        del target_deg[name]
+    content["reference"] = {"kind": "move", "target_deg": target_deg, "duration": _MOVE}
+    content["duration"] = _DURATION
+    return [
+        f"Loops are closed by couplings: {', '.join(robot.loops)}.",
+        f"These axes have no motor: {', '.join(names_of_passive)}.",
+    ]
 
 
-def _grips(robot: RobotModel, content: dict[str, Any]) -> list[str]:
-    """Couple fingers, and set servos and contact so that they hold parts by friction. Returns remarks for comments."""
+def _complete_fingers(robot: RobotModel, content: dict[str, Any]) -> list[str]:
+    """Couple fingers, and set servos and contact so that they hold parts by friction. Returns remarks.
+
+    The first finger leads the others. A gear makes each other finger move by the same share of its own travel.
+    """
     leader, *others = robot.fingers
-    # Travel of each finger between its ends [rad or m]; the gears have the ratios of the travels.
-    travels = {place: ends[1] - ends[0] for place, ends in robot.fingers.items()}
-    axes = [*robot.axes]
+    # Travel of each finger between its ends [rad or m], by the index of its axis.
+    travels = {index: ends[1] - ends[0] for index, ends in robot.fingers.items()}
+    axes = list(robot.axes)
     content["servo"] |= {"realization": "implicit", "feedforward": "inverse_dynamics"}
     couplings = content.setdefault("couplings", {})
-    for place in others:
+    for index in others:
+        finger = axes[index]
         # Fingers that mimic other axes in the robot's file are coupled already.
-        if axes[place] not in robot.followers and axes[leader] not in robot.followers:
-            ratio = float(f"{-travels[place] / travels[leader]:.6g}")
-            couplings[f"{axes[place]}_follows"] = {"kind": "gear", "ratios": {axes[place]: 1.0, axes[leader]: ratio}}
-    content |= _GRIPS
-    return [_HOLDING.format(fingers=", ".join(axes[place] for place in robot.fingers))]
+        if finger in robot.followers or axes[leader] in robot.followers:
+            continue
+        # position - travel / (travel of the leader) * (position of the leader) stays constant.
+        ratio = float(f"{-travels[index] / travels[leader]:.6g}")
+        couplings[f"{finger}_follows"] = {"kind": "gear", "ratios": {finger: 1.0, axes[leader]: ratio}}
+    content |= _WITH_FINGERS
+    return [_HOLDING.format(fingers=", ".join(axes[index] for index in robot.fingers))]
 
 
-def _on_feet(robot: RobotModel, content: dict[str, Any]) -> list[str]:
-    """Complete the content of a station whose robot has a floating base. Returns remarks for comments."""
-    content |= {"servo": _servo(robot, "implicit"), **_HOLDS, "duration": 3.0}
-    looked_at = at_home(robot)
-    stances = Stances(looked_at, looked_at.station.robots[ONLY_ROBOT])
-    first, outcome = None, ""
+def _complete_on_feet(robot: RobotModel, content: dict[str, Any]) -> list[str]:
+    """Complete the content of a station whose robot has a floating base. Returns remarks.
+
+    Stances (postures in which the robot stands by statics) are tried in short runs. If the robot does not stand in any
+    of them, it begins in the first one, or at home if there is none.
+    """
+    content |= {"servo": _servo(robot, "implicit"), **_ON_FEET, "duration": _DURATION}
+    clearance = at_home(robot)
+    stances = Stances(clearance, clearance.station.robots[ONLY_ROBOT])
+    first_stance: Stance | None = None
+    first_outcome = ""
     for stance in islice(stances.find(), _TRIALS):
-        _stand(robot, content, stance)
-        held, outcome = stands(_config(robot, content))
-        if held:
-            return [f"It stands {_stance_text(stance)}.", f"It was tried: {outcome}."]
-        first = first or (stance, outcome)
-    if first is not None:
-        _stand(robot, content, first[0])
-        return [f"By statics it would stand {_stance_text(first[0])}.", f"But when it was tried, {first[1]}."]
+        _set_stance(robot, content, stance)
+        trial = stands(_config(robot, content))
+        if trial.is_standing:
+            return [f"It stands {_stance_text(stance)}.", f"It was tried: {trial.outcome}."]
+        if first_stance is None:
+            first_stance = stance
+            first_outcome = trial.outcome
+    if first_stance is not None:
+        _set_stance(robot, content, first_stance)
+        return [f"By statics it would stand {_stance_text(first_stance)}.", f"But when it was tried, {first_outcome}."]
     home = stances.as_it_is()
     assert home is not None  # it has shapes
-    _stand(robot, content, home)
-    _, outcome = stands(_config(robot, content))
+    _set_stance(robot, content, home)
+    trial = stands(_config(robot, content))
     return [
         f"No posture was found in which it stands on its feet. {stances.lacking}",
-        f"So it begins at home, and falls or not: when it was tried, {outcome}.",
+        f"So it begins at home, and falls or not: when it was tried, {trial.outcome}.",
     ]
 
 
 def at_home(robot: RobotModel) -> Clearance:
-    """Return a robot with a free base at home on a floor, to look at how it may stand."""
-    content: dict[str, Any] = {"mode": "dynamic", "servo": _servo(robot, "implicit"), **_HOLDS}
+    """Pose a robot with a free base at home on a floor, to find out how it may stand."""
+    content: dict[str, Any] = {"mode": "dynamic", "servo": _servo(robot, "implicit"), **_ON_FEET}
     config = _config(robot, {**content, "robot": {"initial_deg": _home(robot)}})
     return Clearance(config, trusts_home=False)
 
 
 def _stance_text(stance: Stance) -> str:
+    """Describe a stance: its posture, the links that carry, and the place of the centre of mass."""
     found = stance.standing
     centre = f"the centre of mass is {found.margin * 1e3:.0f} mm inside of the support"
     return f"{stance.how}, on {', '.join(found.ends)}; {centre}"
 
 
-def _stand(robot: RobotModel, content: dict[str, Any], stance: Stance) -> None:
+def _set_stance(robot: RobotModel, content: dict[str, Any], stance: Stance) -> None:
+    """Write a stance into the content of a station: base, initial posture, and the monitor that detects a fall."""
     content["robot"]["base"] = [0.0, 0.0, round(stance.height, 6), 0.0, 0.0, 0.0]
-    _begin(robot, content, stance.posture)
-    low = round(_FALLEN * stance.height, 3)
-    content["monitors"] = {"fall": {**({"height": low} if low > 0 else {}), "tilt_deg": _FALLS}}
+    _set_initial_posture(robot, content, stance.posture)
+    fall = dict[str, float]()
+    lowest_height = round(_FALLEN_SHARE * stance.height, 3)
+    if lowest_height > 0:
+        fall["height"] = lowest_height
+    fall["tilt_deg"] = _FALLEN_LEAN_DEG
+    content["monitors"] = {"fall": fall}
 
 
-def _begin(robot: RobotModel, content: dict[str, Any], posture: Vector) -> None:
-    """Set ``initial_deg`` of a station to a posture, shape (n,) [rad or m]; followers get theirs from the couplings."""
-    values = _in_user_units(robot, posture)
+def _set_initial_posture(robot: RobotModel, content: dict[str, Any], posture: Vector) -> None:
+    """Write a posture (n,) [rad or m] into the content of a station, as ``initial_deg``.
+
+    Axes at 0 and followers are left out: they begin at 0, and where the couplings take them.
+    """
     content["robot"].pop("initial_deg", None)
-    named = {axis: value for axis, value in _named(robot, values).items() if value and axis not in robot.followers}
-    if named:
-        content["robot"]["initial_deg"] = named
+    positions = _by_axis(robot, _in_user_units(robot, posture))
+    initial = {axis: value for axis, value in positions.items() if value and axis not in robot.followers}
+    if initial:
+        content["robot"]["initial_deg"] = initial
     elif robot.home.any():
         content["robot"]["initial_deg"] = 0.0  # without initial_deg the robot would begin at home
 
 
 def _home(robot: RobotModel) -> dict[str, float]:
-    """Home posture of a robot by axis name, in the user's units; followers are where their leaders take them."""
-    return _named(robot, _in_user_units(robot, robot.home))
+    """Map axis names to the home posture [deg, or m of prismatic axes]; followers are where their leaders take them."""
+    return _by_axis(robot, _in_user_units(robot, robot.home))
 
 
 def _in_user_units(robot: RobotModel, posture: Vector) -> Vector:
-    """Return a posture [deg, or m of prismatic axes], rounded within the limits, shape (n,)."""
+    """Convert a posture (n,) from rad or m to deg, or m of prismatic axes; four decimals, and within the limits."""
     lower, upper = (limit / robot.user_units for limit in robot.axis_limits)
-    return np.asarray(np.clip(np.round(posture / robot.user_units, 4), lower, upper)) + 0.0
+    rounded = np.round(posture / robot.user_units, 4)
+    return np.asarray(np.clip(rounded, lower, upper)) + 0.0  # the sum turns -0.0 into 0.0
 
 
 def _config(robot: RobotModel, content: Mapping[str, Any]) -> StationConfig:
-    """The station of a drafted content, with the robot's file by its absolute path."""
-    own = {key: value for key, value in content["robot"].items() if key not in _ORIGINS}
+    """Make the configuration of a drafted content, with the robot's file by its absolute path."""
+    section = {key: value for key, value in content["robot"].items() if key not in _ORIGINS}
     if robot.dh is not None or robot.description_file.name != ROBOT_FILE:
-        own["model"] = str(robot.description_file)
+        section["model"] = str(robot.description_file)
     else:
-        own["urdf"] = robot.urdf_path
-    sections = {key: value for key, value in content.items() if key != "robot"}
-    return StationConfig(name=robot.name, robots={ONLY_ROBOT: own}, **sections)
+        section["urdf"] = robot.urdf_path
+    others = {key: value for key, value in content.items() if key != "robot"}
+    return StationConfig(name=robot.name, robots={ONLY_ROBOT: section}, **others)
 
 
-def _header(robot: RobotModel, urdf: Path, options: ImportOptions | None, kinematic: bool) -> str:
-    """Write the first comments of a station; those of a kinematic one say how to make a dynamic station instead."""
-    text = "# First station of an imported robot; change it as you like, and try `simrob check` on it.\n"
-    if kinematic:
-        missing = ", ".join(robot.links_without_inertia)
-        text += f"# Kinematic, since these links have no inertia: {missing}.\n"
-        if urdf.suffix.lower() in YAML_SUFFIXES:
-            return f"{text}# For motion by torque give them a mass in {urdf.name}, and begin anew.\n"
-        values = {} if options is None else options.model_dump(mode="json", exclude_defaults=True)
-        flags = list[str]()
-        for key, value in values.items():
-            rows = value if key in _REPEATED else [value]
-            for row in rows:
-                parts = row if isinstance(row, list) else [] if row is True else [row]
-                flags += [f"--{key.replace('_', '-')}", *map(str, parts)]
-        again = shlex.join(["simrob", "station", str(urdf), "--estimate-inertia", *flags])
-        text += f"# For motion by torque begin anew: {again}\n"
-    return text
+_FIRST_LINE = "# First station of an imported robot; change it as you like, and try `simrob check` on it.\n"
+
+
+def _header(robot: RobotModel, file: Path, options: ImportOptions | None) -> str:
+    """Write the first comments of a kinematic station: why it is kinematic, and how to make a dynamic one instead.
+
+    Args:
+        robot: the robot, some links of which have no inertia.
+        file: the robot's file.
+        options: options of its import, or None.
+    """
+    missing = ", ".join(robot.links_without_inertia)
+    text = f"{_FIRST_LINE}# Kinematic, since these links have no inertia: {missing}.\n"
+    if file.suffix.lower() in YAML_SUFFIXES:
+        return f"{text}# For motion by torque give them a mass in {file.name}, and begin anew.\n"
+    command = shlex.join(["simrob", "station", str(file), "--estimate-inertia", *_command_options(options)])
+    return f"{text}# For motion by torque begin anew: {command}\n"
+
+
+def _command_options(options: ImportOptions | None) -> list[str]:
+    """Write options of an import as words of the command line; without those that have their default values."""
+    values = {} if options is None else options.model_dump(mode="json", exclude_defaults=True)
+    words = list[str]()
+    for key, value in values.items():
+        occurrences = value if key in _REPEATED_OPTIONS else [value]
+        for occurrence in occurrences:
+            words.append(f"--{key.replace('_', '-')}")
+            if isinstance(occurrence, list):
+                words += [str(number) for number in occurrence]
+            elif occurrence is not True:  # a switch that is on has no value
+                words.append(str(occurrence))
+    return words
 
 
 def _servo(robot: RobotModel, realization: str) -> dict[str, Any]:
+    """Make the content of the section ``servo`` with gains that hold the robot; see `ServoConfig` for realizations."""
     gains = gains_of(robot)
-    columns = {"kp": gains.kp, "kd": gains.kd, "torque_limit": robot.efforts}
-    return {"realization": realization, **{key: _by_axis(robot, values) for key, values in columns.items()}}
+    return {
+        "realization": realization,
+        "kp": _number_or_mapping(robot, gains.kp),
+        "kd": _number_or_mapping(robot, gains.kd),
+        "torque_limit": _number_or_mapping(robot, robot.efforts),
+    }
 
 
-def _by_axis(robot: RobotModel, values: Vector) -> float | dict[str, float]:
-    """Return one number if it is the same for all axes."""
-    return float(values[0]) if len(set(values.tolist())) == 1 else _named(robot, values)
+def _number_or_mapping(robot: RobotModel, values: Vector) -> float | dict[str, float]:
+    """Write the values of all axes (n,) as one number if they are equal, otherwise as a mapping by axis name."""
+    is_same = len(set(values.tolist())) == 1
+    return float(values[0]) if is_same else _by_axis(robot, values)
 
 
-def _leading(robot: RobotModel, values: Vector) -> float | dict[str, float]:
-    """Select from values (n,) those of axes that follow no other axis; the couplings give the values of followers."""
+def _without_followers(robot: RobotModel, values: Vector) -> float | dict[str, float]:
+    """Write the values of axes (n,) without those of followers, whose values result from the couplings.
+
+    Without followers, equal values are written as one number.
+    """
     if not robot.followers:
-        return _by_axis(robot, values)
-    return {axis: value for axis, value in _named(robot, values).items() if axis not in robot.followers}
+        return _number_or_mapping(robot, values)
+    return {axis: value for axis, value in _by_axis(robot, values).items() if axis not in robot.followers}
 
 
-def _named(robot: RobotModel, values: Vector) -> dict[str, float]:
+def _by_axis(robot: RobotModel, values: Vector) -> dict[str, float]:
+    """Map the names of a robot's axes to values (n,)."""
     return dict(zip(robot.axes, values.tolist(), strict=True))
 
 
-_WORK = 10_000  # evaluations of the dynamics that a trial may take: about what 3 s in discrete steps of 1 ms cost
-_LEANS, _SINKS = 10.0, 0.1  # deg, and part of its height: a robot that leans or sinks more does not stand
+_MOST_EVALUATIONS = 10_000
+"""Count of evaluations of the dynamics that a trial may take: about the cost of 3 s in discrete steps of 1 ms."""
 
 
 def gets_through(config: StationConfig) -> bool:
-    """Tell whether a continuous solver brings a station to its end before its evaluations of the dynamics run out.
+    """Whether a continuous solver brings a station to its end before its evaluations of the dynamics run out.
 
-    One that would lean on a stop too stiff for it is not even tried: it may get through, and be wrong.
+    A station with a stop that is too stiff for the solver is not tried, and does not get through: the run might reach
+    its end with wrong results.
     """
     closed = closed_station(resolve(config), sensors=(), monitors=False)
-    if any(finding.level == "warning" for finding in step_findings(config, closed.ports.plant, closed.references)):
+    findings = step_findings(config, closed.ports.plant, closed.references)
+    if any(finding.level == "warning" for finding in findings):
         return False
     simulator = Simulator(closed.diagram)
     apply_solver(simulator, config)
     integrator = simulator.get_integrator()
 
-    def look(_: Context) -> EventStatus:
-        if integrator.get_num_derivative_evaluations() > _WORK:
+    def stop_if_expensive(_: Context) -> EventStatus:
+        if integrator.get_num_derivative_evaluations() > _MOST_EVALUATIONS:
             return EventStatus.ReachedTermination(closed.diagram, "too much work")
         return EventStatus.DidNothing()
 
-    simulator.set_monitor(look)
+    simulator.set_monitor(stop_if_expensive)
     return _advances(simulator, config.duration) and simulator.get_context().get_time() >= config.duration
 
 
 def _advances(simulator: Simulator, time: float) -> bool:
-    """Step up to a time [s], or to where a monitor stops; tell whether it did not diverge."""
+    """Simulate up to a time [s], or to where a monitor stops the run. Returns False if the run diverges."""
     try:
         simulator.AdvanceTo(time)
     except (RuntimeError, SystemExit):  # failed assertions come as SystemExit
@@ -374,24 +474,43 @@ def _advances(simulator: Simulator, time: float) -> bool:
     return True
 
 
-def stands(config: StationConfig, duration: float = 2.0) -> tuple[bool, str]:
-    """Try for a time [s] whether the only robot of a station stands on its own feet, and say what became of it."""
+class StandingTrial(NamedTuple):
+    """Result of a trial of standing.
+
+    Attributes:
+        is_standing: whether the robot stood until the end.
+        outcome: what happened, as a part of a sentence.
+    """
+
+    is_standing: bool
+    outcome: str
+
+
+def stands(config: StationConfig, duration: float = 2.0) -> StandingTrial:
+    """Simulate for a time [s] whether the only robot of a station stands on its own feet."""
     closed = closed_station(resolve(config), sensors=())
-    (robot,), plant = closed.ports.plant.robots.values(), closed.ports.plant.plant
+    station = closed.ports.plant
+    (robot,) = station.robots.values()
     simulator = Simulator(closed.diagram)
     apply_solver(simulator, config)
-    context = plant.GetMyContextFromRoot(simulator.get_context())
+    context = station.plant.GetMyContextFromRoot(simulator.get_context())
     before = robot.root.CalcPoseInWorld(context)
     if not _advances(simulator, duration):
-        return False, "it diverged"
+        return StandingTrial(False, "it diverged")
     time = simulator.get_context().get_time()
     if time < duration:
-        return False, f"it fell at {time:.2f} s"
+        return StandingTrial(False, f"it fell at {time:.2f} s")
+
     after = robot.root.CalcPoseInWorld(context)
+    # The direction of the root that pointed up at the start, in the root's frame.
     up = before.rotation().inverse().matrix()[:, 2].tolist()
-    leaning = float(np.rad2deg(lean(up, *xyz_quaternion_from_transform(after)[3:].tolist())))
-    sunk = float((before.translation() - after.translation())[2])
-    height = float(before.translation()[2] - closed.ports.plant.ground.beneath(before.translation()[np.newaxis])[0])
+    quaternion = xyz_quaternion_from_transform(after)[3:].tolist()
+    leaning_deg = float(np.rad2deg(lean(up, *quaternion)))
+    position = before.translation()
+    sunk = float((position - after.translation())[2])
+    height = float(position[2] - station.ground.beneath(position[np.newaxis])[0])
+    is_upright = leaning_deg < _LEANS_DEG and sunk < _SINKS_SHARE * max(height, _LEAST_HEIGHT)
+
     moved = f"{abs(sunk) * 1e3:.0f} mm {'lower' if sunk >= 0 else 'higher'}"
-    outcome = f"after {duration:g} s it leans by {leaning:.1f} deg, and its root is {moved} than at the start"
-    return leaning < _LEANS and sunk < _SINKS * max(height, 0.1), outcome
+    outcome = f"after {duration:g} s it leans by {leaning_deg:.1f} deg, and its root is {moved} than at the start"
+    return StandingTrial(is_upright, outcome)

@@ -8,7 +8,7 @@ from pydrake.multibody.tree import RevoluteJoint, RigidBody
 
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationRobot
-from simrob_drake.stations.clearance import KNEELING, Clearance, Standing, standing, untangled
+from simrob_drake.stations.clearance import KNEELING, Clearance, Standing, reduce_own_overlaps, standing
 from simrob_drake.stations.legs import Leg, ends_of, foot_place, legs_of, put_upright, straight
 from simrob_drake.stations.posed import posture_range
 
@@ -93,7 +93,7 @@ class Stances:
         What lies in itself of it is taken apart, as far as its legs have no part in that.
         """
         still = {axis for leg in legs for axis in leg.axes}
-        posture = untangled(self._clearance, self._robot, stance.posture, set(range(len(self._home))) - still)
+        posture = reduce_own_overlaps(self._clearance, self._robot, stance.posture, set(range(len(self._home))) - still)
         apart = "" if np.array_equal(posture, stance.posture) else " but for links that are turned apart"
         tidy = self._stance(posture, f"{stance.how}{apart}")
         if tidy is None:

@@ -4,7 +4,7 @@ import numpy as np
 
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.parts.site import ResolvedRobot
-from simrob_drake.robots.coupled_axes import Asked
+from simrob_drake.robots.coupled_axes import Firmness
 from simrob_drake.stations.config import StationConfig
 
 
@@ -24,8 +24,8 @@ def check_targets(config: StationConfig, robot: ResolvedRobot) -> None:
     """
     model = robot.model
     for target in config.reference_of(robot.name).postures():
-        firmness = np.array(model.asked(target))
-        axes_with_target = np.flatnonzero(firmness == Asked.NAMED).tolist()
+        firmness = np.array(model.firmness(target))
+        axes_with_target = np.flatnonzero(firmness == Firmness.NAMED).tolist()
         # Axes that a mapping leaves out become NaN. They are not among axes_with_target, so no NaN is compared.
         positions = model.user_units * model.axis_vector(target, "reference", np.nan)
         limits = model.limits.of_axes(axes_with_target)

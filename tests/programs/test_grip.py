@@ -10,7 +10,7 @@ from simrob_drake import Arm, Workcell, load_station
 from simrob_drake.cli.app import run_command
 from simrob_drake.errors import SimrobError
 from simrob_drake.files import models_root
-from simrob_drake.robots.bodies import Gripper, fingers_of
+from simrob_drake.robots.fingers import Gripper, fingers_of
 
 DOWN = [0.0, 0.0, np.pi]
 ALONE = {f"pieces.cube_{number}": None for number in (1, 2, 4, 5)}

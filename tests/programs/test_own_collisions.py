@@ -138,7 +138,7 @@ def test_moves_agree_on_a_goal_between_half_the_tolerance_and_all_of_it():
 
     def depth(angle: float) -> float:
         model.place_robots({"robot": np.deg2rad([0, -90, angle, 0, 0, 0])})
-        return max((overlap.depth for overlap in model.policy.overlaps(share=0.0)), default=0.0)
+        return max((overlap.depth for overlap in model.policy.overlaps(tolerance_factor=0.0)), default=0.0)
 
     angle = next(angle for angle in np.arange(150.0, 168.0, 0.02) if depth(angle) > 0.003)
     assert 0.003 < depth(angle) < 0.005

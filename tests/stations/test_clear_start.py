@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simrob_drake.stations.clear_start import ClearStart, Start
-from simrob_drake.stations.clearance import untangled
+from simrob_drake.stations.clearance import reduce_own_overlaps
 from simrob_drake.stations.collisions import OWN_TOLERANCE
 from simrob_drake.stations.draft import draft_station
 from simrob_drake.stations.load import load_station
@@ -126,7 +126,7 @@ def test_fingers_in_each_other_are_turned_apart(robot_of, clearance_of):
     assert (overlap.bodies, overlap.robot) == (("one", "two"), "robot")
     assert overlap.depth == pytest.approx(7e-3, abs=1e-6)
     robot = clearance.station.robots["robot"]
-    posture = untangled(clearance, robot, np.zeros(2), {1})
+    posture = reduce_own_overlaps(clearance, robot, np.zeros(2), {1})
     assert posture[0] == 0.0
     assert posture[1] < 0  # about x: away from the other, which stands upright
     clearance.place_robots({"robot": posture})

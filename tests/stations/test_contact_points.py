@@ -14,6 +14,7 @@ from simrob_drake.stations.contact_points import (
     LARGEST_RADIUS,
     SMALLEST_PROTRUSION,
     ContactBall,
+    Edge,
     balls_at_corners,
     balls_of_cylinder,
     balls_on_edges,
@@ -210,7 +211,7 @@ def test_balls_touch_the_faces_from_inside_and_follow_the_edges():
     out = np.array([ball.centre for ball in balls_at_corners(corners, protrusion=1e-4)])
     np.testing.assert_allclose(out.max(axis=0) - reach.max(axis=0), 1e-4, atol=1e-12)
     # The shortest side between the centres is 0.198 m, so parts of 0.6 m are at most 0.099 m long: seven.
-    along = [*balls_on_edges(balls, [(0, 1)])]
+    along = [*balls_on_edges(balls, [Edge(0, 1)])]
     assert len(along) == 6
     heights = [ball.centre[2] for ball in along]
     np.testing.assert_allclose(np.diff([balls[0].centre[2], *heights, balls[1].centre[2]]), 0.598 / 7, atol=1e-12)

@@ -12,7 +12,7 @@ from simrob_drake.blocks.combined_references import combine_references
 from simrob_drake.blocks.references import SineReference, hold, move, ramp, reference_values
 from simrob_drake.errors import SimrobError
 from simrob_drake.programs.program import Program
-from simrob_drake.robots.coupled_axes import Asked, CoupledAxes, Equation
+from simrob_drake.robots.coupled_axes import CoupledAxes, Equation, Firmness
 from simrob_drake.teach.arm_questions import jog_move
 
 LINK = """<link name="{name}_link"><inertial><mass value="1"/>
@@ -199,15 +199,17 @@ def test_sines_are_combined_exactly():
 
 def test_the_axes_that_are_asked_least_give_way():
     coupled = CoupledAxes("abcd", [Equation("ab", {"b": 1, "a": -2}, 0.0), Equation("bc", {"c": 1, "b": 1}, 0.5)])
-    asked = [Asked.UNNAMED, Asked.UNNAMED, Asked.NAMED, Asked.UNNAMED]
-    found = coupled.solve(asked, coupled.totals(np.zeros(4)))
+    firmness = [Firmness.UNNAMED, Firmness.UNNAMED, Firmness.NAMED, Firmness.UNNAMED]
+    found = coupled.solve(firmness, coupled.totals(np.zeros(4)))
     # c = 0.3 asks b = 0.5 - 0.3 and a = b / 2; d is free.
     np.testing.assert_allclose(found.matrix @ [9, 9, 0.3, 7] + found.offset, [0.1, 0.2, 0.3, 7], atol=1e-12)
     assert found.conditions == ()
-    firm = coupled.solve([Asked.NAMED] * 4, coupled.totals(np.zeros(4)))
+    firm = coupled.solve([Firmness.NAMED] * 4, coupled.totals(np.zeros(4)))
     assert [condition.labels for condition in firm.conditions] == [("ab",), ("bc",)]
-    ends = coupled.solve([Asked.NAMED, Asked.UNNAMED, Asked.NAMED, Asked.NAMED], coupled.totals(np.zeros(4)))
+    firmness = [Firmness.NAMED, Firmness.UNNAMED, Firmness.NAMED, Firmness.NAMED]
+    ends = coupled.solve(firmness, coupled.totals(np.zeros(4)))
     (condition,) = ends.conditions
     assert set(condition.labels) == {"ab", "bc"}
     assert coupled.find_violation(condition, np.array([[0.1, 0, 0.3, 0]]), np.full(4, 1e-9)) is None
-    assert coupled.find_violation(condition, np.array([[0.1, 0, 0.4, 0]]), np.full(4, 1e-9))[2] == pytest.approx(0.3)
+    violation = coupled.find_violation(condition, np.array([[0.1, 0, 0.4, 0]]), np.full(4, 1e-9))
+    assert violation.position == pytest.approx(0.3)

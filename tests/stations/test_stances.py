@@ -105,7 +105,7 @@ def test_a_stance_that_does_not_hold_is_no_stance(quadruped, tmp_path, monkeypat
 
     def fell(config):
         tried.append(config.robots["robot"].initial_deg)
-        return False, f"it fell at {len(tried)} s"
+        return draft.StandingTrial(is_standing=False, outcome=f"it fell at {len(tried)} s")
 
     monkeypatch.setattr(draft, "stands", fell)
     text = draft_station(quadruped(knees_deg=-60.0), folder=tmp_path)

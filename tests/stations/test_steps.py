@@ -103,7 +103,7 @@ def test_a_trial_ends_when_its_work_is_done(monkeypatch):
     """Twenty evaluations of the dynamics are no move of three seconds."""
     config = load_station("irb120_dynamic")
     assert gets_through(config)
-    monkeypatch.setattr(draft, "_WORK", 20)
+    monkeypatch.setattr(draft, "_MOST_EVALUATIONS", 20)
     assert not gets_through(config)
 
 

@@ -13,7 +13,7 @@ from simrob_drake.errors import nearest, shortened
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.base import FLOATING_MARK
 from simrob_drake.importer.repairs.structure import drop_lost_frames, number
-from simrob_drake.robots.bodies import FOLLOWS, followed
+from simrob_drake.robots.fingers import FOLLOWS, mimic_line
 from simrob_drake.robots.urdf import (
     DRAKE,
     MOVABLE_JOINTS,
@@ -112,7 +112,7 @@ def _check_followers(robot: ET.Element, report: ImportReport) -> None:
         if joint.get("type") == "fixed":
             joint.remove(mimic)
             report.add("dropped", where, f"{said}: fixed joints move with nothing")
-        elif followed(mimic)[0] == 0:
+        elif mimic_line(mimic)[0] == 0:
             continue  # it stands, whatever leads it
         elif leader not in joints or _leads_back(joints, name):
             joint.remove(mimic)
@@ -125,7 +125,7 @@ def _check_followers(robot: ET.Element, report: ImportReport) -> None:
         if follows is None:
             continue
         follows.tag = FOLLOWS
-        factor, offset = followed(follows)
+        factor, offset = mimic_line(follows)
         said = f"mimics '{follows.get('joint', '')}' by {factor:g} with an offset of {offset:g}"
         report.add("read", f"joint '{name}'", f"{said}: stations couple them")
 
@@ -163,7 +163,7 @@ def _fix_still_followers(robot: ET.Element, report: ImportReport) -> None:
             follows = joint.find(FOLLOWS)
             if follows is None:
                 continue
-            factor, offset = followed(follows)
+            factor, offset = mimic_line(follows)
             leader = joints.get(follows.get("joint", ""), joint)
             if factor and leader.get("type") in MOVABLE_JOINTS:
                 continue
@@ -195,7 +195,7 @@ def _widen_followers(robot: ET.Element, report: ImportReport) -> None:
         done.add(name)
         leader = joints[follows.get("joint", "")]
         widen(name_of(leader))
-        factor, offset = followed(follows)
+        factor, offset = mimic_line(follows)
         ends = [factor * end + offset for end in joint_limits(leader)]
         own = joint_limits(joint)
         wide = min(*ends, *own), max(*ends, *own)
