@@ -78,7 +78,7 @@ def settings_with_loop(known: KnownLoops, settings: Settings, name: str, on: boo
     """
     added = known[one_of("loop", name, known)]
     key = f"controllers.{name}"
-    needed_by_others = set()
+    needed_by_others = set[str]()
     for loop in loops_on(known, settings):
         if loop != name:
             needed_by_others.update(known[loop])

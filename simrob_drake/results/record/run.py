@@ -13,7 +13,7 @@ from simrob_drake.blocks.references import Reference, Samples
 from simrob_drake.errors import one_of
 from simrob_drake.frames import VELOCITY_NAMES, XYZ_QUATERNION_NAMES, Vector
 from simrob_drake.parts.site import StationPlant, StationRobot, named
-from simrob_drake.results.record.piece_contacts import Look, looks_at_pieces
+from simrob_drake.results.record.piece_contacts import ContactSample, sample_piece_contacts
 from simrob_drake.results.record.state import State
 from simrob_drake.results.record.touch import Event, Touch, onsets
 from simrob_drake.signals import Panel, Signal
@@ -161,11 +161,14 @@ class RecordedRun:
         return Touch.of(self.config, self.plant, self.times, self.positions_at, self.context)
 
     @cached_property
-    def piece_contacts(self) -> dict[str, list[Look]]:
-        """What touched each free piece, and with what force, at some samples; empty without contact."""
+    def piece_contacts(self) -> dict[str, list[ContactSample]]:
+        """Contacts of each free piece at some samples, by the name of the piece.
+
+        Empty if the station has no contact, or no free pieces.
+        """
         if self.contacts_at is None or not self.plant.free_pieces:
             return {}
-        return looks_at_pieces(self.plant, self.times, self.contacts_at)
+        return sample_piece_contacts(self.plant, self.times, self.contacts_at)
 
     @cached_property
     def onsets(self) -> list[Event]:
