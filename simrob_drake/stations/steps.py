@@ -59,21 +59,24 @@ def step_findings(
 
 
 def _uncertain_torques(config: StationConfig) -> list[Finding]:
-    """Name what makes the torques of prescribed joints uncertain where bodies touch."""
+    """Warn if the computed torques of prescribed joints may be wrong while bodies touch.
+
+    A prescribed joint follows a given motion, and the torque that this takes is computed, see
+    :mod:`simrob_drake.stations.prescribed`. Some solvers do not report all forces that this computation needs.
+    """
     if not config.prescribed or config.contact is None or config.mode == "kinematic":
         return []
-    joints = f"the torques of the prescribed joints {', '.join(config.prescribed)}"
+    scheme = config.solver.scheme
     couplings = constraining_couplings(config)
-    text = ""
+    text = f"the torques of the prescribed joints {', '.join(config.prescribed)} "
     if is_discrete_with_contact(config) and couplings:
-        text = (
-            f"{joints} may be wrong by thousands of N or N·m while bodies touch: Drake's solver "
-            f"{config.solver.scheme} does not report the forces of couplings ({', '.join(couplings)})"
-        )
-    elif config.solver.scheme == "cenic":
-        text = f"{joints} miss up to a half of what accelerates loads that stick to them by friction under cenic"
-    remedy = "set solver to {kind: continuous, scheme: radau3}"
-    return [Finding("warning", "steps", f"{text}; {remedy}")] if text else []
+        text += "may be wrong by thousands of N or N·m while bodies touch: Drake's solver "
+        text += f"{scheme} does not report the forces of couplings ({', '.join(couplings)})"
+    elif scheme == "cenic":
+        text += "miss up to a half of what accelerates loads that stick to them by friction under cenic"
+    else:
+        return []
+    return [Finding("warning", "steps", f"{text}; set solver to {{kind: continuous, scheme: radau3}}")]
 
 
 def likely_cause(config: StationConfig, plant: StationPlant) -> str:

@@ -34,57 +34,97 @@ _JOINTS = {RevoluteJoint: mujoco.mjtJoint.mjJNT_HINGE, PrismaticJoint: mujoco.mj
 
 
 def add_tree(spec: mujoco.MjSpec, station: StationPlant, names: Names) -> None:
-    """Add a finalized plant's bodies and joints, each in its carrier; raises InvalidParameter: a joint MJCF lacks."""
+    """Add the bodies and joints of a plant to a MuJoCo model, in which each body contains the bodies that it carries.
+
+    Args:
+        spec: the MuJoCo model under construction.
+        station: the finalized plant in Drake.
+        names: names of the plant's bodies and joints in the MuJoCo model.
+
+    Raises:
+        InvalidParameter: the plant has a joint that MuJoCo lacks, or constraints or springs from the robots' files.
+    """
     plant = station.plant
-    if plant.num_constraints() or plant.num_force_elements() > 1:  # of which gravity is one
+    if plant.num_constraints() or plant.num_force_elements() > 1:  # gravity is one force element
         raise InvalidParameter("robots", "constraints of their files", "left out: MJCF gets a tree of free joints")
-    armature = {
-        motor.joint().index(): motor.default_reflected_inertia()
-        for motor in (plant.get_joint_actuator(JointActuatorIndex(index)) for index in range(plant.num_actuators()))
-    }  # of a joint's last actuator, as Drake counts
-    waiting = [plant.world_body()]
+    # Reflected rotor inertias by the index of the joint. Of several actuators of a joint, Drake uses the last one's.
+    armatures = {}
+    for index in range(plant.num_actuators()):
+        motor = plant.get_joint_actuator(JointActuatorIndex(index))
+        armatures[motor.joint().index()] = motor.default_reflected_inertia()
+
+    # Breadth first, since MuJoCo needs a body before the bodies that it carries.
     joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
+    waiting = [plant.world_body()]
     while waiting:
-        carrier = waiting.pop(0)
-        for joint in [joint for joint in joints if joint.parent_body() is carrier]:
-            onto = spec.worldbody if carrier is plant.world_body() else spec.body(names.body(carrier))
-            waiting.append(joint.child_body())
-            _add_joint(onto, station, joint, names, armature.get(joint.index(), 0.0))
+        parent = waiting.pop(0)
+        onto = spec.worldbody if parent is plant.world_body() else spec.body(names.body(parent))
+        for joint in joints:
+            if joint.parent_body() is parent:
+                waiting.append(joint.child_body())
+                _add_joint(onto, station, joint, names, armatures.get(joint.index(), 0.0))
 
 
-# A gear is as stiff as MuJoCo can step: its deviation decays within about two steps, without overshoot.
 _GEAR_STEPS = 2.0
+"""Time constant with which the deviation of a gear decays, in steps of MuJoCo: the smallest that is stable."""
+
+_GEAR_DAMPING_RATIO = 1.0  # the deviation decays without overshoot
+
 _GEAR_IMPEDANCE = 0.9999
+"""MuJoCo's impedance of a gear, from 0 (no constraint force) to 1 (a hard constraint): the largest that it allows."""
 
 
 def add_gears(spec: mujoco.MjSpec, station: ResolvedStation, plant: StationPlant, names: Names) -> None:
-    """Add the gears of a station as equality constraints.
+    """Add the gears of a station to a MuJoCo model, as equality constraints.
 
-    Two axes are coupled directly; more axes by a tendon of constant length: the sum of positions times ratios.
+    A gear keeps a sum of joint positions q with ratios r constant: r_1 q_1 + r_2 q_2 + ... = c.
+
+    Args:
+        spec: the MuJoCo model under construction, which already contains the joints.
+        station: the station with the gears.
+        plant: its plant in Drake.
+        names: names of the plant's joints in the MuJoCo model.
     """
     for name, gear in station.config.couplings.items():
         if not isinstance(gear, Gear):
             continue
         equality = spec.add_equality(name=f"couplings.{name}", active=True)
-        equality.solref = [_GEAR_STEPS * spec.option.timestep, 1.0]
+        equality.solref = [_GEAR_STEPS * spec.option.timestep, _GEAR_DAMPING_RATIO]
+        # Equal impedances at both ends make the other three parameters, which blend between them, ineffective.
         equality.solimp = [_GEAR_IMPEDANCE, _GEAR_IMPEDANCE, 1e-3, 0.5, 2.0]
-        levers, kept = gear.levers(plant), gear.kept(plant)
+        levers = gear.levers(plant)  # pairs of a joint and its ratio
+        constant = gear.kept(plant)
         if len(levers) == 2:
-            (driven, ratio), (driver, other_ratio) = levers
+            # Two joints: MuJoCo makes the first a polynomial of the second, q_1 = c / r_1 - (r_2 / r_1) q_2.
+            (first, first_ratio), (second, second_ratio) = levers
             equality.type = mujoco.mjtEq.mjEQ_JOINT
-            equality.name1, equality.name2 = names.joint(driven), names.joint(driver)
-            equality.data[:5] = [kept / ratio, -other_ratio / ratio, 0.0, 0.0, 0.0]
-            continue
-        tendon = spec.add_tendon(name=f"couplings.{name}")
-        for joint, ratio in levers:
-            tendon.wrap_joint(names.joint(joint), ratio)
-        # MuJoCo measures the tendon's length from that in its own zero posture, where the sum is 0.
-        equality.type = mujoco.mjtEq.mjEQ_TENDON
-        equality.name1 = tendon.name
-        equality.data[:5] = [kept, 0.0, 0.0, 0.0, 0.0]
+            equality.name1 = names.joint(first)
+            equality.name2 = names.joint(second)
+            equality.data[:5] = [constant / first_ratio, -second_ratio / first_ratio, 0.0, 0.0, 0.0]
+        else:
+            # More joints: a tendon whose length is the sum. MuJoCo measures its change since the zero posture of the
+            # model, where the sum is 0.
+            tendon = spec.add_tendon(name=f"couplings.{name}")
+            for joint, ratio in levers:
+                tendon.wrap_joint(names.joint(joint), ratio)
+            equality.type = mujoco.mjtEq.mjEQ_TENDON
+            equality.name1 = tendon.name
+            equality.data[:5] = [constant, 0.0, 0.0, 0.0, 0.0]
 
 
 def _add_joint(onto: mujoco.MjsBody, station: StationPlant, joint: Joint, names: Names, armature: float) -> None:
+    """Add the child body of a joint, and the joint itself, to a body of the MuJoCo model.
+
+    Args:
+        onto: MuJoCo's body of the joint's parent.
+        station: the plant in Drake.
+        joint: the joint. A welded joint only gets the body; a floating body gets MuJoCo's free joint.
+        names: names of the plant's bodies and joints in the MuJoCo model.
+        armature: rotor inertia that is reflected to the joint [kg m² or kg].
+
+    Raises:
+        InvalidParameter: MuJoCo has no such joint.
+    """
     link = joint.child_body()
     if link.is_floating_base_body():
         pose = station.plant.GetFreeBodyPose(station.plant.CreateDefaultContext(), link)
