@@ -103,7 +103,7 @@ class Recorder:
         simulator.set_monitor(self._record)
 
     def _record(self, context: Context) -> EventStatus:
-        """Record a step and call the callbacks. Returns a status that tells Drake to continue or to end the run."""
+        """Record a step and call the callbacks. Returns Drake's status for continuing or for ending the run."""
         time = context.get_time()
         if self._pace is not None:
             self._pace(context)
@@ -280,18 +280,23 @@ class StateHistory:
         after = self._after(times)
         before = np.maximum(after - 1, 0)
         width = self.times[after] - self.times[before]  # lengths of the steps [s]; 0 at the start of the run
-        # The part of its step at which each time lies, from 0 to 1, shape (k, 1).
-        part = np.divide(times - self.times[before], width, out=np.ones_like(times), where=width > 0)[:, np.newaxis]
+        # The share of the step that has passed at each time, from 0 to 1, shape (k, 1); 1 at the start of the run.
+        elapsed = times - self.times[before]
+        shares = np.divide(elapsed, width, out=np.ones_like(times), where=width > 0)
+        part = shares[:, np.newaxis]
         low = self.continuous[before]
         high = self.continuous[after]
         states = np.where(part == 1, high, low + part * (high - low))
         if plant is not None and rates is not None:
             columns = plant.positions
-            # Many times share a step, and computing rates is slow: compute those of each row once.
-            rows, row_of_end = np.unique([before, after], return_inverse=True)
-            all_slopes = rates(self.continuous[rows])
-            slopes = all_slopes[row_of_end.reshape(2, -1)] * width[:, np.newaxis]  # change per step, (2, k, nq)
-            states[:, columns] = _hermite(part, low[:, columns], high[:, columns], slopes[0], slopes[1])
+            # Many times share a step, and computing rates is slow: compute the rates of each row once.
+            rows, indices = np.unique([before, after], return_inverse=True)
+            index_before, index_after = indices.reshape(2, -1)
+            rates_of_rows = rates(self.continuous[rows])
+            # Slopes are changes over a whole step.
+            low_slopes = rates_of_rows[index_before] * width[:, np.newaxis]
+            high_slopes = rates_of_rows[index_after] * width[:, np.newaxis]
+            states[:, columns] = _hermite(part, low[:, columns], high[:, columns], low_slopes, high_slopes)
         return StateHistory(times, states, [group[after] for group in self.discrete], self._values_at(after))
 
     def steps(self, times: Vector, *, begins_in_motion: bool = False) -> "StateHistory":
@@ -324,7 +329,7 @@ class StateHistory:
         return StateHistory(begin, self.continuous[end], discrete, self._values_at(end))
 
     def _values_at(self, rows: npt.NDArray[np.intp]) -> list[list[AbstractValue]]:
-        """Abstract values of some rows; empty if there are none."""
+        """Abstract values of some rows; empty if the diagram has no abstract values."""
         return [self.abstract[row] for row in rows] if self.abstract else []
 
     def _after(self, times: Vector) -> npt.NDArray[np.intp]:

@@ -228,7 +228,7 @@ class RecordedRun:
 
     @property
     def cells(self) -> dict[str, list[float | None]]:
-        """For each sequencer, by its name, the time at which each of its cells was reached, since its start [s].
+        """Times at which the cells of each sequencer were reached, since its start [s], by the name of the sequencer.
 
         A *sequencer* is a controller that goes through a list of cells (states). The time is None if the cell was not
         reached.
