@@ -135,7 +135,7 @@ class AnalyticSolver(Solver):
         choice = np.argmin(away + self._penalty(form, beyond), axis=1)
         rows = np.arange(len(targets))
         short = form.short[:, self._allowed][rows, choice]
-        return self._checked(targets, postures[rows, choice], short, beyond[rows, choice])
+        return self._check_solutions(targets, postures[rows, choice], short, beyond[rows, choice])
 
     def _solve_in_order(self, targets: Vector, start: Vector) -> Solutions:
         form, postures, beyond = self._branches(targets, np.tile(start, (len(targets), 1)), self._allowed)
@@ -155,7 +155,7 @@ class AnalyticSolver(Solver):
             last = branches[choice]
         rows = np.arange(len(targets))
         short = form.short[:, self._allowed][rows, choices]
-        return self._checked(targets, postures[rows, choices], short, beyond[rows, choices])
+        return self._check_solutions(targets, postures[rows, choices], short, beyond[rows, choices])
 
     def _penalty(self, form: ClosedForm, beyond: Vector) -> Vector:
         """Compute penalties that rank the postures of each target.
@@ -177,7 +177,7 @@ class AnalyticSolver(Solver):
         penalty = np.where(is_rounded, _ROUNDED, _FAR * (1.0 + miss))
         return np.where(miss > _ROUNDING, penalty, 0.0)
 
-    def _checked(self, targets: Vector, chosen: Vector, short: Vector, beyond: Vector) -> Solutions:
+    def _check_solutions(self, targets: Vector, chosen: Vector, short: Vector, beyond: Vector) -> Solutions:
         """Clamp the chosen postures to the limits, remove small errors by numeric search, and check the targets.
 
         Args:

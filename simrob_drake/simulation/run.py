@@ -24,11 +24,11 @@ from simrob_drake.parts.forces import Push
 from simrob_drake.progress import note, progress_bar
 from simrob_drake.results.record.history import Recorder, StateHistory
 from simrob_drake.results.record.run import FAILED
-from simrob_drake.results.record.signals import Sampler, Stop, Watch, cut_at_stop, sampled
+from simrob_drake.results.record.signals import Sampler, Stop, Watch, cut_at_stop, sample_signals
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.pace import PaceWatch
-from simrob_drake.simulation.stepping import Outcome, Stepper, interrupted
+from simrob_drake.simulation.stepping import Outcome, Stepper, interruption_outcome
 from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig, check_effort
 from simrob_drake.stations.physics_findings import physics_warnings
@@ -101,12 +101,12 @@ class Run:
             stepping_time = perf_counter() - began
         known: dict[str, Any] = {"stepping_time": stepping_time, "references": references, "start": start}
         try:
-            return self._evaluated(recorder, watch, outcome, **known)
+            return self._make_result(recorder, watch, outcome, **known)
         except KeyboardInterrupt:  # the user does not want to lose the run
             note("interrupted; the signals are computed first, interrupt again to abandon them", shown=progress)
-            return self._evaluated(recorder, watch, interrupted(self.config, recorder), **known)
+            return self._make_result(recorder, watch, interruption_outcome(self.config, recorder), **known)
 
-    def _evaluated(self, recorder: Recorder, watch: Watch, outcome: Outcome, **known: Any) -> SimulationResult:
+    def _make_result(self, recorder: Recorder, watch: Watch, outcome: Outcome, **known: Any) -> SimulationResult:
         """Evaluate the signals of a run that has been stepped, and make its result.
 
         Args:
@@ -213,10 +213,10 @@ class Run:
         """
         times = sample_times(sampler.history.end, self.config.sample_rate)
         try:
-            return SignalSamples(outcome, times, sampled(sampler, self.whole.ports, times))
+            return SignalSamples(outcome, times, sample_signals(sampler, self.whole.ports, times))
         except Exception as problem:
             time_of_failure = sampler.looked_at.get_time()
-            failed = self.stepper.failed(problem, sampler.looked_at, time_of_failure)
+            failed = self.stepper.failure_outcome(problem, sampler.looked_at, time_of_failure)
             if failed is None or outcome.ending == FAILED:
                 raise
         good_times = times[times < time_of_failure]

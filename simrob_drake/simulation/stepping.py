@@ -206,21 +206,21 @@ class Stepper:
                 if is_tick and self._ends_at_tick(edge, recorder):
                     break
         except KeyboardInterrupt:
-            return interrupted(self._config, recorder)
+            return interruption_outcome(self._config, recorder)
         except (Exception, SystemExit) as problem:  # Drake's failed assertions come as SystemExit
             if recorder.failure is not None:
                 raise
             # A monitor may have ended the run at a step before the failure. It may also evaluate the failed block.
             with suppress(Exception):
                 recorder.look()
-            failed = self.failed(problem, self.simulator.get_context(), recorder.times[-1])
-            return self._stopped(watch) or failed or self._diverged(recorder, problem)
+            failed = self.failure_outcome(problem, self.simulator.get_context(), recorder.times[-1])
+            return self._monitor_outcome(watch) or failed or self._divergence_outcome(recorder, problem)
         recorder.look()  # the monitors have not seen the last steps yet
-        stopped = self._stopped(watch)
+        stopped = self._monitor_outcome(watch)
         if stopped is not None:
             return stopped
         if not recorder.is_sane():
-            return self._diverged(recorder, RuntimeError("a state ran away to infinity"))
+            return self._divergence_outcome(recorder, RuntimeError("a state ran away to infinity"))
         if status.reason() == _ENDED:
             return Outcome("monitor", status.system().get_name().rpartition(".")[2], status.message())
         return Outcome("completed", None, f"ran to its end at {self.simulator.get_context().get_time():.6g} s")
@@ -317,11 +317,11 @@ class Stepper:
         apply_solver(simulator, self._config)
         return simulator
 
-    def _stopped(self, watch: Watch) -> Outcome | None:
+    def _monitor_outcome(self, watch: Watch) -> Outcome | None:
         """Outcome of a run that a monitor ended, or None if none did."""
         return None if watch.stop is None else Outcome("monitor", watch.stop.name, watch.stop.why)
 
-    def failed(self, problem: BaseException, context: Context, time: float) -> Outcome | None:
+    def failure_outcome(self, problem: BaseException, context: Context, time: float) -> Outcome | None:
         """Outcome of a run that ended because of an error in Python code, or None if the solver diverged.
 
         Args:
@@ -347,7 +347,7 @@ class Stepper:
             return Outcome("failed", frame.f_code.co_qualname, message)
         return None
 
-    def _diverged(self, recorder: Recorder, problem: BaseException) -> Outcome:
+    def _divergence_outcome(self, recorder: Recorder, problem: BaseException) -> Outcome:
         """Outcome of a run in which a state diverged or the solver failed, with the likely cause.
 
         Args:
@@ -362,7 +362,7 @@ class Stepper:
         return Outcome("diverged", DIVERGED, f"diverged at {recorder.history().end:.4g} s: {first_sentence}{cause}")
 
 
-def interrupted(config: StationConfig, recorder: Recorder) -> Outcome:
+def interruption_outcome(config: StationConfig, recorder: Recorder) -> Outcome:
     """Outcome of a run that its user interrupted. The message contains a hint if the run was slow."""
     message = f"interrupted at {recorder.times[-1]:.4g} s"
     slow = creeping(config, recorder.times)

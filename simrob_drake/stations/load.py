@@ -118,9 +118,9 @@ def _culprits(
         wrong_key: dotted key that the error names; an empty text if it names none.
 
     Returns:
-        the key of the override to which the wrong key belongs. If there is none, the key of the first override that
-        makes the station invalid on its own. If there is none either, all keys. The list is empty if the station is
-        invalid without overrides, so that its file is the cause.
+        the key of the override to which the wrong key belongs; of several, the last. If there is none, the key of the
+        first override that makes the station invalid on its own. If there is none either, all keys. The list is empty
+        if the station is invalid without overrides, so that its file is the cause.
     """
 
     def is_valid(changes: Mapping[str, Any]) -> bool:

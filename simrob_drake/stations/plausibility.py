@@ -150,7 +150,7 @@ def _mass_doubts(piece: ResolvedPiece) -> Iterator[Doubt]:
 
 
 def _poses_in(node: Any, key: str) -> Iterator[PoseAtKey]:
-    """Yield all poses below a node of a configuration, depth first.
+    """Search the poses in a part of a configuration, and yield them, depth first.
 
     Args:
         node: a pydantic model, a mapping, a list or a single value of the configuration.

@@ -271,14 +271,16 @@ def add_prescribed_torque(
     to_joints = robot.axis_map.velocity_matrix[axes]  # (k, nv), from generalized velocities to those of the joints
     to_plant = to_joints.T  # (nv, k), from the joints' torques to generalized forces
 
-    # All matrices below multiply the bus: the motions (3 for each prescribed joint), then the plant's state.
+    # All quantities are linear in the signals, so that matrices compute them. The bus is one vector: the motions (3
+    # values for each prescribed joint), then the plant's state.
     motions = builder.GetSubsystemByName(name).get_output_port()
     bus = joined(builder, f"{name}.bus", motions, ports.state)
-    law = _rotor_law(robot, rotors, _STEPPED_RATE if solver.holds_joint_limits else _CONTINUOUS_RATE)
+    rate = _STEPPED_RATE if solver.holds_joint_limits else _CONTINUOUS_RATE
+    law = _rotor_law(robot, rotors, rate)
     force = mapped(builder, f"{name}.force", to_plant @ law, bus)
     ports.generalized_forces.append(force)
 
-    # From here on they also multiply the generalized accelerations, behind the bus.
+    # The torques of the motions depend on the bus, then on the generalized accelerations.
     acceleration = plant.get_generalized_acceleration_output_port()
     missed = _missed_torque(robot, plant, rotors)
     signals = [torque, bus, acceleration]
@@ -289,7 +291,7 @@ def add_prescribed_torque(
         motion_torque = np.hstack([missed + resistance, np.eye(len(axes))])
     else:
         # tau = S (ddq_r - dv/dt) + u - J dv/dt
-        motion_torque = missed + np.hstack([law, -rotors @ to_plant.T])
+        motion_torque = missed + np.hstack([law, -rotors @ to_joints])
 
     # The torques of all axes: the servos' torques (zero for prescribed joints), plus the torques of the motions.
     every_axis = np.eye(len(robot.axes))
@@ -317,9 +319,11 @@ def _rotor_law(robot: StationRobot, rotors: Vector, rate: float) -> Vector:
     count = len(robot.axes)
     velocities = [count + axis for axis in axes]
     measured = robot.axis_map.state_matrix[[*axes, *velocities]]  # from the plant's state to q and v of the joints
-    each = np.eye(len(axes))
-    desired = np.kron(each, [rate**2, 2 * rate, 1.0])
-    feedback = -np.hstack([rate**2 * each, 2 * rate * each]) @ measured
+    identity = np.eye(len(axes))
+    # ddq_r + 2 omega dq_r + omega² q_r: a motion has the order position, velocity, acceleration.
+    desired = np.kron(identity, [rate**2, 2 * rate, 1.0])
+    # -(omega² q + 2 omega v)
+    feedback = -np.hstack([rate**2 * identity, 2 * rate * identity]) @ measured
     return np.asarray(rotors @ np.hstack([desired, feedback]))
 
 

@@ -136,13 +136,13 @@ class Sampler:
         for port in needed:
             if port in self._recorded:
                 known[port] = states.discrete[self._recorded[port]]
-        known |= self._evaluated([port for port in needed if port not in known], states)
+        known |= self._evaluate_with_drake([port for port in needed if port not in known], states)
         for port in needs_state:
             if port != state_port:
                 known[port] = self._of_state[port](known[state_port])
         return {port: known[port] for port in ports}
 
-    def _evaluated(self, ports: Sequence[OutputPort], states: StateHistory) -> dict[OutputPort, Any]:
+    def _evaluate_with_drake(self, ports: Sequence[OutputPort], states: StateHistory) -> dict[OutputPort, Any]:
         """Evaluate ports with Drake, by setting the context to each of the states. Results as of :meth:`evaluate`."""
         if not ports:
             return {}
@@ -253,7 +253,7 @@ def _recorded_groups(diagram: Diagram, root: Context) -> dict[OutputPort, int]:
     return found
 
 
-def sampled(sampler: Sampler, site: Site, times: Vector) -> Vector:
+def sample_signals(sampler: Sampler, site: Site, times: Vector) -> Vector:
     """Evaluate all signals of a station.
 
     Args:

@@ -201,10 +201,11 @@ def _windows(run: RecordedRun, piece: str) -> Iterator[ContactWindow]:
     contacts = run.piece_contacts[piece]
     if len(contacts) < LEAST_CONTACT_SAMPLES:
         return
+    # In a long run contacts are evaluated rarely: then windows are longer, to contain enough contact samples.
     interval = float(run.times[contacts[1].sample] - run.times[contacts[0].sample])
     duration = max(WINDOW, (LEAST_CONTACT_SAMPLES + 1) * interval)
     begins = np.arange(0.0, run.stop_time, duration)
-    bounds = np.searchsorted(run.times, begins).tolist()
+    bounds = np.searchsorted(run.times, begins).tolist()  # the first sample of each window
     for first, last in pairwise(bounds):
         inside = [contact for contact in contacts if first <= contact.sample <= last]
         if len(inside) >= LEAST_CONTACT_SAMPLES:

@@ -281,7 +281,7 @@ class Verdict:
         }
 
 
-def joined(verdicts: Sequence[Verdict], durations: Sequence[float]) -> Verdict:
+def join_verdicts(verdicts: Sequence[Verdict], durations: Sequence[float]) -> Verdict:
     """Combine the verdicts on runs that follow each other. For each subject the worst value of all runs is kept.
 
     A value that is a share of the time becomes a share of the whole time.
