@@ -1,82 +1,125 @@
-"""The errors that users meet: each message says what is wrong, where, and what would be right, in one line."""
+"""Errors for users, and functions that format their messages.
+
+Each message says what is wrong, where, and what would be right, in one line.
+"""
 
 import difflib
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-_LONGEST = 2000  # letters of a message: lists of what is known are long, too, but what a user gave may be a megabyte
+_LONGEST = 2000
+"""Largest length of a message. Lists of known names are long, but a value that a user gives may be a megabyte."""
 
 
 class SimrobError(ValueError):
-    """Base of every error that a user's input can cause."""
+    """Base class of all errors that a user's input can cause."""
 
     def __init__(self, message: str = "") -> None:
+        """Create the error; a very long message is cut."""
         super().__init__(shortened(message, _LONGEST))
 
 
 class InvalidParameter(SimrobError):
-    """A value that a block, a function or a station cannot take."""
+    """Raised when a block, a function or a station gets an invalid value."""
 
     def __init__(self, name: str, value: object, expected: str) -> None:
-        """Say that parameter ``name`` has ``value`` where ``expected`` would be right."""
+        """Create the error.
+
+        Args:
+            name: name of the parameter.
+            value: its invalid value.
+            expected: what would be right, such as "a positive time [s]". It completes the words "it must be".
+        """
         super().__init__(f"{name} is {shown(value)}; it must be {expected}")
 
 
 class UnknownName(SimrobError):
-    """A name that stands for nothing here; the message proposes the nearest known one."""
+    """Raised when nothing has a given name. The message proposes the nearest known name."""
 
     def __init__(self, kind: str, name: object, known: Iterable[str]) -> None:
-        """Say that no ``kind`` is called ``name``, with what is known."""
+        """Create the error.
+
+        Args:
+            kind: what the name should stand for, such as "robot".
+            name: the unknown name.
+            known: all known names.
+        """
         super().__init__(f"there is no {kind} '{shown(name)}'{nearest(name, known)}")
 
 
 class InvalidConfig(SimrobError):
-    """A station's or a robot's configuration with an entry that cannot be.
+    """Raised when the configuration of a station or a robot has an invalid entry.
 
     Attributes:
-        key: under which the problem lies; empty if that is not told apart.
-        problem: what it is, and what would be right.
+        key: dotted key of the entry; empty if the problem belongs to no single key.
+        problem: what is wrong, and what would be right.
     """
 
     def __init__(self, where: Path | str, key: str, problem: str) -> None:
-        """Say in which file (or override) and under which key the problem lies."""
+        """Create the error.
+
+        Args:
+            where: the file, or the name of the override, with the entry.
+            key: see the attribute.
+            problem: see the attribute.
+        """
         self.key, self.problem = key, problem
         super().__init__(_located(where, key, problem))
 
 
 class InvalidModel(SimrobError):
-    """A URDF that cannot be simulated as it is; the message names the file and the element."""
+    """Raised when a robot's or a piece's model cannot be simulated.
+
+    Attributes:
+        problem: what is wrong, and what would be right.
+    """
 
     def __init__(self, where: Path | str, element: str, problem: str) -> None:
-        """Say in which file and element the problem lies."""
+        """Create the error.
+
+        Args:
+            where: the file.
+            element: the element of the file, such as ``link 'rod'``.
+            problem: see the attribute.
+        """
         super().__init__(_located(where, element, problem))
         self.problem = problem
 
 
 class UnsupportedSolver(SimrobError):
-    """A solver setting that this station, or the place where it stands, cannot take."""
+    """Raised when a station, or the diagram that contains it, does not work with the settings of its solver."""
 
 
 class OutputError(SimrobError):
-    """Results that cannot be written where the user asked."""
+    """Raised when results cannot be written to the path that the user gave."""
 
 
 class VerdictError(SimrobError):
-    """A run with warnings, or one that came to no end of its own, whose caller asked for ``strict``.
+    """Raised in strict mode after a run with warnings, or a run that was interrupted or failed.
 
     Attributes:
-        result: the run.
+        result: result of the run.
     """
 
     def __init__(self, message: str, result: object) -> None:
-        """Say what became of the run ``result``."""
+        """Create the error.
+
+        Args:
+            message: what is wrong with the run.
+            result: see the attribute.
+        """
         super().__init__(message)
         self.result = result
 
 
 def nearest(name: object, known: Iterable[str]) -> str:
-    """Return "; did you mean 'x'?" or the list of known names, ready to be appended to a message."""
+    """Text that proposes the nearest known name, or lists all known names, to be appended to a message.
+
+    Args:
+        name: the unknown name.
+        known: the known names. If there are none, the text is empty.
+    """
     names = sorted(set(known))
     close = difflib.get_close_matches(shown(name), names, n=1, cutoff=0.6)
     if close:
@@ -85,13 +128,26 @@ def nearest(name: object, known: Iterable[str]) -> str:
 
 
 def _located(where: Path | str, what: str, problem: str) -> str:
-    place, what = shortened(str(where), 1000), shortened(what, 200)
-    named = place.split(" ", 1)[-1].lstrip("-") == what  # by what an override or an option is called
-    return ": ".join(part for part in (place, "" if named else what, problem) if part)
+    """Join the file, the key or element, and the problem, with colons. Empty parts are left out."""
+    place = shortened(str(where), 1000)
+    part = shortened(what, 200)
+    # The name of an override, such as "override servo.kp", or of an option, such as "--duration", contains the key.
+    has_key_in_name = place.split(" ", 1)[-1].lstrip("-") == part
+    texts = [place, "" if has_key_in_name else part, problem]
+    return ": ".join(text for text in texts if text)
 
 
 def one_of(kind: str, name: object, known: Iterable[str]) -> str:
-    """Return a name that is one of the known ones; raises UnknownName: it is not, or is no text."""
+    """Check that a name is known, and return it.
+
+    Args:
+        kind: what the name stands for, such as "robot", for the error.
+        name: the name.
+        known: the known names.
+
+    Raises:
+        UnknownName: the name is not known, or is no text.
+    """
     names = list(known)
     if not isinstance(name, str) or name not in names:
         raise UnknownName(kind, name, names)
@@ -99,20 +155,30 @@ def one_of(kind: str, name: object, known: Iterable[str]) -> str:
 
 
 def shown(value: object) -> str:
-    """Return a value as messages show it: on one line, cut if it is long. The file name of a long path stays whole."""
+    """Format a value for a message, on one line. A long text is cut at its end, and a long path at its beginning."""
     if isinstance(value, Path):
         return _shortened_path(value)
-    return shortened(value) if isinstance(value, str) else quoted(value)
+    if isinstance(value, str):
+        return shortened(value)
+    return quoted(value)
 
 
 def _shortened_path(path: Path, length: int = 80) -> str:
-    """Return a path on one line. If it is long, the folders at its beginning are cut, not the name of the file."""
+    """Write a path on one line. The beginning of a long path is cut, so that the name of the file stays.
+
+    Args:
+        path: the path.
+        length: largest length of the text.
+    """
     text = shortened(str(path), length=1000)
-    return text if len(text) <= length else "…" + text[len(text) - length + 1 :]
+    if len(text) <= length:
+        return text
+    end = text[len(text) - length + 1 :]
+    return f"…{end}"
 
 
 def quoted(value: object) -> str:
-    """Return any value likewise, but texts in quotes."""
+    """Format a value as its ``repr``, with quotes around a text, on one line. A long text is cut."""
     try:
         return shortened(repr(value))
     except ValueError:
@@ -120,25 +186,52 @@ def quoted(value: object) -> str:
 
 
 def angle(value: float) -> str:
-    """Return an angle [rad] as messages show it: in degrees, too."""
+    """Format an angle [rad] in radians and degrees."""
     return f"{value:.3g} rad ({math.degrees(value):.3g} deg)"
 
 
 def shortened(value: str, length: int = 80) -> str:
-    """Return a text on one line, cut where it is long, without what would steer a terminal."""
-    head = " ".join(value[: 100 * length].split())
-    text = "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in head)
-    whole = len(text) <= length and len(value) <= 100 * length
-    return text if whole else text[: length - 1] + "…"
+    """Write a text on one line, without control characters, and cut its end if it is long.
+
+    Args:
+        value: the text.
+        length: largest length of the result.
+    """
+    # A text may be very long: only its beginning is examined.
+    head = value[: 100 * length]
+    line = " ".join(head.split())
+    # Control characters could change the state of a terminal.
+    text = "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in line)
+    is_whole = len(text) <= length and len(value) <= 100 * length
+    return text if is_whole else text[: length - 1] + "…"
 
 
 def counted(count: int, thing: str) -> str:
-    """Return how many things there are, in words of messages."""
-    plural = thing if thing.endswith("s") else f"{thing[:-1]}ies" if thing.endswith(("dy", "ry", "ly")) else f"{thing}s"
-    return f"{count} {thing if count == 1 else plural}"
+    """Format a count with the singular or plural of a noun: "1 body", "2 bodies".
+
+    Args:
+        count: the count.
+        thing: the noun in the singular.
+    """
+    if count == 1:
+        return f"{count} {thing}"
+    if thing.endswith("s"):
+        plural = thing
+    elif thing.endswith(("dy", "ry", "ly")):
+        plural = f"{thing[:-1]}ies"
+    else:
+        plural = f"{thing}s"
+    return f"{count} {plural}"
 
 
 def listed(names: Sequence[str], most: int = 3) -> str:
-    """Return names in a row, of many the first ones."""
-    rest = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + rest
+    """List names, separated by commas. Of many names, only the first ones and a count of the others are listed.
+
+    Args:
+        names: the names.
+        most: largest count of names that are listed.
+    """
+    text = ", ".join(names[:most])
+    if len(names) > most:
+        text += f" and {len(names) - most} more"
+    return text

@@ -117,7 +117,7 @@ def test_a_busy_machine_is_blamed_only_if_a_whole_processor_would_do(impatient, 
     context = watch._built().diagram.CreateDefaultContext()
     context.SetTime(0.01)
     watch._waited, watch._worked, watch._steps = 10.0, 0.1, 10
-    complaint = watch._complaint(context)
+    complaint = watch._slow_run_message(context)
     assert complaint.startswith("irb120_dynamic makes 0.001 × real time on 1 % of a processor (0.1 × on a whole")
     assert ("the machine is busy with other work" in complaint) == busy
     assert ("each step of 0.001 s takes 0.01 s" in complaint) != busy

@@ -24,8 +24,8 @@ SOLVERS = {
 MOVE = {"kind": "move", "target_deg": [30, 20, -30, 10, 20, 30], "duration": DURATION}
 
 
-def arm_in_motion(solver: dict, realization: str = "implicit") -> Runner:
-    """Return a runner of an arm all of whose joints move, at their fastest at RESTART."""
+def arm_in_motion(solver: dict, realization: str = "implicit", **sections: object) -> Runner:
+    """Return a runner of an arm all of whose joints move, at their fastest at RESTART, with further sections."""
     overrides = {
         "solver": solver,
         "servo.realization": realization,
@@ -33,6 +33,7 @@ def arm_in_motion(solver: dict, realization: str = "implicit") -> Runner:
         "floor": None,
         "pieces": {},
         "duration": DURATION,
+        **sections,
     }
     return Runner(load_station("irb120_dynamic", overrides))
 
@@ -147,32 +148,16 @@ def test_a_monitor_sees_the_torques_that_are_reported(limit: float) -> None:
 
     Joint 3 gives up to 6.9 N·m, and joint 2 up to 18.1 N·m.
     """
-    overrides = {
-        "solver": CENIC,
-        "servo.realization": "implicit",
-        "reference": MOVE,
-        "floor": None,
-        "pieces": {},
-        "duration": DURATION,
-        "monitors": {"weak": {"kind": "torque_limit", "limit": {"joint_2": 40, "joint_3": limit}, "hold": 0}},
-    }
-    result = Runner(load_station("irb120_dynamic", overrides)).run()
+    monitor = {"kind": "torque_limit", "limit": {"joint_2": 40, "joint_3": limit}, "hold": 0}
+    result = arm_in_motion(CENIC, monitors={"weak": monitor}).run()
     assert np.abs(result["tau.joint_3"]).max() == pytest.approx(6.86, abs=0.01)
     assert result.ending == "completed", result.message
 
 
 def test_a_monitor_ends_a_run_where_the_reported_torque_is_beyond_its_limit() -> None:
-    overrides = {
-        "solver": CENIC,
-        "servo.realization": "implicit",
-        "reference": MOVE,
-        "floor": None,
-        "pieces": {},
-        "duration": DURATION,
-    }
-    plain = Runner(load_station("irb120_dynamic", overrides)).run()
+    plain = arm_in_motion(CENIC).run()
     first = plain.times[np.abs(plain["tau.joint_2"]) > 15.0][0]
-    monitor = {"weak": {"kind": "torque_limit", "limit": {"joint_2": 15.0}, "hold": 0}}
-    stopped = Runner(load_station("irb120_dynamic", {**overrides, "monitors": monitor})).run()
+    monitor = {"kind": "torque_limit", "limit": {"joint_2": 15.0}, "hold": 0}
+    stopped = arm_in_motion(CENIC, monitors={"weak": monitor}).run()
     assert stopped.ending == "monitor"
     assert stopped.stop_time == pytest.approx(first, abs=0.02)  # two steps

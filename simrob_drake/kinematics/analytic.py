@@ -31,11 +31,21 @@ from simrob_drake.kinematics.solver import (
     nearest_turns,
 )
 
-_ROUNDING = 1e-9  # m or rad
-_EXACT = 1e-10  # m or rad: errors above it come from figures that are rounded, and are polished away
-_POLISHING = 10  # steps at most
-_FAR = 1e6  # ranks every posture that serves before all that do not
-_ROUNDED = 1.0  # rad²: a posture within the limits is preferred to one a little beyond them if it is not much further
+_ROUNDING = 1e-9  # distances up to this are rounding [m or rad]
+
+_EXACT = 1e-10
+"""Errors of a closed-form posture above this [m or rad] come from rounded dimensions of the arm. A few steps of numeric
+search remove them."""
+
+_POLISHING = 10  # largest count of these steps
+
+_FAR = 1e6
+"""Penalty of a posture that misses its target or a limit [rad²]. It is larger than any squared distance from the
+start, so such a posture is chosen only if there is no other."""
+
+_ROUNDED = 1.0
+"""Penalty of a posture that is beyond a limit by rounding [rad²]: a posture within the limits is preferred, unless it
+is much farther from the start."""
 
 
 class AnalyticSolver(Solver):
@@ -92,16 +102,24 @@ class AnalyticSolver(Solver):
             start: shape (n,) or (k, n); whole turns are chosen near to it.
 
         Returns:
-            the postures, shape (k, 8, 6), and which of them reach the target within the joint limits, (k, 8). Their
-            place is 4·(left) + 2·(elbow down) + (flip).
+            the postures, shape (k, 8, 6), and whether each reaches the target within the joint limits, shape (k, 8).
+            The index of a posture is 4·(left) + 2·(elbow down) + (flip), where each of the three flags counts 0 or 1.
         """
         matrices = pose_matrices(targets)
         starts = np.broadcast_to(self.chain.postures(start, "start"), (len(matrices), self.chain.size))
         form, postures, beyond = self._branches(matrices, starts, np.arange(BRANCHES))
-        return postures, (form.short <= _ROUNDING) & self._fits(beyond)
+        is_in_reach = form.short <= _ROUNDING
+        return postures, is_in_reach & self._fits(beyond)
 
     def _fits(self, beyond: Vector) -> Flags:
-        """Whether postures (..., n) lie no further beyond limits than the tolerance for rounding, shape (...)."""
+        """Whether postures are within the limits, up to the tolerance for rounding.
+
+        Args:
+            beyond: distance of each axis beyond its limits, 0 if it is within them, shape (..., n) [rad].
+
+        Returns:
+            a boolean for each posture, shape (...).
+        """
         return np.asarray((beyond <= self.chain.limits.tolerances).all(axis=-1))
 
     def _branches(self, targets: Vector, starts: Vector, allowed: Indices) -> tuple[ClosedForm, Vector, Vector]:
@@ -117,7 +135,7 @@ class AnalyticSolver(Solver):
         choice = np.argmin(away + self._penalty(form, beyond), axis=1)
         rows = np.arange(len(targets))
         short = form.short[:, self._allowed][rows, choice]
-        return self._checked(targets, postures[rows, choice], short, beyond[rows, choice])
+        return self._check_solutions(targets, postures[rows, choice], short, beyond[rows, choice])
 
     def _solve_in_order(self, targets: Vector, start: Vector) -> Solutions:
         form, postures, beyond = self._branches(targets, np.tile(start, (len(targets), 1)), self._allowed)
@@ -137,13 +155,21 @@ class AnalyticSolver(Solver):
             last = branches[choice]
         rows = np.arange(len(targets))
         short = form.short[:, self._allowed][rows, choices]
-        return self._checked(targets, postures[rows, choices], short, beyond[rows, choices])
+        return self._check_solutions(targets, postures[rows, choices], short, beyond[rows, choices])
 
     def _penalty(self, form: ClosedForm, beyond: Vector) -> Vector:
-        """Penalties (k, b) that rank postures behind those that reach their target within the limits.
+        """Compute penalties that rank the postures of each target.
 
-        Postures that miss the target or a limit rank last, by how much they miss. Those that pass a limit by the
-        tolerance for rounding come before them.
+        A penalty is added to a posture's squared distance from the start [rad²], and the smallest sum is chosen. It is
+        0 for a posture that reaches its target within the limits, small for one that is beyond a limit by rounding, and
+        large, and growing with the miss, for one that misses the target or a limit.
+
+        Args:
+            form: closed-form postures of k targets. Its ``short`` is by how much each is out of reach [m].
+            beyond: distance of each axis beyond its limits, for the b allowed postures, shape (k, b, n) [rad].
+
+        Returns:
+            the penalties, shape (k, b).
         """
         short = form.short[:, self._allowed]
         miss = short + beyond.max(axis=-1)
@@ -151,34 +177,62 @@ class AnalyticSolver(Solver):
         penalty = np.where(is_rounded, _ROUNDED, _FAR * (1.0 + miss))
         return np.where(miss > _ROUNDING, penalty, 0.0)
 
-    def _checked(self, targets: Vector, chosen: Vector, short: Vector, beyond: Vector) -> Solutions:
-        """Return the chosen postures with their errors, polished where the arm's figures are rounded."""
+    def _check_solutions(self, targets: Vector, chosen: Vector, short: Vector, beyond: Vector) -> Solutions:
+        """Clamp the chosen postures to the limits, remove small errors by numeric search, and check the targets.
+
+        Args:
+            targets: poses of the tool, shape (k, 4, 4).
+            chosen: the chosen posture for each target, shape (k, n) [rad].
+            short: by how much each target is out of reach, shape (k,) [m].
+            beyond: distance of each axis beyond its limits, shape (k, n) [rad].
+        """
         positions = np.clip(chosen, self.chain.lower, self.chain.upper)
         errors = pose_errors(targets, self.chain.forward(positions))
-        rough = (np.abs(errors).max(axis=1) > _EXACT) & (short <= _ROUNDING) & self._fits(beyond)
-        if rough.any():
+        weights = np.ones(6)
+        is_in_range = (short <= _ROUNDING) & self._fits(beyond)
+
+        # Errors from rounded dimensions of the arm.
+        is_rough = (np.abs(errors).max(axis=1) > _EXACT) & is_in_range
+        if is_rough.any():
             fit = fit_postures(
                 self.chain,
-                targets[rough],
-                positions[rough],
-                weights=np.ones(6),
+                targets[is_rough],
+                positions[is_rough],
+                weights=weights,
                 tolerance=np.array([_EXACT, _EXACT]),
                 iterations=_POLISHING,
             )
-            positions[rough], errors[rough] = fit.postures, fit.errors
+            positions[is_rough] = fit.postures
+            errors[is_rough] = fit.errors
+
+        # Targets that are out of reach only because limits are rounded. Indexing by rows copies, so the changed
+        # postures and errors are written back.
         tolerance = np.array([POSITION_TOLERANCE, ROTATION_TOLERANCE])
-        reached = within(errors, np.ones(6), tolerance)
-        rows = np.flatnonzero(~reached & (short <= _ROUNDING) & self._fits(beyond))
+        is_reached = within(errors, weights, tolerance)
+        rows = np.flatnonzero(~is_reached & is_in_range)
         if rows.size:
-            settled, left = positions[rows], errors[rows]
-            reached[rows] = settle_at_limits(
-                self.chain, targets[rows], settled, left, weights=np.ones(6), tolerance=tolerance
+            own_positions = positions[rows]
+            own_errors = errors[rows]
+            is_reached[rows] = settle_at_limits(
+                self.chain, targets[rows], own_positions, own_errors, weights=weights, tolerance=tolerance
             )
-            positions[rows], errors[rows] = settled, left
-        none = np.zeros(len(targets), dtype=np.int64)
-        return Solutions.found(positions, errors, reached, none, lambda row: self._reason(short[row], beyond[row]))
+            positions[rows] = own_positions
+            errors[rows] = own_errors
+
+        def why(row: int) -> str:
+            """Reason why a target is not reached, in words."""
+            return self._reason(short[row], beyond[row])
+
+        no_iterations = np.zeros(len(targets), dtype=np.int64)
+        return Solutions.found(positions, errors, is_reached, no_iterations, why)
 
     def _reason(self, short: float, beyond: Vector) -> str:
+        """Write why a target is not reached.
+
+        Args:
+            short: by how much the target is out of reach [m].
+            beyond: distance of each axis of the chosen posture beyond its limits, shape (n,) [rad].
+        """
         postures = "all postures" + (" with these flags" if len(self._allowed) < BRANCHES else "")
         if short > _ROUNDING:
             return f"out of reach: the wrist centre lies {short:.3g} m beyond what the arm reaches"

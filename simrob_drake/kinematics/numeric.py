@@ -172,25 +172,26 @@ def _linearised(chain: Chain, postures: Vector, targets: Vector, base: Vector) -
     return errors, jacobians
 
 
-_SETTLING = 30  # steps at most from a posture at a limit to the target a little beyond it
+_SETTLING = 30  # largest count of steps from a posture at a limit to a target that lies a little beyond
 
 
 def fit_beyond_limits(chain: Chain, targets: Vector, starts: Vector, *, weights: Vector, tolerance: Vector) -> Fit:
-    """Search postures that reach targets if limits may be passed by the tolerance for rounding.
+    """Search postures that reach targets, with limits of the axes that are widened by the tolerance for rounding.
 
-    Published limits such as pi - 1e-5 rad would else cost the poses at half a turn.
+    Manufacturers round limits: with a limit of pi - 1e-5 rad, for instance, a target at half a turn would be out of
+    reach.
 
     Args:
-        chain: whose limits are widened by the tolerance.
-        targets: shape (k, 4, 4).
-        starts: best postures within the limits, shape (k, n).
-        weights: of the errors, shape (6,).
+        chain: the axes, with their limits.
+        targets: poses of the tool, shape (k, 4, 4).
+        starts: the best postures within the limits, shape (k, n) [rad or m].
+        weights: weights of the errors, shape (6,).
         tolerance: errors at which a target counts as reached, shape (2,) [m, rad].
 
     Returns:
-        the fit; its postures are up to the tolerance beyond the limits, and its errors are those of these postures.
+        the best postures, which may be beyond the limits by the tolerance for rounding, and their errors.
     """
-    slack = chain.limits.tolerances
+    slack = chain.limits.tolerances  # shape (n,) [rad or m]
     widened = replace(chain, lower=chain.lower - slack, upper=chain.upper + slack)
     return fit_postures(widened, targets, starts, weights=weights, tolerance=tolerance, iterations=_SETTLING)
 
@@ -198,27 +199,30 @@ def fit_beyond_limits(chain: Chain, targets: Vector, starts: Vector, *, weights:
 def settle_at_limits(
     chain: Chain, targets: Vector, postures: Vector, errors: Vector, *, weights: Vector, tolerance: Vector
 ) -> Flags:
-    """Accept postures at limits for targets that are reached a little beyond them, within the tolerance for rounding.
+    """Accept targets that are out of reach only because limits are rounded. Changes ``postures`` and ``errors``.
 
-    The postures stay within the limits, so they miss such a target by what the clamped part of an axis moves the tool.
+    A target is accepted if a posture reaches it that is beyond the limits by at most the tolerance for rounding. The
+    posture is then clamped to the limits, so that the tool misses the target slightly.
 
     Args:
-        chain: whose limits count.
-        targets: that no posture within the limits was found for, shape (k, 4, 4).
-        postures: the best postures, shape (k, n); those that are accepted are replaced.
-        errors: of the postures, shape (k, 6); replaced likewise.
-        weights: of the errors, shape (6,).
+        chain: the axes, with their limits.
+        targets: poses of the tool that no posture within the limits reaches, shape (k, 4, 4).
+        postures: the best postures within the limits, shape (k, n) [rad or m]. Those of accepted targets are replaced
+            by the clamped postures.
+        errors: errors of the postures, shape (k, 6) [m, rad]. Those of accepted targets are replaced.
+        weights: weights of the errors, shape (6,).
         tolerance: errors at which a target counts as reached, shape (2,) [m, rad].
 
     Returns:
-        which targets are accepted, shape (k,).
+        whether each target is accepted, shape (k,).
     """
     fit = fit_beyond_limits(chain, targets, postures, weights=weights, tolerance=tolerance)
-    accepted = within(fit.errors, weights, tolerance)
-    if accepted.any():
-        postures[accepted] = chain.limits.clamp(fit.postures[accepted], "inverse kinematics")
-        errors[accepted] = pose_errors(targets[accepted], chain.forward(postures[accepted]))
-    return np.asarray(accepted)
+    is_accepted = np.asarray(within(fit.errors, weights, tolerance))
+    if is_accepted.any():
+        clamped = chain.limits.clamp(fit.postures[is_accepted], "inverse kinematics")
+        postures[is_accepted] = clamped
+        errors[is_accepted] = pose_errors(targets[is_accepted], chain.forward(clamped))
+    return is_accepted
 
 
 _AT_ONCE = 8  # postures that one round of restarts tries side by side
@@ -271,44 +275,65 @@ class NumericSolver(Solver):
         self._seeds = random_postures(chain, restarts, seed)
 
     def _solve_each(self, targets: Vector, starts: Vector) -> Solutions:
-        spare = len(self.chain.order) > POSE_SIZE
-        fit = self._fit(targets, starts, flat=COARSE, room=_ROOM if spare else 0.0)
-        missing = np.flatnonzero(~self._within(fit))
-        if spare and missing.size:
+        """Search a posture for each of k targets independently.
+
+        Args:
+            targets: poses of the tool, shape (k, 4, 4).
+            starts: postures from which the searches start, shape (k, n) [rad or m].
+        """
+        # First search from the start. A redundant arm keeps some room to its limits, if a target can be reached so.
+        is_redundant = len(self.chain.order) > POSE_SIZE
+        fit = self._fit(targets, starts, flat=COARSE, room=_ROOM if is_redundant else 0.0)
+        missing = np.flatnonzero(~self._within(fit))  # indices of the targets that are not reached
+        if is_redundant and missing.size:
             fit.replace(missing, self._fit(targets[missing], starts[missing], flat=COARSE))
             missing = np.flatnonzero(~self._within(fit))
-        settled = self._settled(fit, missing, targets)
-        missing = np.flatnonzero(~(self._within(fit) | settled))
+
+        # Then from random postures, some at a time, for targets that are not out of reach by rounded limits alone.
+        is_accepted = self._accept_at_limits(fit, missing, targets)
+        missing = np.flatnonzero(~(self._within(fit) | is_accepted))
         for first in range(0, len(self._seeds), _AT_ONCE):
             if not missing.size:
                 break
             self._restart(fit, missing, self._seeds[first : first + _AT_ONCE], targets, starts)
-            missing = np.flatnonzero(~(self._within(fit) | settled))
-        if missing.size:  # the best compromise
+            missing = np.flatnonzero(~(self._within(fit) | is_accepted))
+
+        # The others get the best compromise.
+        if missing.size:
             fit.replace(missing, self._fit(targets[missing], fit.postures[missing], flat=FINE))
-            settled |= self._settled(fit, missing, targets)
+            is_accepted |= self._accept_at_limits(fit, missing, targets)
         errors = np.where(self._weights > 0, fit.errors, 0.0)
 
         def why(row: int) -> str:
+            """Reason why a target is not reached, in words."""
             return why_unreached(self.chain, targets[row], fit.postures[row], errors[row], self._weights)
 
-        return Solutions.found(fit.postures, errors, self._within(fit) | settled, fit.iterations, why)
+        return Solutions.found(fit.postures, errors, self._within(fit) | is_accepted, fit.iterations, why)
 
-    def _settled(self, fit: Fit, missing: Indices, targets: Vector) -> Flags:
-        """Accept postures of missing rows that reach their target but for rounding of limits; flags (k,) of all rows.
+    def _accept_at_limits(self, fit: Fit, missing: Indices, targets: Vector) -> Flags:
+        """Accept targets that are out of reach only because limits are rounded, see :func:`settle_at_limits`.
 
-        Only rows with an axis at a limit are looked at.
+        Args:
+            fit: the best postures so far, k rows. The rows of accepted targets are changed.
+            missing: indices of the targets that are not reached. Only those with an axis at a limit are examined.
+            targets: all targets, shape (k, 4, 4).
+
+        Returns:
+            whether each of the k targets is accepted; False for targets that are reached anyway.
         """
-        settled = np.zeros(len(targets), dtype=bool)
-        at_limit = (fit.postures <= self.chain.lower) | (fit.postures >= self.chain.upper)
-        rows = missing[at_limit[missing].any(axis=1)]
+        is_accepted = np.zeros(len(targets), dtype=bool)
+        is_at_limit = (fit.postures <= self.chain.lower) | (fit.postures >= self.chain.upper)
+        rows = missing[is_at_limit[missing].any(axis=1)]
         if rows.size:
-            postures, errors = fit.postures[rows], fit.errors[rows]
-            settled[rows] = settle_at_limits(
+            # Indexing by rows copies, so the changed postures and errors are written back.
+            postures = fit.postures[rows]
+            errors = fit.errors[rows]
+            is_accepted[rows] = settle_at_limits(
                 self.chain, targets[rows], postures, errors, weights=self._weights, tolerance=self._tolerance
             )
-            fit.postures[rows], fit.errors[rows] = postures, errors
-        return settled
+            fit.postures[rows] = postures
+            fit.errors[rows] = errors
+        return is_accepted
 
     def _fit(self, targets: Vector, starts: Vector, *, flat: float, rivals: int = 1, room: float = 0.0) -> Fit:
         return fit_postures(

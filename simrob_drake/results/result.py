@@ -23,8 +23,7 @@ from simrob_drake.results.record.run import DIVERGED, FAILED, RecordedRun
 from simrob_drake.results.record.summary import summary_of
 from simrob_drake.results.verdict.judge import verdict_of
 from simrob_drake.results.verdict.moves import judge_move
-from simrob_drake.results.verdict.verdict import Verdict
-from simrob_drake.results.verdict.verdict import joined as joined_verdicts
+from simrob_drake.results.verdict.verdict import Verdict, join_verdicts
 
 if TYPE_CHECKING:
     from simrob_drake.results.footage import Footage
@@ -91,7 +90,7 @@ class SimulationResult(RecordedRun):
     def verdict(self) -> Verdict:
         """What was asked of the run against what became of it; see ``verdict:`` in a station's file."""
         if self.runs:
-            whole = joined_verdicts([part.verdict for part in self.runs], [part.stop_time for part in self.runs])
+            whole = join_verdicts([part.verdict for part in self.runs], [part.stop_time for part in self.runs])
         else:
             whole = verdict_of(self)
         return replace(whole, moves=(*(judge_move(self, move) for move in self.moves), *whole.moves))

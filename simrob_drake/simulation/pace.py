@@ -1,4 +1,12 @@
-"""How a run gets on: whether its solver creeps, or hardly gets on, with what holds it up; shorter steps in flight."""
+"""Pace of a run: how fast it is stepped, what makes it slow, and shorter steps while something flies.
+
+A run *creeps* if its solver takes extremely small steps. `PaceWatch` measures the pace after each step, and warns once
+if the run is slow. `Slow` then finds the cause by *trials*: it copies the state of the run and steps the copy for a
+fraction of a second with one suspect removed, such as a contact. A trial that gets much further in this time shows the
+cause. `Flight` limits the steps of the scheme ``cenic`` while a body touches nothing.
+
+Times of a run are simulated time; times by a clock are wall-clock time. Both are in seconds.
+"""
 
 import warnings
 import weakref
@@ -9,9 +17,10 @@ from dataclasses import dataclass
 from functools import partial
 from math import inf, nextafter
 from time import monotonic, perf_counter, process_time
+from typing import NamedTuple
 
 import numpy as np
-from pydrake.geometry import CollisionFilterDeclaration, GeometrySet, Role
+from pydrake.geometry import CollisionFilterDeclaration, GeometryId, GeometrySet, Role
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
@@ -27,111 +36,179 @@ from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, FixedSteps
 from simrob_drake.stations.steps import DISCRETE, apply_solver, bound_steps, controlled_by, stiffest
 
-_TRIAL = 0.3  # s of a clock, each
-_GAIN = 3.0  # so many times as far a trial without a suspect must get in its time: then that is to blame
-_MOST = 4  # pairs that are tried without, one by one
-_SHORT = 0.1  # part of ``max_step`` below which steps are short; longer ones are dear
-_LOOKS = 3  # at what a step costs
-_HALF = 0.5  # of what a step costs: then a part is to blame
-_LONGEST = 1e3  # s of simulated time
+_TRIAL = 0.3  # duration of a trial, by a clock [s]
+_GAIN = 3.0  # a suspect is to blame if a trial without it gets at least so many times as far
+_MOST = 4  # largest count of pairs of bodies for which there is a trial of their own
+_SHORT = 0.1  # steps are short below this share of ``max_step``; a run with longer steps is slow for another reason
+_LOOKS = 3  # count of measurements of a cost; the smallest counts
+_HALF = 0.5  # a part is to blame if it takes at least this share of the cost of a step
+_LONGEST = 1e3  # limit of a trial, in simulated time [s]
 
-Pair = frozenset[str]  # the names of two bodies
+Pair = frozenset[str]
+"""Names of two bodies that touch; one name if two shapes of a body do."""
+
+
+class Remedy(NamedTuple):
+    """A change of settings that may make a run faster."""
+
+    text: str  # what to set, in words
+    config: StationConfig  # the station with these settings
+
+
+class Expense(NamedTuple):
+    """A part of the work in each step."""
+
+    name: str
+    cost: float  # by a clock [s]
+    remedy: str  # how to reduce it, in words
 
 
 @dataclass(frozen=True)
 class Slow:
-    """A run that hardly gets on, at the moment when that is found; what holds it up is found by trials.
+    """A slow run, at the time at which this was noticed. It finds the cause.
 
-    Its state is stepped for a moment without a suspect. Trials have contexts of their own and leave the run as it is.
-    Blocks of the user's own may remember more than Drake knows of, so that a run with such is only looked at.
+    Trials have contexts of their own, so they do not change the run. Blocks of the user's own may keep values that are
+    not in the context, so there are no trials if a run has such blocks.
+
+    Attributes:
+        config: configuration of the station.
+        built: the diagram that is stepped, with the station.
+        context: its context, with the present state.
+        step: mean length of the last steps [s].
+        cost: mean duration of each of these steps, by a clock [s].
+        own_blocks: whether there are blocks of the user's own.
     """
 
-    config: StationConfig  # the station
-    built: ClosedStation  # what is stepped
-    context: Context  # where it is
-    step: float  # mean length of its last steps [s]
-    cost: float  # of each, by a clock [s]
-    own_blocks: bool  # whether there are blocks of the user's own
+    config: StationConfig
+    built: ClosedStation
+    context: Context
+    step: float
+    cost: float
+    own_blocks: bool
 
     def cause(self) -> str:
-        """Return what holds it up and what to set, in words."""
+        """Find what makes the run slow. Returns the cause and the remedy, in words."""
         solver = controlled_by(self.config)
         if solver is None or self.step > _SHORT * solver.max_step:
-            return f"each step of {self.step:.2g} s takes {self.cost:.2g} s{self._dear(solver)}"
-        pair, plant = self._blamed_pair(), self.built.ports.plant
-        if pair is None:
-            spring = stiffest(self.config, plant, plant.plant.GetMyContextFromRoot(self.context))
-            what = f"{spring}, which makes" if spring else "forces that are stiff for what they move make"
+            return f"each step of {self.step:.2g} s takes {self.cost:.2g} s{self._largest_expense(solver)}"
+        # The steps are short: either a contact or a stiff spring forces the solver to take them.
+        pair = self._blamed_pair()
+        if pair is not None:
+            problem = f"the contact of {' and '.join(sorted(pair))} makes"
         else:
-            what = f"the contact of {' and '.join(sorted(pair))} makes"
-        remedy = _discrete if pair is None or solver.scheme == "cenic" else _cenic
-        return f"{what} {solver.scheme} take steps of {self.step:.2g} s; {self._tried(*remedy(self.config))}"
+            plant = self.built.ports.plant
+            spring = stiffest(self.config, plant, plant.plant.GetMyContextFromRoot(self.context))
+            problem = f"{spring}, which makes" if spring else "forces that are stiff for what they move make"
+        is_cenic_better = pair is not None and solver.scheme != "cenic"
+        remedy = _cenic(self.config) if is_cenic_better else _discrete(self.config)
+        return f"{problem} {solver.scheme} take steps of {self.step:.2g} s; {self._with_trial(remedy)}"
 
     def _blamed_pair(self) -> Pair | None:
-        """Return the two bodies whose contact holds the run up; None if no contact does."""
+        """Find the two bodies whose contact makes the run slow. Returns None if no contact does."""
         if self.config.contact is None:
             return None
-        if self.own_blocks:
-            return next(iter(self._touching(self.context)), None)
-        seen = Counter[Pair]()
-        baseline = self._reach((), lambda context: seen.update(self._touching(context)))
-        if not seen or self._reach(seen) < _GAIN * baseline:
+        if self.own_blocks:  # no trials are possible: any contact is suspect
+            return next(iter(self._touching_pairs(self.context)), None)
+        counts = Counter[Pair]()  # count of steps of a trial in which each pair touches
+        baseline = self._distance_reached((), lambda context: counts.update(self._touching_pairs(context)))
+        if not counts or self._distance_reached(counts) < _GAIN * baseline:
             return None
-        reached = {pair: self._reach([pair]) for pair, _ in seen.most_common(_MOST)}
+        # Without all contacts the run is fast. The pair whose removal helps most is to blame.
+        most_frequent = [pair for pair, _ in counts.most_common(_MOST)]
+        reached = {pair: self._distance_reached([pair]) for pair in most_frequent}
         return max(reached, key=reached.__getitem__)
 
-    def _touching(self, root: Context) -> set[Pair]:
+    def _touching_pairs(self, root: Context) -> set[Pair]:
+        """Pairs of bodies that overlap in a context of the diagram."""
         plant = self.built.ports.plant
-        pairs = plant.query(root).ComputePointPairPenetration()
-        return {frozenset(owner_of_shape(plant, shape) for shape in (pair.id_A, pair.id_B)) for pair in pairs}
+        touching = set()
+        for pair in plant.query(root).ComputePointPairPenetration():
+            names = [owner_of_shape(plant, shape) for shape in (pair.id_A, pair.id_B)]
+            touching.add(frozenset(names))
+        return touching
 
-    def _reach(self, without: Collection[Pair], look: Callable[[Context], object] = lambda context: None) -> float:
-        """Return how far a trial gets in its time [s] if some pairs of bodies pass through each other."""
-        root, plant = self.context.Clone(), self.built.ports.plant
+    def _distance_reached(
+        self, without: Collection[Pair], look: Callable[[Context], object] = lambda context: None
+    ) -> float:
+        """Measure how far a trial gets in which some pairs of bodies pass through each other [s of simulated time].
+
+        Args:
+            without: the pairs.
+            look: callback after each step of the trial.
+        """
+        plant = self.built.ports.plant
+        root = self.context.Clone()
         shapes = plant.scene_graph.model_inspector().GetAllGeometryIds(Role.kProximity)
         filters = plant.scene_graph.collision_filter_manager(plant.scene_graph.GetMyMutableContextFromRoot(root))
         for pair in without:
-            sides = [GeometrySet([s for s in shapes if owner_of_shape(plant, s) == name]) for name in pair]
-            filters.Apply(CollisionFilterDeclaration().ExcludeBetween(sides[0], sides[-1]))
-        return _reached(Simulator(self.built.diagram, root), self.config, self.step, look)
+            sets = []
+            for name in pair:
+                own_shapes = [shape for shape in shapes if owner_of_shape(plant, shape) == name]
+                sets.append(GeometrySet(own_shapes))
+            # A pair with one name is a body that touches itself: then both sets are the same.
+            filters.Apply(CollisionFilterDeclaration().ExcludeBetween(sets[0], sets[-1]))
+        return _time_reached(Simulator(self.built.diagram, root), self.config, self.step, look)
 
-    def _tried(self, settings: str, config: StationConfig) -> str:
-        """Return settings, with how fast a trial of the station that has them is."""
+    def _with_trial(self, remedy: Remedy) -> str:
+        """Text of a remedy, with the pace of a trial of the station that has its settings, if a trial is possible."""
         if self.own_blocks:
-            return settings
-        with suppress(SimrobError, RuntimeError, SystemExit):
-            other = closed_station(resolve(config), self.built.references, monitors=False)
+            return remedy.text
+        with suppress(SimrobError, RuntimeError, SystemExit):  # the settings may be impossible for this station
+            other = closed_station(resolve(remedy.config), self.built.references, monitors=False)
             simulator = Simulator(other.diagram)
             root = simulator.get_mutable_context()
             State.of(self.built.diagram, self.built.ports, self.context).put(other.diagram, other.ports, root)
             root.SetTime(self.context.get_time())
-            rate = _reached(simulator, config, self.step) / _TRIAL
-            return f"{settings} ({rate:.2g} × real time in a trial)"
-        return settings
+            rate = _time_reached(simulator, remedy.config, self.step) / _TRIAL
+            return f"{remedy.text} ({rate:.2g} × real time in a trial)"
+        return remedy.text
 
-    def _dear(self, controlled: ContinuousSolver | None) -> str:
-        """Return what steps that are long enough are spent on, and what would be cheaper."""
-        parts = dict[str, tuple[float, str]]()
-        if self.config.contact is not None and self.config.mode == "dynamic":
-            surfaces = self.config.contact.model != "point"
-            coarser = "set contact.model=point or a coarser contact.resolution"
-            cost = _seconds(partial(self._find_contacts, self.context.Clone(), surfaces))
-            parts["finding contacts"] = cost, coarser if surfaces else "give bodies fewer collision shapes"
-        for block in self.built.diagram.GetSystems():
-            if isinstance(block, SampledBlock):
-                name, cost = block.get_name(), _seconds(partial(_sample, block, self.context.Clone()))
-                parts[f"the block {name}"] = cost, f"lower {name.replace('controller.', 'controllers.')}.rate"
-        what, (cost, remedy) = max(parts.items(), key=lambda part: part[1][0], default=("", (0.0, "")))
-        if cost > _HALF * self.cost:
-            return f", of it {what} {cost:.2g} s; {remedy}"
-        short = controlled is not None and self.step < _HALF * controlled.max_step
-        key = "accuracy" if short else "time_step" if isinstance(self.config.solver, FixedSteps) else "max_step"
+    def _largest_expense(self, controlled: ContinuousSolver | None) -> str:
+        """Find what makes each step slow, if the steps are long enough. Returns the end of a sentence, with a remedy.
+
+        Args:
+            controlled: solver of the station if it chooses the length of its steps; None otherwise.
+        """
+        largest = max(self._expenses(), key=lambda expense: expense.cost, default=None)
+        if largest is not None and largest.cost > _HALF * self.cost:
+            return f", of it {largest.name} {largest.cost:.2g} s; {largest.remedy}"
+        # Nothing dominates: only fewer, longer steps help.
+        if controlled is not None and self.step < _HALF * controlled.max_step:
+            key = "accuracy"
+        elif isinstance(self.config.solver, FixedSteps):
+            key = "time_step"
+        else:
+            key = "max_step"
         return f"; take longer ones (solver.{key})"
 
+    def _expenses(self) -> list[Expense]:
+        """Measure the costs of finding contacts, and of each block that samples, such as a camera."""
+        expenses = []
+        if self.config.contact is not None and self.config.mode == "dynamic":
+            has_surfaces = self.config.contact.model != "point"
+            cost = _seconds(partial(self._find_contacts, self.context.Clone(), has_surfaces))
+            remedy = "give bodies fewer collision shapes"
+            if has_surfaces:
+                remedy = "set contact.model=point or a coarser contact.resolution"
+            expenses.append(Expense("finding contacts", cost, remedy))
+        for block in self.built.diagram.GetSystems():
+            if isinstance(block, SampledBlock):
+                name = block.get_name()
+                cost = _seconds(partial(_sample, block, self.context.Clone()))
+                remedy = f"lower {name.replace('controller.', 'controllers.')}.rate"
+                expenses.append(Expense(f"the block {name}", cost, remedy))
+        return expenses
+
     def _find_contacts(self, root: Context, surfaces: bool) -> None:
+        """Compute the contacts once, to measure its cost.
+
+        Args:
+            root: a context of the diagram.
+            surfaces: whether to compute hydroelastic surfaces instead of points.
+        """
         plant = self.built.ports.plant
         positions = plant.stepped.GetPositions(plant.stepped.GetMyContextFromRoot(root))
-        plant.place(root, positions)  # so that nothing is known of it
+        plant.place(root, positions)  # setting positions clears Drake's cache, so that contacts are computed again
         query = plant.query(root)
         if surfaces:
             query.ComputeContactSurfacesWithFallback(plant.plant.get_contact_surface_representation())
@@ -139,10 +216,17 @@ class Slow:
             query.ComputePointPairPenetration()
 
 
-def _reached(
+def _time_reached(
     simulator: Simulator, config: StationConfig, step: float, look: Callable[[Context], object] = lambda context: None
 ) -> float:
-    """Return how far a simulator gets in the time of a trial [s]; it begins with steps of a length [s]."""
+    """Measure how far a simulator gets within the duration of a trial [s of simulated time].
+
+    Args:
+        simulator: the simulator, with the state from which it starts.
+        config: configuration of the station, whose solver is applied.
+        step: length of the first step [s], if the solver chooses the length of its steps.
+        look: callback after each step.
+    """
     apply_solver(simulator, config)
     begin = simulator.get_context().get_time()
     if controlled_by(config) is not None:
@@ -150,201 +234,298 @@ def _reached(
     end = perf_counter() + _TRIAL
 
     def watch(context: Context) -> EventStatus:
+        """Monitor of the simulator, which ends the trial when its time is over."""
         look(context)
-        over = perf_counter() > end
-        return EventStatus.ReachedTermination(simulator.get_system(), "") if over else EventStatus.DidNothing()
+        if perf_counter() > end:
+            return EventStatus.ReachedTermination(simulator.get_system(), "")
+        return EventStatus.DidNothing()
 
     simulator.set_monitor(watch)
-    with suppress(RuntimeError, SystemExit):  # it diverged; Drake's failed assertions come as SystemExit
+    with suppress(RuntimeError, SystemExit):  # the trial diverged; Drake's failed assertions come as SystemExit
         simulator.AdvanceTo(begin + _LONGEST)
     simulator.clear_monitor()
     return float(simulator.get_context().get_time() - begin)
 
 
 def _sample(block: SampledBlock, root: Context) -> None:
-    root.SetTime(nextafter(root.get_time(), inf))  # so that nothing is known of it
+    """Evaluate the sampling of a block once, to measure its cost. The time of the context is changed."""
+    root.SetTime(nextafter(root.get_time(), inf))  # another time clears Drake's cache
     block.EvalUniquePeriodicDiscreteUpdate(block.GetMyContextFromRoot(root))
 
 
 def _seconds(work: Callable[[], object]) -> float:
-    """Return what work takes by a clock, the least of some times [s]."""
+    """Measure how long a function takes: the shortest of three times, by a clock [s]."""
     times = []
     for _ in range(_LOOKS):
-        began = perf_counter()
+        begin = perf_counter()
         work()
-        times.append(perf_counter() - began)
+        times.append(perf_counter() - begin)
     return min(times)
 
 
-def _cenic(config: StationConfig) -> tuple[str, StationConfig]:
+def _cenic(config: StationConfig) -> Remedy:
+    """Remedy: the scheme ``cenic``, which takes long steps in contact."""
     solver = ContinuousSolver(kind="continuous", scheme="cenic", accuracy=1e-3, max_step=0.01)
     text = f"set solver.scheme=cenic and solver.max_step={solver.max_step:g}"
-    return text, config.model_copy(update={"solver": solver})
+    return Remedy(text, config.model_copy(update={"solver": solver}))
 
 
-def _discrete(config: StationConfig) -> tuple[str, StationConfig]:
-    """Return what DISCRETE says, and a station that has it."""
+def _discrete(config: StationConfig) -> Remedy:
+    """Remedy: a discrete solver, with servos that are evaluated implicitly within its steps."""
     implicit = {"realization": "implicit"}
-    robots = {
-        name: robot.model_copy(update={"servo": robot.servo and robot.servo.model_copy(update=implicit)})
-        for name, robot in config.robots.items()
+    robots = {}
+    for name, robot in config.robots.items():
+        servo = None if robot.servo is None else robot.servo.model_copy(update=implicit)
+        robots[name] = robot.model_copy(update={"servo": servo})
+    changes = {
+        "solver": DiscreteSolver(kind="discrete"),
+        "servo": config.servo.model_copy(update=implicit),
+        "robots": robots,
     }
-    changes = {"solver": DiscreteSolver(kind="discrete"), "servo": config.servo.model_copy(update=implicit)}
-    return DISCRETE, config.model_copy(update={**changes, "robots": robots})
+    return Remedy(DISCRETE, config.model_copy(update=changes))
 
 
-_OVER = 100  # steps
-_CREEPING = 1e-5  # a mean step as small creeps: a hundred thousand steps a simulated second [s]
-_PATIENCE = 5.0  # s of a clock
-_SLOWEST = 0.02  # part of real time that a run should make at least
-_BUSY = 0.5  # part of a processor: a process that gets less has to wait for others
-_OFTEN = 0.02  # s of a clock; a look at the processor's takes long on some machines
-_PAUSE, _IDLE = 0.5, 0.01
-"""Where a step takes so long [s], and a processor works so small a part of that, somebody has paused the run."""
+_OVER = 100  # count of the last steps whose mean length is compared with _CREEPING
+_CREEPING = 1e-5  # a run creeps below this mean length of a step [s]: it needs 100000 steps per simulated second
+_PATIENCE = 5.0  # time over which the pace is measured, by a clock [s]
+_SLOWEST = 0.02  # a run is slow below this pace, in simulated seconds per second by a clock
+_BUSY = 0.5  # a process that gets a smaller share of a processor has to wait for other processes
+_OFTEN = 0.02  # shortest time between two readings of the processor's time [s], which is slow on some machines
+
+# A run is paused, such as by a debugger, if one step takes this time by a clock [s], and the process works only for
+# this share of it. The time of a pause does not count.
+_PAUSE = 0.5
+_IDLE = 0.01
 
 
 class SlowRunWarning(RuntimeWarning):
-    """A run hardly gets on; the message says what holds it up."""
+    """Warning about a slow run, with the cause."""
 
 
 def creeping(config: StationConfig, times: Sequence[float]) -> str:
-    """Tell in words that a run crept in its last steps, whose ends are given [s]; empty if it did not."""
+    """Describe that a run creeps, in words. Returns an empty text if it does not.
+
+    Args:
+        config: configuration of the station.
+        times: ends of the steps so far, or at least of the last hundred [s].
+    """
     if controlled_by(config) is None or len(times) <= _OVER:
         return ""
     step = (times[-1] - times[-1 - _OVER]) / _OVER
+    if step >= _CREEPING:
+        return ""
     left = config.duration - times[-1]
-    return f"it creeps in steps of {step:.2g} s with {left:.3g} s left; {DISCRETE}" if step < _CREEPING else ""
+    return f"it creeps in steps of {step:.2g} s with {left:.3g} s left; {DISCRETE}"
+
+
+class _Clocks(NamedTuple):
+    """A reading of both clocks."""
+
+    wall: float  # wall-clock time [s]
+    processor: float  # time for which the process has worked [s]
 
 
 class PaceWatch:
-    """Looks after each step how fast a run gets on, shows that, and warns once if it hardly does."""
+    """Callback after each step of a run. It measures the pace, reports progress, and warns once if the run is slow.
+
+    The pace is measured in periods of five seconds by a clock.
+    """
 
     def __init__(
         self, config: StationConfig, built: Callable[[], ClosedStation], *, own_blocks: bool, show: Advance | None
     ) -> None:
-        """Watch a run; ``built`` gives what is stepped now, ``show`` shows how far it is."""
-        self.config, self._built, self._own_blocks, self._show = config, built, own_blocks, show
-        self._ends: deque[float] = deque(maxlen=_OVER + 1)
-        self._clocks, self._warned = (monotonic(), process_time()), False
-        self._begin(0.0)
+        """Prepare to watch a run.
 
-    def _begin(self, time: float) -> None:
-        self._since, self._waited, self._worked, self._steps = time, 0.0, 0.0, 0
+        Args:
+            config: configuration of the station.
+            built: returns the diagram that is stepped now.
+            own_blocks: whether there are blocks of the user's own.
+            show: shows the progress: it is called with the time [s] and a remark. None to show nothing.
+        """
+        self.config = config
+        self._built = built
+        self._own_blocks = own_blocks
+        self._show = show
+        self._ends: deque[float] = deque(maxlen=_OVER + 1)  # ends of the last steps [s]
+        self._clocks = _Clocks(monotonic(), process_time())
+        self._has_warned = False
+        self._begin_period(0.0)
+
+    def _begin_period(self, time: float) -> None:
+        """Begin a new period of measurement at a time of the run [s]."""
+        self._since = time
+        self._waited = 0.0  # duration of the period by a clock, without pauses [s]
+        self._worked = 0.0  # time for which the process has worked [s]
+        self._steps = 0
 
     def __call__(self, context: Context) -> None:
-        """Look at the step that has just ended; at the very first, what went before was no step."""
+        """Evaluate the step that has just ended. The first call is the start of the run, which is no step."""
         time = context.get_time()
         if not self._ends:
-            self._clocks = monotonic(), process_time()
-            self._begin(time)
+            self._clocks = _Clocks(monotonic(), process_time())
+            self._begin_period(time)
         self._ends.append(time)
         if self._show is not None:
             self._show(time, creeping(self.config, self._ends))
-        self._count()
-        if self._waited < _PATIENCE or self._warned or time == self._since:
+        self._count_step()
+        if self._waited < _PATIENCE or self._has_warned or time == self._since:
             return
         if time - self._since < _SLOWEST * self._waited:
-            self._warned = True
-            warnings.warn(self._complaint(context), SlowRunWarning, stacklevel=2)
-        self._begin(time)
+            self._has_warned = True
+            warnings.warn(self._slow_run_message(context), SlowRunWarning, stacklevel=2)
+        self._begin_period(time)
 
-    def _complaint(self, context: Context) -> str:
+    def _slow_run_message(self, context: Context) -> str:
         """Describe how slow the run is and why.
 
-        A process that waits for others is slow through no fault of its own. So the rate on a whole processor decides:
-        if that would be fast enough, the machine is busy; otherwise something in the station holds the run up.
+        A process that waits for others is slow through no fault of its own. So the pace on a whole processor decides:
+        if that would be fast enough, the machine is busy; otherwise something in the station makes the run slow.
+
+        Args:
+            context: context of the diagram, at the end of the last step.
         """
-        made = context.get_time() - self._since
+        advanced = context.get_time() - self._since
         left = self.config.duration - context.get_time()
         share = self._worked / self._waited
-        rate = f"{made / self._waited:.2g} × real time"
-        alone = made / self._worked if self._worked > 0 else np.inf
-        if share < _BUSY:
-            rate += f" on {100 * share:.0f} % of a processor ({alone:.2g} × on a whole one)"
-        if share < _BUSY and alone >= _SLOWEST:
+        rate = f"{advanced / self._waited:.2g} × real time"
+        rate_alone = advanced / self._worked if self._worked > 0 else np.inf
+        is_machine_busy = share < _BUSY
+        if is_machine_busy:
+            rate += f" on {100 * share:.0f} % of a processor ({rate_alone:.2g} × on a whole one)"
+        if is_machine_busy and rate_alone >= _SLOWEST:
             cause = "the machine is busy with other work"
         else:
-            step = made / self._steps
+            step = advanced / self._steps
             cost = self._worked / self._steps
             cause = Slow(self.config, self._built(), context, step, cost, self._own_blocks).cause()
         return f"{self.config.name} makes {rate} with {left:.3g} s left: {cause}"
 
-    def _count(self) -> None:
-        """Count the step, and now and then the time of clock and processor, but for that of a pause before it."""
+    def _count_step(self) -> None:
+        """Count a step and, about every 20 ms, add the elapsed times to those of the period unless it was a pause."""
         self._steps += 1
         now = monotonic()
-        if now - self._clocks[0] < _OFTEN:
+        if now - self._clocks.wall < _OFTEN:
             return
-        clocks = now, process_time()
-        waited, worked = (now - before for now, before in zip(clocks, self._clocks, strict=True))
-        self._clocks = clocks
-        if waited < _PAUSE or worked > _IDLE * waited + _OFTEN:
-            self._waited, self._worked = self._waited + waited, self._worked + worked
+        before = self._clocks
+        self._clocks = _Clocks(now, process_time())
+        waited = self._clocks.wall - before.wall
+        worked = self._clocks.processor - before.processor
+        is_pause = waited >= _PAUSE and worked <= _IDLE * waited + _OFTEN
+        if not is_pause:
+            self._waited += waited
+            self._worked += worked
 
 
-_IN_FLIGHT = (1e-3, 1e-3)
-"""Longest step [s] and coarsest accuracy: a humanoid that moves its legs then keeps its momentum within 0.1 %."""
-_LOOK_EVERY = 5  # steps
-_JUST_OVER = 1e-3  # m
-_FALLS = 0.3  # part of gravity by which a body must gain speed downward before that is done
+_FLIGHT_STEP = 1e-3
+"""Longest step while something flies [s]."""
+
+_FLIGHT_ACCURACY = 1e-3
+"""Coarsest accuracy while something flies: a humanoid that moves its legs then keeps its momentum within 0.1 %."""
+
+_LOOK_EVERY = 5  # steps between two checks
+_JUST_OVER = 1e-3  # a body that is this far above another one at the start counts as touching it [m]
+_FALLS = 0.3  # all shapes are checked only if a body gains downward speed at this share of gravity
 
 
 class Flight:
-    """Looks whether a robot or a free piece touches nothing but itself, and sets the length of steps by that.
+    """Limits the steps of ``cenic`` while a robot or a free piece touches nothing but itself.
 
-    The steps of ``cenic`` are first-order: while something flies, nothing else bounds their error.
+    The steps of ``cenic`` are first-order: while something flies, nothing else limits their error.
     """
 
     def __init__(self, plant: MultibodyPlant, solver: ContinuousSolver, simulator: Simulator) -> None:
-        """Look after all floating bodies of a plant that a simulator steps by ``cenic``."""
-        self._plant, self._solver = plant, solver
-        self._simulator = weakref.ref(simulator)  # whose monitor holds this
+        """Prepare to check all floating bodies of a plant.
+
+        Args:
+            plant: the plant.
+            solver: settings of ``cenic`` that apply while nothing flies.
+            simulator: the simulator that steps the plant.
+        """
+        self._plant = plant
+        self._solver = solver
+        self._simulator = weakref.ref(simulator)  # weak, since the monitor of the simulator holds this object
         joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
         floating = [joint for joint in joints if joint.type_name() == "quaternion_floating"]
-        hanging = [plant.GetBodiesKinematicallyAffectedBy([joint.index()]) for joint in floating]
-        collision_shapes = plant.GetCollisionGeometriesForBody
-        self._bodies = [{one for body in own for one in collision_shapes(plant.get_body(body))} for own in hanging]
-        self._upward = [joint.velocity_start() + 5 for joint in floating]  # after the angular part
-        self._heights = [joint.position_start() + 6 for joint in floating]  # after the quaternion
+        # The collision shapes of each floating body and of all bodies that joints connect to it.
+        self._shapes_of_bodies = list[set[GeometryId]]()
+        for joint in floating:
+            shapes = set[GeometryId]()
+            for body in plant.GetBodiesKinematicallyAffectedBy([joint.index()]):
+                shapes.update(plant.GetCollisionGeometriesForBody(plant.get_body(body)))
+            self._shapes_of_bodies.append(shapes)
+        # Indices of the vertical velocity and of the height of each floating body, after angular velocity and
+        # quaternion.
+        self._vertical_velocities = [joint.velocity_start() + 5 for joint in floating]
+        self._heights = [joint.position_start() + 6 for joint in floating]
         self._gravity = float(np.linalg.norm(plant.gravity_field().gravity_vector()))
-        self._steps, self._flies = 0, False
-        self._time, self._speeds = -np.inf, np.zeros(len(floating))
+        self._steps = 0
+        self._is_flying = False
+        self._last_time = -np.inf  # time of the last check [s]
+        self._last_speeds = np.zeros(len(floating))  # vertical velocities at the last check [m/s]
 
     def look(self, root: Context) -> None:
-        """Look at the state that a step has reached, now and then; to be called at the start and after each step."""
-        self._steps += 1
-        if self._steps % _LOOK_EVERY != 1 or not self._bodies:
-            return
-        flies = self._is_suspect(root) and self._is_one_free(root)
-        if flies != self._flies and (simulator := self._simulator()) is not None:
-            self._flies = flies
-            bound_steps(simulator, self._solver, *(_IN_FLIGHT if flies else ()))
+        """Check, every few steps, whether something flies, and change the limits of the steps if that has changed.
 
-    def _is_suspect(self, root: Context) -> bool:
-        """Tell whether something may fly: it did, or falls ever faster; to look at all shapes takes much longer."""
-        time, before = root.get_time(), self._time
-        speeds = self._plant.GetVelocities(self._plant.GetMyContextFromRoot(root))[self._upward]
-        faster = (self._speeds - speeds).max()
-        self._time, self._speeds = time, speeds
-        return bool(self._flies or np.isinf(before) or faster >= _FALLS * self._gravity * (time - before))
+        Call it at the start and after each step.
+
+        Args:
+            root: context of the simulator's diagram.
+        """
+        self._steps += 1
+        if self._steps % _LOOK_EVERY != 1 or not self._shapes_of_bodies:
+            return
+        is_flying = self._may_fly(root) and self._is_one_free(root)
+        simulator = self._simulator()
+        if is_flying == self._is_flying or simulator is None:
+            return
+        self._is_flying = is_flying
+        if is_flying:
+            bound_steps(simulator, self._solver, longest=_FLIGHT_STEP, accuracy=_FLIGHT_ACCURACY)
+        else:
+            bound_steps(simulator, self._solver)
+
+    def _may_fly(self, root: Context) -> bool:
+        """Whether something may fly: it did at the last check, or its downward speed has grown since then.
+
+        This test is quick, and the test of all shapes is slow.
+        """
+        time = root.get_time()
+        last_time = self._last_time
+        speeds = self._plant.GetVelocities(self._plant.GetMyContextFromRoot(root))[self._vertical_velocities]
+        gain = (self._last_speeds - speeds).max()  # of downward speed [m/s]
+        self._last_time = time
+        self._last_speeds = speeds
+        if self._is_flying or np.isinf(last_time):
+            return True
+        return bool(gain >= _FALLS * self._gravity * (time - last_time))
 
     def _is_one_free(self, root: Context) -> bool:
-        """Tell whether one touches nothing but itself; at the start, what stands just over something touches it."""
-        plant, context = self._plant, self._plant.GetMyMutableContextFromRoot(root)
+        """Whether a floating body touches nothing but itself.
+
+        At the start, a body that is just above another one counts as touching it.
+        """
+        plant = self._plant
+        context = plant.GetMyMutableContextFromRoot(root)
         if not plant.num_collision_geometries():
             return True
         if self._steps > 1:
             return self._is_apart(context)
         positions = plant.GetPositions(context)
-        lower = positions.copy()
-        lower[self._heights] -= _JUST_OVER
-        plant.SetPositions(context, lower)
-        free = self._is_apart(context)
+        lowered = positions.copy()
+        lowered[self._heights] -= _JUST_OVER
+        plant.SetPositions(context, lowered)
+        is_free = self._is_apart(context)
         plant.SetPositions(context, positions)
-        return free
+        return is_free
 
     def _is_apart(self, context: Context) -> bool:
+        """Whether, in a context of the plant, a floating body exists that touches nothing but itself."""
         query = self._plant.get_geometry_query_input_port().Eval(context)
         pairs = query.ComputePointPairPenetration() if query.HasCollisions() else []
-        touched = [(pair.id_A, pair.id_B) for pair in pairs]
-        return any(all((a in shapes) == (b in shapes) for a, b in touched) for shapes in self._bodies)
+        touching = [(pair.id_A, pair.id_B) for pair in pairs]
+        for shapes in self._shapes_of_bodies:
+            # A contact with another body has exactly one of its two shapes among those of this body.
+            has_contact = any((first in shapes) != (second in shapes) for first, second in touching)
+            if not has_contact:
+                return True
+        return False

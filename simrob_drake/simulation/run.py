@@ -1,9 +1,14 @@
-"""One run: what a caller asks of it, checked; then stepped, sampled, and made a result."""
+"""One run of a station: check the caller's arguments, step the station, evaluate its signals, and make the result.
+
+A run uses two diagrams of the station. The *stepped* diagram contains only what affects the motion. The *whole* diagram
+has the same states, and also the blocks that compute signals. Signals are evaluated in it after the run, from the
+recorded states.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -19,11 +24,11 @@ from simrob_drake.parts.forces import Push
 from simrob_drake.progress import note, progress_bar
 from simrob_drake.results.record.history import Recorder, StateHistory
 from simrob_drake.results.record.run import FAILED
-from simrob_drake.results.record.signals import Sampler, Watch, cut_at_stop, sampled
+from simrob_drake.results.record.signals import Sampler, Stop, Watch, cut_at_stop, sample_signals
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.pace import PaceWatch
-from simrob_drake.simulation.stepping import Outcome, Stepper, interrupted
+from simrob_drake.simulation.stepping import Outcome, Stepper, interruption_outcome
 from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig, check_effort
 from simrob_drake.stations.physics_findings import physics_warnings
@@ -31,19 +36,37 @@ from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.solver_config import FixedSteps
 
 OnStep = Callable[[float, Vector], None]
-_WITHOUT_ALL = (FAILED, "diverged")  # endings at which not every signal can be evaluated
-_NOTHING = StateHistory(np.zeros(1), np.zeros((1, 0)))
+"""Callback of the user after each step, with the time [s] and the positions of the plant (nq,)."""
+
+_INCOMPLETE_ENDINGS = (FAILED, "diverged")  # after such an ending, not every signal can be evaluated
+_NO_STATES = StateHistory(np.zeros(1), np.zeros((1, 0)))  # for a sampler that gets its states later
+
+
+class SignalSamples(NamedTuple):
+    """Signals of a run at its samples."""
+
+    outcome: Outcome  # how the run ended: as the stepping, or because a block failed when signals were evaluated
+    times: Vector  # times of the samples, shape (m,) [s]
+    values: Vector  # columns of all signals, shape (m, k)
 
 
 @dataclass(frozen=True)
 class Run:
-    """A run that is about to be stepped."""
+    """A run that is about to be stepped.
 
-    config: StationConfig  # the station, as it is run
-    whole: ClosedStation  # the diagram in which signals are evaluated
-    stepper: Stepper  # what is stepped
-    prepare: Callable[[], None] | None = None  # gives the whole diagram the references of this run back
-    forget: Callable[[], None] = lambda: None  # takes them from all diagrams, so that they stand in memory once
+    Attributes:
+        config: configuration of the station in this run.
+        whole: the diagram in which signals are evaluated.
+        stepper: steps the stepped diagram.
+        prepare: restores the references of this run in the whole diagram, which may have served another run since.
+        forget: removes the references from all diagrams, so that only one copy is kept in memory.
+    """
+
+    config: StationConfig
+    whole: ClosedStation
+    stepper: Stepper
+    prepare: Callable[[], None] | None = None
+    forget: Callable[[], None] = lambda: None
 
     def result(
         self,
@@ -54,13 +77,21 @@ class Run:
         start: State | None,
         hand: Callable[[Context], None] | None = None,
     ) -> SimulationResult:
-        """Step, and return what happened; ``hand`` is called after each step, and may change what blocks remember."""
+        """Step the run and make its result.
+
+        Args:
+            progress: whether to show a progress bar.
+            on_step: callback of the user after each step, or None.
+            references: references that the user gave, by robot, for the result.
+            start: state from which the run begins, for the result; None for the station's own start.
+            hand: callback after each step with the context, which may change the states of blocks; None if there is
+                none.
+        """
         watchers = [] if hand is None else [hand]
         if on_step is not None:
             watchers.append(_positions_watcher(self.stepper, on_step))
-        with progress_bar(
-            f"simulating {self.config.name}", self.config.duration, shown=truth(progress, "progress")
-        ) as show:
+        title = f"simulating {self.config.name}"
+        with progress_bar(title, self.config.duration, shown=truth(progress, "progress")) as show:
             stepper = self.stepper
             pace = PaceWatch(self.config, lambda: stepper.built, own_blocks=stepper.has_own_blocks, show=show)
             watchers.append(pace)
@@ -70,60 +101,42 @@ class Run:
             stepping_time = perf_counter() - began
         known: dict[str, Any] = {"stepping_time": stepping_time, "references": references, "start": start}
         try:
-            return self._evaluated(recorder, watch, outcome, **known)
-        except KeyboardInterrupt:  # the run is not to be lost
+            return self._make_result(recorder, watch, outcome, **known)
+        except KeyboardInterrupt:  # the user does not want to lose the run
             note("interrupted; the signals are computed first, interrupt again to abandon them", shown=progress)
-            return self._evaluated(recorder, watch, interrupted(self.config, recorder), **known)
+            return self._make_result(recorder, watch, interruption_outcome(self.config, recorder), **known)
 
-    def _evaluated(self, recorder: Recorder, watch: Watch, outcome: Outcome, **known: Any) -> SimulationResult:
-        """Sample the signals of a run that has been stepped, and make its result.
+    def _make_result(self, recorder: Recorder, watch: Watch, outcome: Outcome, **known: Any) -> SimulationResult:
+        """Evaluate the signals of a run that has been stepped, and make its result.
 
         Args:
-            recorder: has the states at all steps.
-            watch: tells which monitor ended the run, if one did.
+            recorder: the recorded states.
+            watch: contains the monitor that ended the run, if one did.
             outcome: how the stepping ended.
             known: further fields of the result, by name.
         """
         began = perf_counter()
-        ports, stop = self.whole.ports, watch.stop if outcome.ending == "monitor" else None
+        ports = self.whole.ports
+        stop = watch.stop if outcome.ending == "monitor" else None
         history = recorder.history(stop.count if stop else None)
-        tolerant = outcome.ending in _WITHOUT_ALL
-        held = torques_held_over_steps(ports)
-        begins_in_motion = self.stepper.begins_in_motion
-        sampler = Sampler(
-            self.whole.diagram,
-            ports,
-            history,
-            held=held,
-            begins_in_motion=begins_in_motion,
-            prepare=self.prepare,
-            tolerant=tolerant,
-        )
-        # A monitor sees the ends of steps only. If steps have no fixed length, the moment at which its condition is met
+        tolerant = outcome.ending in _INCOMPLETE_ENDINGS
+        # A monitor sees the ends of steps only. If steps have no fixed length, the time at which its condition is met
         # is searched within the last step.
         has_fixed_steps = isinstance(self.config.solver, FixedSteps) and self.config.mode == "dynamic"
         if stop is not None and not has_fixed_steps:
-            hold = ports.monitors[stop.name].hold
-            probe = Sampler(
-                self.whole.diagram,
-                ports,
-                history,
-                held=held,
-                begins_in_motion=begins_in_motion,
-                prepare=self.prepare,
-            )
-            cut_at_stop(
-                probe, lambda s, time: watch.holds(stop.name, s, time), self.stepper.step, onset=stop.onset, hold=hold
-            )
-            sampler.history = probe.history
+            history = self._cut_history(history, watch, stop)
+        sampler = self._sampler(history, tolerant=tolerant)
         self.forget()
+        end = sampler.history.end
         if outcome.ending == "monitor":
-            outcome = replace(outcome, message=f"{outcome.message}, at {sampler.history.end:.4g} s")
+            outcome = replace(outcome, message=f"{outcome.message}, at {end:.4g} s")
         config = self.config
-        if outcome.ending == "completed" and sampler.history.end < config.duration:  # it was ended at a tick
-            config = config.model_copy(update={"duration": sampler.history.end})
-        outcome, times, values = self._sampled(sampler, outcome)
-        positions = ports.plant.plant.num_positions()
+        if outcome.ending == "completed" and end < config.duration:
+            # The callback of a tick has ended the run: that is its duration now.
+            config = config.model_copy(update={"duration": end})
+        samples = self._sample(sampler, outcome)
+        outcome = samples.outcome
+        position_count = ports.plant.plant.num_positions()
         has_contacts = self.config.contact is not None and self.config.mode == "dynamic"
         result = SimulationResult(
             config=config,
@@ -134,10 +147,10 @@ class Run:
             names=[name for signal in ports.signals for name in signal.names],
             signals=tuple(ports.signals),
             notes=ports.notes,
-            times=times,
-            values=values,
+            times=samples.times,
+            values=samples.values,
             step_times=sampler.history.times,
-            positions_at=lambda at: sampler.sample([ports.state], at)[0][:, :positions],
+            positions_at=lambda times: sampler.sample([ports.state], times)[0][:, :position_count],
             signal_time=perf_counter() - began,
             contacts_at=sampler.contact_results if has_contacts else None,
             solver_warnings=physics_warnings(self.config, ports),
@@ -154,26 +167,68 @@ class Run:
         self.forget()
         return result
 
-    def _sampled(self, sampler: Sampler, outcome: Outcome) -> tuple[Outcome, Vector, Vector]:
-        """Return how the run ended, times, and values of the signals up to where a block fails."""
+    def _sampler(self, history: StateHistory, *, tolerant: bool) -> Sampler:
+        """Make the sampler that evaluates the whole diagram at recorded states.
+
+        Args:
+            history: the states.
+            tolerant: whether values that cannot be evaluated become NaN.
+        """
+        return Sampler(
+            self.whole.diagram,
+            self.whole.ports,
+            history,
+            held=torques_held_over_steps(self.whole.ports),
+            begins_in_motion=self.stepper.begins_in_motion,
+            prepare=self.prepare,
+            tolerant=tolerant,
+        )
+
+    def _cut_history(self, history: StateHistory, watch: Watch, stop: Stop) -> StateHistory:
+        """Shorten the history of a run to the time at which the condition of its monitor was met.
+
+        Args:
+            history: states up to the step at which the monitor ended the run.
+            watch: the monitors.
+            stop: the end of the run.
+        """
+        probe = self._sampler(history, tolerant=False)
+
+        def holds(sampler: Sampler, time: float) -> bool:
+            """Whether the condition of the monitor is met at a time [s]."""
+            return watch.holds(stop.name, sampler, time)
+
+        hold = self.whole.ports.monitors[stop.name].hold
+        cut_at_stop(probe, holds, self.stepper.step, onset=stop.onset, hold=hold)
+        return probe.history
+
+    def _sample(self, sampler: Sampler, outcome: Outcome) -> SignalSamples:
+        """Evaluate all signals of the run.
+
+        If a block of the user's own fails, the history of the sampler is shortened to the samples before the failure.
+
+        Args:
+            sampler: evaluates the whole diagram.
+            outcome: how the stepping ended.
+        """
         times = sample_times(sampler.history.end, self.config.sample_rate)
         try:
-            return outcome, times, sampled(sampler, self.whole.ports, times)
+            return SignalSamples(outcome, times, sample_signals(sampler, self.whole.ports, times))
         except Exception as problem:
-            time = sampler.looked_at.get_time()
-            failed = self.stepper.failed(problem, sampler.looked_at, time)
+            time_of_failure = sampler.looked_at.get_time()
+            failed = self.stepper.failure_outcome(problem, sampler.looked_at, time_of_failure)
             if failed is None or outcome.ending == FAILED:
                 raise
-        known = times[times < time]
-        sampler.cut(known[-1] if known.size else 0.0)
-        return self._sampled(sampler, failed)
+        good_times = times[times < time_of_failure]
+        sampler.cut(good_times[-1] if good_times.size else 0.0)
+        return self._sample(sampler, failed)
 
 
 def torques_held_over_steps(ports: StationPorts) -> list[OutputPort]:
-    """Find the ports of servo torques that keep one value over each step of the solver.
+    """Find the output ports of servo torques that have one value for each step of the solver.
 
-    Samplers and monitors need this list: a torque between two steps is the value that the solver applied in that step,
-    not a value computed from the interpolated state. The cases are:
+    Samplers and monitors need this list: between two steps, such a torque is the value that the solver applied in the
+    step, not a value computed from the interpolated state. The cases are:
 
     - ``cenic``: all torques. It holds references over a step, and servos act on the state at the step's end.
     - MuJoCo with implicit servos, which are part of its motors: MuJoCo reports the torques of the step that ended.
@@ -195,46 +250,63 @@ def torques_held_over_steps(ports: StationPorts) -> list[OutputPort]:
 def watched(stepper: Stepper, whole: ClosedStation, *watchers: Callable[[Context], None]) -> tuple[Recorder, Watch]:
     """Make the recorder of a run, and the watch that evaluates the station's monitors at the recorded steps.
 
+    The recorder begins with the present state of the simulator.
+
     Args:
         stepper: steps the run.
         whole: the diagram in which the monitors' signals are evaluated.
         watchers: callbacks for the recorder to call after each step.
     """
     ports = whole.ports
-    sampler = Sampler(whole.diagram, ports, _NOTHING)
+    sampler = Sampler(whole.diagram, ports, _NO_STATES)
     held = torques_held_over_steps(ports)
     watch = Watch(ports, sampler, held=held, begins_in_motion=stepper.begins_in_motion)
     look = watch.look if ports.monitors else None
-    return Recorder(stepper.simulator, *watchers, look=look, pace=stepper.pace()), watch
+    recorder = Recorder(stepper.simulator, *watchers, look=look, pace=stepper.pace())
+    return recorder, watch
 
 
 def _positions_watcher(stepper: Stepper, on_step: OnStep) -> Callable[[Context], None]:
     """Make a callback for the recorder that calls ``on_step`` with the time [s] and the plant's positions (nq,)."""
 
     def watch(context: Context) -> None:
+        """Callback of the recorder after each step, with the context of the stepped diagram."""
         ports = stepper.built.ports
-        own = ports.state.get_system().GetMyContextFromRoot(context)
-        on_step(context.get_time(), ports.state.Eval(own)[: ports.plant.plant.num_positions()])
+        own_context = ports.state.get_system().GetMyContextFromRoot(context)
+        state = ports.state.Eval(own_context)
+        on_step(context.get_time(), state[: ports.plant.plant.num_positions()])
 
     return watch
 
 
 def sample_times(end: float, rate: float) -> Vector:
-    """Return evenly spaced times; the end of the run is the last one, wherever it lies."""
-    times = np.arange(int(np.floor(end * rate + 1e-9)) + 1) / rate
+    """Times of the samples of a run, shape (m,) [s]: evenly spaced from 0, and the end of the run.
+
+    Args:
+        end: end of the run [s].
+        rate: samples per second [Hz].
+    """
+    # The small number keeps rounding from losing a sample at the end.
+    intervals = int(np.floor(end * rate + 1e-9))
+    times = np.arange(intervals + 1) / rate
     return times if times[-1] >= end else np.append(times, end)
 
 
 ReferenceLike: TypeAlias = Reference | npt.ArrayLike | Samples
 """A trajectory (n, 1), an array (m, 1 + n) with the time first, or a pair of times (m,) and positions (m, n)."""
 ReferencesLike: TypeAlias = ReferenceLike | Mapping[str, ReferenceLike] | None
-"""One for the only robot, or some by robot; none as the station says."""
+"""A reference for the only robot, or references by robot. None means the references of the station's file."""
 
 
 def with_duration(config: StationConfig, duration: Any) -> StationConfig:
-    """Return a configuration with a duration [s], its own if None.
+    """Change the duration of a configuration.
 
-    Raises InvalidParameter: no positive time, or so long that a run would have too many samples or steps.
+    Args:
+        config: the configuration.
+        duration: the new duration [s]. If it is None, the configuration is returned as it is.
+
+    Raises:
+        InvalidParameter: the duration is no positive time, or so long that a run would have too many samples or steps.
     """
     if duration is None:
         return config
@@ -244,33 +316,62 @@ def with_duration(config: StationConfig, duration: Any) -> StationConfig:
 
 
 def with_pushes(config: StationConfig, pushes: Mapping[str, Any] | None) -> StationConfig:
-    """Return a configuration with other ``forces``, sections or keys, by name; raises InvalidParameter: none such."""
+    """Replace the pushes of a configuration: forces on a body for some time, in its section ``forces``.
+
+    Args:
+        config: the configuration.
+        pushes: the new pushes by name, each a `Push` or a mapping of its keys. If it is None, the configuration is
+            returned as it is. Forces of other kinds stay.
+
+    Raises:
+        InvalidParameter: a push is invalid.
+    """
     if pushes is None:
         return config
     instance(pushes, "pushes", Mapping, "a mapping of names to pushes")
-    others = {name: force for name, force in config.forces.items() if not isinstance(force, Push)}
-    made = dict[str, Push]()
+    forces: dict[str, Any] = {name: force for name, force in config.forces.items() if not isinstance(force, Push)}
     for name, push in pushes.items():
         try:
-            made[name] = push if isinstance(push, Push) else Push.model_validate({"kind": "push", **push})
+            forces[name] = push if isinstance(push, Push) else Push.model_validate({"kind": "push", **push})
         except (ValidationError, TypeError) as problem:
             expected = "a mapping of at, start, duration and force, as under forces: in a station"
             raise InvalidParameter(f"pushes: {name}", quoted(push), expected) from problem
-    return config.model_copy(update={"forces": {**others, **made}})
+    return config.model_copy(update={"forces": forces})
 
 
 def by_robot(config: StationConfig, reference: Any) -> dict[str, Reference | Samples]:
-    """Return references by robot, arrays as times and positions; raises InvalidParameter or UnknownName: for nobody."""
+    """Convert the references that a user gives to references by the name of the robot.
+
+    Args:
+        config: configuration of the station.
+        reference: a `ReferencesLike`, unchecked.
+
+    Returns:
+        trajectories, or samples as pairs of times and positions; empty if the user gives no references.
+
+    Raises:
+        InvalidParameter: a reference is invalid, or there is a single one for several robots.
+        UnknownName: there is no such robot.
+    """
     if reference is None:
         return {}
+    references = reference
     if not isinstance(reference, Mapping):
         if config.only_robot is None:
             raise InvalidParameter("reference", "one for all", f"a mapping by robot: {', '.join(config.robots)}")
-        reference = {config.only_robot: reference}
-    return {one_of("robot", name, config.robots): _trajectory_or_samples(one) for name, one in reference.items()}
+        references = {config.only_robot: reference}
+    return {one_of("robot", name, config.robots): _trajectory_or_samples(own) for name, own in references.items()}
 
 
 def _trajectory_or_samples(reference: Any) -> Reference | Samples:
+    """Check one reference of a user.
+
+    Returns:
+        a trajectory as it is; arrays as a pair of times (m,) [s] and positions (m, n) [rad or m].
+
+    Raises:
+        InvalidParameter: the reference has another type or shape.
+    """
     if isinstance(reference, SineReference):
         return reference
     if isinstance(reference, Trajectory):
@@ -279,8 +380,8 @@ def _trajectory_or_samples(reference: Any) -> Reference | Samples:
             shape = "no segment" if empty else f"{reference.rows()} x {reference.cols()}"
             raise InvalidParameter("reference", f"a trajectory of {shape}", "of shape (n, 1), one row a joint")
         return reference
-    pair = isinstance(reference, tuple) and len(reference) == 2
-    times, positions = map(numbers, reference) if pair else _split(numbers(reference))
+    is_pair = isinstance(reference, tuple) and len(reference) == 2
+    times, positions = map(numbers, reference) if is_pair else _split(numbers(reference))
     if times.ndim != 1 or positions.ndim != 2 or not (times.size and positions.size):
         expected = "a trajectory, an array (m, 1 + n) whose first column is the time, or a pair of times and positions"
         raise InvalidParameter("reference", quoted(reference), expected)
@@ -288,5 +389,10 @@ def _trajectory_or_samples(reference: Any) -> Reference | Samples:
 
 
 def _split(rows: Vector) -> tuple[Vector, Vector]:
-    """Return the first column of an array, and the others."""
-    return (rows[:, 0], rows[:, 1:]) if rows.ndim == 2 and rows.size else (rows, rows)
+    """Split an array (m, 1 + n) into times (m,) and positions (m, n).
+
+    An array of another shape is returned twice, and refused by the caller.
+    """
+    if rows.ndim != 2 or not rows.size:
+        return rows, rows
+    return rows[:, 0], rows[:, 1:]

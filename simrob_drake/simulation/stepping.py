@@ -1,10 +1,15 @@
-"""Step a station from edge to edge, and tell how a run ended."""
+"""Step a station through a run, and describe how the run ended.
 
-from collections import deque
+An *edge* is a time at which a step of the solver must end, such as the start of a push. The diagram that is stepped may
+change at an edge; all diagrams of a run have the same states. A *tick* is a time at which the solver is initialized
+again, see `Ticks`. A *block of the user's own* is a LeafSystem that the caller adds to the diagram.
+"""
+
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from traceback import walk_tb
+from types import FrameType
 
 import numpy as np
 from pydrake.systems.analysis import Simulator, SimulatorStatus
@@ -22,56 +27,78 @@ from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.steps import apply_solver, controlled_by, likely_cause, stepped_by
 
-_ROUNDING = 1e-9  # s
-_SLIPS = (TypeError, AttributeError, NameError, LookupError)
+_ROUNDING = 1e-9  # times that differ by less are equal [s]
+_PROGRAMMING_ERRORS = (TypeError, AttributeError, NameError, LookupError)  # no solver raises these
 _ENDED = SimulatorStatus.ReturnReason.kReachedTerminationCondition
 
 
 @dataclass(frozen=True)
 class Moment:
-    """A station in the middle of a run; it is not to be kept."""
+    """A station in the middle of a run. Valid only until the run continues, so do not keep it."""
 
-    time: float  # since the run began [s]
-    _built: ClosedStation
-    _context: Context
+    time: float  # since the start of the run [s]
+    _built: ClosedStation  # the diagram that is stepped
+    _context: Context  # its context
 
     def value(self, output: str) -> Vector:
-        """Return what an output of the station gives now, such as ``position``."""
+        """Present value of an output of the station, such as ``position``."""
         return self._built.ports.value(output, self._context)
 
     def play_forces(self, forces: Mapping[str, ForceConfig]) -> None:
-        """Let pushes and drags go on in another way from now on."""
+        """Replace the forces of the station, such as pushes, from now on."""
         self._built.play_forces(forces)
 
     def state(self) -> State:
-        """Return the whole state, from which a run can begin."""
+        """The whole state of the station, from which another run can begin."""
         return State.of(self._built.diagram, self._built.ports, self._context)
 
 
 @dataclass(frozen=True)
 class Ticks:
-    """Moments at even times of a run from which on all depends on nothing but the state that was reached.
+    """Evenly spaced times of a run at which the solver is initialized again.
 
-    There a solver forgets what it learned of the steps before: so a run can be done again from each of these moments,
-    or ended at one and gone on with by another run, to the last bit.
+    There the solver forgets what it learned from earlier steps, so the rest of the run depends on the state only. A run
+    can be repeated from each tick, or ended at a tick and continued by another run, with results that are equal to the
+    last bit.
+
+    Attributes:
+        every: time between two ticks [s].
+        tell: callback for each tick that is reached, before the run continues. It returns True to end the run.
     """
 
-    every: float  # time from one to the next [s]
+    every: float
     tell: Callable[[Moment], bool] = lambda moment: False
-    """Is told of each that was reached, before the run goes on; True ends the run there."""
 
     def times(self, end: float, edges: Sequence[float]) -> list[float]:
-        """Return the moments within a run and its end, as they stand in ``edges`` where they stand there [s]."""
+        """Times of the ticks in a run, and of its end [s].
+
+        A tick that differs from an edge by rounding gets exactly the time of the edge.
+
+        Args:
+            end: end of the run [s].
+            edges: times of the edges [s].
+        """
         count = int(np.ceil(end / self.every - _ROUNDING))
-        times = [round(self.every * number, 12) for number in range(1, count)] + [end]
+        ticks = [round(self.every * number, 12) for number in range(1, count)]
         known = np.array([np.inf, *edges])
-        near = [known[np.abs(known - time).argmin()] for time in times]
-        return [float(edge) if abs(edge - time) < _ROUNDING else time for edge, time in zip(near, times, strict=True)]
+        times = []
+        for time in [*ticks, end]:
+            nearest_edge = known[np.abs(known - time).argmin()]
+            is_edge = abs(nearest_edge - time) < _ROUNDING
+            times.append(float(nearest_edge) if is_edge else time)
+        return times
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a run ended, who ended it and why."""
+    """Description of the end of a run.
+
+    Attributes:
+        ending: how the run ended.
+        stopped_by: name of the monitor or block that ended the run, "diverged" or "interrupted"; None if it was
+            completed.
+        message: how and why the run ended, in words.
+    """
 
     ending: Ending
     stopped_by: str | None
@@ -79,10 +106,15 @@ class Outcome:
 
 
 class Stepper:
-    """Steps a station over stretches of time between which its diagram may change; all have the same states.
+    """Steps a station from edge to edge; its diagram may change at each edge.
 
-    A run is cut at nothing but the edges: a solver's steps end where a call to advance ends, so other pieces would
-    change the result.
+    A call to advance the simulator goes from one edge to the next, and nowhere else: a step of the solver ends where
+    such a call ends, so more calls would change the result.
+
+    Attributes:
+        built: the diagram that is stepped now, with the station.
+        begins_in_motion: whether the run continues the motion of another run.
+        shortened: how often the solver tried a step again with a shorter length; None if all steps have one length.
     """
 
     def __init__(
@@ -111,24 +143,29 @@ class Stepper:
         self._config = config
         self._diagram_at = diagram_at
         self._blocks = blocks
-        first = 0.0 if reached is None else reached.get_time()
-        self._edges = [edge for edge in edges if first < edge < config.duration] + [config.duration]
-        self._ticks, self._moments = ticks, set[float]()
+        begin = 0.0 if reached is None else reached.get_time()
+        self._edges = [edge for edge in edges if begin < edge < config.duration] + [config.duration]
+        self._ticks = ticks
+        self._tick_times = set[float]()
         if ticks is not None:
-            self._moments = set(ticks.times(config.duration, self._edges))
-            self._edges = sorted({*self._edges, *self._moments})
-        self.built = diagram_at(first)  # the diagram that is stepped now
-        used = {id(built): built for built in map(diagram_at, [first, *self._edges[:-1]])}
-        self._simulators = {key: self._simulator(built) for key, built in used.items()}
-        # how often the solver has tried a step again, shorter; None where all steps are of one length
-        self.shortened = None if controlled_by(config) is None else 0
+            self._tick_times = set(ticks.times(config.duration, self._edges))
+            self._edges = sorted({*self._edges, *self._tick_times})
+        self.built = diagram_at(begin)
+        # One simulator for each diagram, by the id() of the diagram. The last edge is the end of the run.
+        self._simulators = dict[int, Simulator]()
+        for time in [begin, *self._edges[:-1]]:
+            built = diagram_at(time)
+            if id(built) not in self._simulators:
+                self._simulators[id(built)] = self._simulator(built)
+        has_variable_steps = controlled_by(config) is not None
+        self.shortened = 0 if has_variable_steps else None
         self.begins_in_motion = begins_in_motion or reached is not None
         if reached is not None:
             _copy_state(reached, self.simulator.get_mutable_context())
 
     @property
     def simulator(self) -> Simulator:
-        """That of the diagram that is stepped now."""
+        """Simulator of the diagram that is stepped now."""
         return self._simulators[id(self.built)]
 
     @property
@@ -137,17 +174,24 @@ class Stepper:
         return bool(self._blocks)
 
     def pace(self) -> Callable[[Context], None] | None:
-        """Return what is to look at each step from now on, and changes the length of the next, if anything does."""
+        """Callback for each step, which may change the length of the next steps, or None if not needed."""
         return self._pace(self.built, self.simulator)
 
     def run(self, recorder: Recorder, watch: Watch) -> Outcome:
-        """Step to the end, or until something ends the run."""
+        """Step to the end of the run, or until something ends it earlier. Returns how the run ended.
+
+        Args:
+            recorder: records each step.
+            watch: evaluates the station's monitors at the recorded steps.
+        """
         try:
             return self._outcome(recorder, watch)
         finally:
             self._count_steps()
             for simulator in self._simulators.values():
-                simulator.clear_monitor()  # it holds who watches, who may hold it: no collector sees through Drake
+                # The monitor is the recorder, which may refer to the simulator. Python's garbage collector does not
+                # find such a cycle, since one of its references is in C++.
+                simulator.clear_monitor()
 
     def _outcome(self, recorder: Recorder, watch: Watch) -> Outcome:
         """Step from edge to edge until the run ends. Returns how the run ended."""
@@ -158,30 +202,40 @@ class Stepper:
                     break
                 self._change_diagram(recorder)
                 status = self.simulator.AdvanceTo(edge)
-                if edge in self._moments and status.reason() != _ENDED and self._at_tick(edge, recorder):
+                is_tick = edge in self._tick_times and status.reason() != _ENDED
+                if is_tick and self._ends_at_tick(edge, recorder):
                     break
         except KeyboardInterrupt:
-            return interrupted(self._config, recorder)
+            return interruption_outcome(self._config, recorder)
         except (Exception, SystemExit) as problem:  # Drake's failed assertions come as SystemExit
             if recorder.failure is not None:
                 raise
-            with suppress(Exception):  # the block that failed is looked at by monitors, too
+            # A monitor may have ended the run at a step before the failure. It may also evaluate the failed block.
+            with suppress(Exception):
                 recorder.look()
-            failed = self.failed(problem, self.simulator.get_context(), recorder.times[-1])
-            return self._stopped(watch) or failed or self._diverged(recorder, problem)
-        recorder.look()
-        stopped = self._stopped(watch)
+            failed = self.failure_outcome(problem, self.simulator.get_context(), recorder.times[-1])
+            return self._monitor_outcome(watch) or failed or self._divergence_outcome(recorder, problem)
+        recorder.look()  # the monitors have not seen the last steps yet
+        stopped = self._monitor_outcome(watch)
         if stopped is not None:
             return stopped
         if not recorder.is_sane():
-            return self._diverged(recorder, RuntimeError("a state ran away to infinity"))
+            return self._divergence_outcome(recorder, RuntimeError("a state ran away to infinity"))
         if status.reason() == _ENDED:
             return Outcome("monitor", status.system().get_name().rpartition(".")[2], status.message())
         return Outcome("completed", None, f"ran to its end at {self.simulator.get_context().get_time():.6g} s")
 
     def step(self, history: StateHistory, time: float) -> StateHistory:
-        """Return the state at ``time`` [s], stepped again from the last record; raises RuntimeError: one ran away."""
-        before = int((history.times < time).sum()) - 1
+        """Compute the state at a time by stepping from the last recorded state before it.
+
+        Args:
+            history: recorded states.
+            time: the time [s].
+
+        Raises:
+            RuntimeError: the state diverged.
+        """
+        before = int((history.times < time).sum()) - 1  # row of the last recorded state before the time
         built = self._diagram_at(float(history.times[before]))
         simulator = self._simulator(built)
         history.put(before, simulator.get_mutable_context())
@@ -191,26 +245,30 @@ class Stepper:
             raise RuntimeError("a state ran away between two recorded ones")
         return recorder.history().last()
 
-    def _at_tick(self, time: float, recorder: Recorder) -> bool:
-        """Tell of a tick, and whether the run ends with it; else begin anew there."""
-        assert self._ticks is not None  # who told of the moments
-        ended = recorder.look() or self._ticks.tell(Moment(time, self.built, self.simulator.get_context()))
-        if not ended and time < self._edges[-1]:
-            self._begin_anew(recorder)
-        return ended
+    def _ends_at_tick(self, time: float, recorder: Recorder) -> bool:
+        """Call the callback of the ticks, and initialize the solver again unless the run ends.
 
-    def _begin_anew(self, recorder: Recorder) -> None:
-        """Let the simulator forget all but the state: it takes an integrator that is new."""
+        Returns True if a monitor or the callback ends the run.
+        """
+        assert self._ticks is not None  # a tick was reached
+        moment = Moment(time, self.built, self.simulator.get_context())
+        is_ended = recorder.look() or self._ticks.tell(moment)
+        if not is_ended and time < self._edges[-1]:
+            self._restart_solver(recorder)
+        return is_ended
+
+    def _restart_solver(self, recorder: Recorder) -> None:
+        """Replace the integrator by a new one, so that nothing but the state is carried over."""
         context = self.simulator.get_mutable_context()
         time = context.get_time()
         self._count_steps()
         apply_solver(self.simulator, self._config)
-        context.SetTime(time)  # which a new integrator sets to zero
+        context.SetTime(time)  # a new integrator has set it to zero
         recorder.attach(self.simulator, self.pace())
         self._initialize_in_motion()
 
     def _change_diagram(self, recorder: Recorder) -> None:
-        """Go on with the diagram of this stretch, in the state that was reached."""
+        """Continue with the diagram for the present time, if it is another one, in the state that was reached."""
         context = self.simulator.get_context()
         built = self._diagram_at(context.get_time())
         if built is self.built:
@@ -222,7 +280,7 @@ class Stepper:
         self._initialize_in_motion()
 
     def _count_steps(self) -> None:
-        """Count what the present integrator has shortened, before it begins anew."""
+        """Add the shortened steps of the present integrator to the count, before the integrator is replaced."""
         if self.shortened is not None:
             integrator = self.simulator.get_integrator()
             self.shortened += integrator.get_num_step_shrinkages_from_error_control()
@@ -236,59 +294,88 @@ class Stepper:
         the servos would catch up with torques and motions that an uninterrupted run does not have. Other schemes
         evaluate references within their steps, and have no such lag.
         """
-        # stepped_by() returns settings only if the scheme is cenic.
-        if self.begins_in_motion and stepped_by(self._config) is not None:
+        is_cenic = stepped_by(self._config) is not None
+        if self.begins_in_motion and is_cenic:
             return self._initialize_in_motion()
         return self.simulator.Initialize()
 
     def _initialize_in_motion(self) -> SimulatorStatus:
-        """Initialize the simulator with long steps: the motion continues, and no short first step is needed."""
+        """Initialize the simulator so that its first step may have the largest length, since the motion continues."""
         integrator = self.simulator.get_mutable_integrator()
         if not integrator.get_fixed_step_mode():
             integrator.request_initial_step_size_target(integrator.get_maximum_step_size())
         return self.simulator.Initialize()
 
     def _pace(self, built: ClosedStation, simulator: Simulator) -> Callable[[Context], None] | None:
+        """Make the callback that adapts the lengths of steps under ``cenic``. Returns None for other schemes."""
         solver = stepped_by(self._config)
         return None if solver is None else Flight(built.ports.plant.plant, solver, simulator).look
 
     def _simulator(self, built: ClosedStation) -> Simulator:
+        """Make a simulator for a diagram, with the solver of the station."""
         simulator = Simulator(built.diagram)
         apply_solver(simulator, self._config)
         return simulator
 
-    def _stopped(self, watch: Watch) -> Outcome | None:
+    def _monitor_outcome(self, watch: Watch) -> Outcome | None:
+        """Outcome of a run that a monitor ended, or None if none did."""
         return None if watch.stop is None else Outcome("monitor", watch.stop.name, watch.stop.why)
 
-    def failed(self, problem: BaseException, context: Context, time: float) -> Outcome | None:
-        """Return how a block of the user's own, or one that cannot go on, ended the run [s]; None if none did."""
-        if isinstance(problem, BlockFails):
+    def failure_outcome(self, problem: BaseException, context: Context, time: float) -> Outcome | None:
+        """Outcome of a run that ended because of an error in Python code, or None if the solver diverged.
+
+        Args:
+            problem: the exception.
+            context: context of the diagram in which it was raised.
+            time: simulated time at which it was raised [s].
+        """
+        if isinstance(problem, BlockFails):  # a block that reports that it cannot continue
             return Outcome("failed", problem.block, f"{problem.block} failed at {time:.4g} s: it {problem}")
-        for frame, line in reversed(list(walk_tb(problem.__traceback__))):
+        # A block of the user's own is to blame if one of its methods is in the traceback. The innermost one counts.
+        error = f"{type(problem).__name__}: {problem}"
+        trace = list(walk_tb(problem.__traceback__))
+        for frame, line in reversed(trace):
             for name, block in self._blocks.items():
-                within = frame.f_code.co_qualname.startswith(f"{type(block).__qualname__}.")  # such as a lambda
-                if frame.f_locals.get("self", block if within else None) is block:
+                if _runs_code_of(frame, block):
                     where = _failing_port(block, context, type(problem)) or frame.f_code.co_name
-                    cause = f"{type(problem).__name__}: {problem} (line {line})"
-                    return Outcome("failed", name, f"the block {name} failed at {time:.4g} s in {where}: {cause}")
-        if isinstance(problem, _SLIPS):  # no solver raises these
-            code, line = deque(walk_tb(problem.__traceback__), maxlen=1)[0]
-            where = f"{code.f_globals.get('__name__')}, line {line}"
-            cause = f"a fault of the program, at {time:.4g} s: {type(problem).__name__}: {problem} ({where})"
-            return Outcome("failed", code.f_code.co_qualname, cause)
+                    message = f"the block {name} failed at {time:.4g} s in {where}: {error} (line {line})"
+                    return Outcome("failed", name, message)
+        if isinstance(problem, _PROGRAMMING_ERRORS):
+            frame, line = trace[-1]
+            where = f"{frame.f_globals.get('__name__')}, line {line}"
+            message = f"a fault of the program, at {time:.4g} s: {error} ({where})"
+            return Outcome("failed", frame.f_code.co_qualname, message)
         return None
 
-    def _diverged(self, recorder: Recorder, problem: BaseException) -> Outcome:
-        first_sentence = " ".join(str(problem).split()).split(". ")[0].rstrip(".")
-        own = isinstance(problem, ValueError) or "cannot be computed" in first_sentence  # what a block computes
-        cause = "" if own else f"; {likely_cause(self._config, self.built.ports.plant)}"
+    def _divergence_outcome(self, recorder: Recorder, problem: BaseException) -> Outcome:
+        """Outcome of a run in which a state diverged or the solver failed, with the likely cause.
+
+        Args:
+            recorder: the recorded states.
+            problem: the exception, whose first sentence is shown.
+        """
+        message = " ".join(str(problem).split())
+        first_sentence = message.split(". ")[0].rstrip(".")
+        # A block that cannot compute its output says so itself. Otherwise solver and servos are examined.
+        has_cause = isinstance(problem, ValueError) or "cannot be computed" in first_sentence
+        cause = "" if has_cause else f"; {likely_cause(self._config, self.built.ports.plant)}"
         return Outcome("diverged", DIVERGED, f"diverged at {recorder.history().end:.4g} s: {first_sentence}{cause}")
 
 
-def interrupted(config: StationConfig, recorder: Recorder) -> Outcome:
-    """Return the outcome of a run that its user interrupted."""
+def interruption_outcome(config: StationConfig, recorder: Recorder) -> Outcome:
+    """Outcome of a run that its user interrupted. The message contains a hint if the run was slow."""
+    message = f"interrupted at {recorder.times[-1]:.4g} s"
     slow = creeping(config, recorder.times)
-    return Outcome("interrupted", INTERRUPTED, f"interrupted at {recorder.times[-1]:.4g} s" + (slow and f"; {slow}"))
+    if slow:
+        message += f"; {slow}"
+    return Outcome("interrupted", INTERRUPTED, message)
+
+
+def _runs_code_of(frame: FrameType, block: LeafSystem) -> bool:
+    """Whether a frame of a traceback runs a method of a block, or a function inside a method, such as a lambda."""
+    if "self" in frame.f_locals:
+        return frame.f_locals["self"] is block
+    return frame.f_code.co_qualname.startswith(f"{type(block).__qualname__}.")
 
 
 def _failing_port(block: LeafSystem, context: Context, kind: type[BaseException]) -> str:

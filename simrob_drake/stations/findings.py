@@ -1,19 +1,21 @@
-"""What a look at a station finds: in order, a warning, or a fact."""
+"""Findings: the results of the checks of a station, which ``simrob check`` prints."""
 
 from dataclasses import dataclass
 from typing import Literal
 
 Level = Literal["ok", "warning", "note"]
+"""How a finding is judged: ``ok`` if nothing is wrong, ``warning`` if something is, ``note`` for a fact without
+a judgement."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that a check found.
+    """One result of a check.
 
     Attributes:
-        level: ``ok`` if it is in order, ``warning`` if it is not, ``note`` for a fact that is not judged.
-        subject: what it is about, such as ``contact`` or ``torque of joint_2``.
-        text: the finding in words, with its remedy if it is a warning.
+        level: how the finding is judged.
+        subject: short title, such as ``contact`` or ``torque of joint_2``.
+        text: the finding in words. The text of a warning contains the remedy.
     """
 
     level: Level

@@ -1,7 +1,11 @@
 """Distances between concave meshes, computed with convex parts instead of convex hulls.
 
-For collisions, Drake replaces a mesh by its convex hull, which fills holes and bends. If two
-hulls overlap, the convex parts of the meshes show whether the meshes overlap too.
+For collisions, Drake replaces a mesh by its convex hull, which fills holes and bends. So two hulls
+may overlap although the meshes do not touch. `FineShapes` decides such cases: it cuts the concave
+meshes of a station into convex parts and measures the distance between the parts.
+
+A *shape* is a collision geometry of a station, given by its ``GeometryId`` in Drake's scene graph.
+It is fixed to a *body*, which is a link of a robot or a piece.
 """
 
 from itertools import product
@@ -37,43 +41,109 @@ from simrob_drake.importer.meshes.reading import read_mesh
 from simrob_drake.parts.site import StationPlant
 
 _SAME_HULL = 5e-3
-"""A link's visible meshes stand for its collision mesh if their hulls differ by less [m]
-in every direction; a simplified collision mesh differs by a few millimetres."""
+"""Two meshes have the same hull if their extents differ by less than this in every direction [m].
+A simplified collision mesh differs from the visible mesh by a few millimetres."""
 
 # Unit vectors along the edges, face diagonals and space diagonals of a cube, shape (26, 3).
-_DIRECTIONS = np.array([direction for direction in product((-1.0, 0.0, 1.0), repeat=3) if any(direction)])
+_GRID_POINTS = [point for point in product((-1.0, 0.0, 1.0), repeat=3) if point != (0.0, 0.0, 0.0)]
+_DIRECTIONS = np.array(_GRID_POINTS)
 _DIRECTIONS /= np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)
 
 _FARTHEST = 10.0  # larger distances are not computed [m]; robots are smaller than this
 
 
 class PosedShape(NamedTuple):
-    """A convex shape at a pose in the frame of its body."""
+    """A convex shape and its pose in the frame of its body."""
 
     shape: Shape
     pose: RigidTransform
 
 
 class Triangles(NamedTuple):
-    """Triangles of a mesh in the frame of its body."""
+    """Triangles of a mesh, in the frame of its body."""
 
     vertices: Vector  # (n, 3) [m]
-    faces: Faces  # (m, 3), indices of vertices
+    faces: Faces  # (m, 3), three indices of vertices for each triangle
+
+
+class PairOfBodies:
+    """Distance between two bodies, each of which is a rigid set of convex shapes.
+
+    The two bodies are copied to a scene graph of their own, so a query finds nothing else.
+    """
+
+    def __init__(self, first: list[PosedShape], second: list[PosedShape]) -> None:
+        """Create the scene graph.
+
+        Args:
+            first: shapes of the first body.
+            second: shapes of the second body.
+        """
+        self._scene = SceneGraph()
+        self._source = self._scene.RegisterSource("parts")
+        self._first_frame = self._add_body("first", first)
+        self._second_frame = self._add_body("second", second)
+        self._context = self._scene.CreateDefaultContext()
+
+    def _add_body(self, name: str, shapes: list[PosedShape]) -> FrameId:
+        """Add a frame with the shapes of one body, which do not collide with each other.
+
+        Returns the frame.
+        """
+        frame = self._scene.RegisterFrame(self._source, GeometryFrame(name))
+        registered = []
+        for index, posed in enumerate(shapes):
+            instance = GeometryInstance(posed.pose, posed.shape, f"part_{index}")
+            # Drake only finds overlaps of shapes that have proximity properties; empty ones suffice.
+            instance.set_proximity_properties(ProximityProperties())
+            shape_id = self._scene.RegisterGeometry(self._source, frame, instance)
+            registered.append(shape_id)
+        not_with_each_other = CollisionFilterDeclaration()
+        not_with_each_other.ExcludeWithin(GeometrySet(registered))
+        self._scene.collision_filter_manager().Apply(not_with_each_other)
+        return frame
+
+    def distance(self, pose: RigidTransform) -> float:
+        """Signed distance between the two bodies [m], at most 10 m.
+
+        If no shapes overlap, it is the distance of the nearest two shapes. Otherwise it is minus
+        the depth of the deepest overlap.
+
+        Args:
+            pose: pose of the second body in the frame of the first.
+        """
+        poses = FramePoseVector()
+        poses.set_value(self._first_frame, RigidTransform())
+        poses.set_value(self._second_frame, pose)
+        port = self._scene.get_source_pose_port(self._source)
+        port.FixValue(self._context, Value[FramePoseVector](poses))
+        query: QueryObject = self._scene.get_query_output_port().Eval(self._context)
+
+        overlaps = query.ComputePointPairPenetration()
+        if overlaps:
+            return -max(float(overlap.depth) for overlap in overlaps)
+        near_pairs = query.ComputeSignedDistancePairwiseClosestPoints(_FARTHEST)
+        distances = [float(pair.distance) for pair in near_pairs]
+        return min(distances, default=_FARTHEST)
 
 
 class FineShapes:
-    """Convex parts of the concave collision meshes of a station.
+    """Distances between the shapes of a station, measured with convex parts of concave meshes.
 
-    A concave collision mesh is cut into convex parts. The import of a robot keeps only the
-    convex hulls of its collision meshes. For such a hull, the visible meshes of the link are
-    cut instead, if they have the same hull.
+    The parts come from the collision mesh itself if it is concave. The import of a robot keeps
+    only the convex hulls of its collision meshes, though. For such a hull the parts come from the
+    visible meshes of the link, provided that these have the same hull.
     """
 
     def __init__(self, station: StationPlant) -> None:
-        """Prepare the parts of a station's meshes; a mesh is cut when its hull first overlaps another shape."""
+        """Create the object without cutting any mesh: a mesh is cut when a distance first needs it.
+
+        Args:
+            station: plant and scene graph of the station.
+        """
         self._station = station
-        # Both are filled on demand. A shape without convex parts, and a pair of two such shapes,
-        # is recorded as None, so that it is examined only once.
+        # Results that are kept. None is a result, too: a shape without convex parts, or a pair of
+        # two such shapes. Recorded as None, it is not examined again.
         self._parts: dict[GeometryId, list[PosedShape] | None] = {}
         self._pairs: dict[tuple[GeometryId, GeometryId], PairOfBodies | None] = {}
 
@@ -82,37 +152,45 @@ class FineShapes:
 
         Returns None if neither shape has convex parts. Drake's own distance, between the
         hulls, is then the best available.
+
+        Args:
+            query: Drake's query object of the station, which contains the poses of the shapes.
+            first: one shape.
+            second: the other shape.
         """
-        key = first, second
-        if key not in self._pairs:
-            self._pairs[key] = self._pair(query.inspector(), first, second)
-        pair = self._pairs[key]
+        inspector = query.inspector()
+        if (first, second) not in self._pairs:
+            self._pairs[first, second] = self._make_pair(inspector, first, second)
+        pair = self._pairs[first, second]
         if pair is None:
             return None
-        inspector = query.inspector()
-        # Poses of the bodies: the parts of a shape are given in the frame of its body.
-        poses = [query.GetPoseInWorld(inspector.GetFrameId(shape)) for shape in key]
-        return pair.distance(poses[0].inverse() @ poses[1])
+        # The convex parts of a shape are given in the frame of its body.
+        first_body = query.GetPoseInWorld(inspector.GetFrameId(first))
+        second_body = query.GetPoseInWorld(inspector.GetFrameId(second))
+        return pair.distance(first_body.inverse() @ second_body)
 
-    def _pair(self, inspector: SceneGraphInspector, first: GeometryId, second: GeometryId) -> "PairOfBodies | None":
-        """Prepare distance queries between the convex parts of two shapes.
+    def _make_pair(self, inspector: SceneGraphInspector, first: GeometryId, second: GeometryId) -> PairOfBodies | None:
+        """Prepare the distance between the convex parts of two shapes.
 
-        A shape without parts is used as a whole. Returns None if neither shape has parts.
+        A shape without convex parts is used as it is. Returns None if neither shape has convex
+        parts, or if one of the shapes is a half-space: the hull of a mesh reaches exactly as
+        deep into a half-space as the mesh itself, so parts would not change the distance.
         """
-        shapes = [inspector.GetShape(shape) for shape in (first, second)]
-        if any(isinstance(shape, HalfSpace) for shape in shapes):
-            return None  # a convex hull reaches exactly as deep into a half-space as its mesh
-        fine = [self._parts_of(inspector, shape) for shape in (first, second)]
-        if fine == [None, None]:
+        for shape in (first, second):
+            if isinstance(inspector.GetShape(shape), HalfSpace):
+                return None
+        first_parts = self._parts_of(inspector, first)
+        second_parts = self._parts_of(inspector, second)
+        if first_parts is None and second_parts is None:
             return None
-        sides = []
-        for shape, parts in zip((first, second), fine, strict=True):
-            whole = PosedShape(inspector.GetShape(shape), inspector.GetPoseInFrame(shape))
-            sides.append([whole] if parts is None else parts)
-        return PairOfBodies(sides[0], sides[1])
+        if first_parts is None:
+            first_parts = [_posed_shape(inspector, first)]
+        if second_parts is None:
+            second_parts = [_posed_shape(inspector, second)]
+        return PairOfBodies(first_parts, second_parts)
 
     def _parts_of(self, inspector: SceneGraphInspector, shape: GeometryId) -> list[PosedShape] | None:
-        """Convex parts of a shape in the frame of its body, made on first use; None if the shape is convex."""
+        """Convex parts of a shape as `_cut` returns them, which are kept after the first call."""
         if shape not in self._parts:
             self._parts[shape] = self._cut(inspector, shape)
         return self._parts[shape]
@@ -120,51 +198,62 @@ class FineShapes:
     def _cut(self, inspector: SceneGraphInspector, shape: GeometryId) -> list[PosedShape] | None:
         """Cut a shape into convex parts, given in the frame of its body.
 
-        Returns None if the shape is no mesh, if the mesh is convex, or if its file cannot be
-        read.
+        Returns None if the shape is not a mesh, if the file of the mesh cannot be read, or if the
+        mesh is convex and is not the hull of concave visible meshes.
         """
         if not isinstance(inspector.GetShape(shape), Mesh | Convex):
             return None
         try:
-            own = triangles_of(inspector, shape)
-            corners = convex_parts_of(own)
-            if len(corners) == 1:
+            triangles = triangles_of(inspector, shape)
+            corners_of_parts = convex_parts_of(triangles)
+            if len(corners_of_parts) == 1:
                 # A convex mesh may be the hull that an import made of a concave mesh.
                 visible = self._visible_triangles(inspector, shape)
-                if visible is None or not have_same_hull(own, visible):
+                if visible is None or not have_same_hull(triangles, visible):
                     return None
-                corners = convex_parts_of(visible)
+                corners_of_parts = convex_parts_of(visible)
         except (UnreadableMesh, OSError):
             return None  # Drake was able to read the file, so its convex hull is used
-        if len(corners) == 1:
+        if len(corners_of_parts) == 1:
             return None
-        origin = RigidTransform()
-        return [PosedShape(Convex(part.T, "part"), origin) for part in corners]
+        # Drake expects the corners as columns. They are in the frame of the body already.
+        shapes = [Convex(corners.T, "part") for corners in corners_of_parts]
+        return [PosedShape(convex, RigidTransform()) for convex in shapes]
 
     def _visible_triangles(self, inspector: SceneGraphInspector, shape: GeometryId) -> Triangles | None:
-        """Triangles of all visible meshes of the link that a collision shape belongs to.
+        """Triangles of all visible meshes of the body that a collision shape belongs to.
 
-        Returns None if the link has other collision shapes, no visible mesh, or a visible
-        shape that is no mesh.
+        Returns None if the body has other collision shapes, no visible mesh, or a visible
+        shape that is not a mesh.
         """
         plant = self._station.plant
         body = plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
         if body is None or len(plant.GetCollisionGeometriesForBody(body)) > 1:
             return None  # several collision shapes are convex parts already
         visuals = plant.GetVisualGeometriesForBody(body)
-        shapes = [inspector.GetShape(visual) for visual in visuals]
-        if not shapes or not all(isinstance(each, Mesh | Convex) for each in shapes):
+        has_meshes_only = all(isinstance(inspector.GetShape(visual), Mesh | Convex) for visual in visuals)
+        if not visuals or not has_meshes_only:
             return None
-        meshes = [triangles_of(inspector, visual) for visual in visuals]
-        # The vertices are joined into one array, so the indices of each mesh are shifted.
-        offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-        faces = [mesh.faces + offset for mesh, offset in zip(meshes, offsets[:-1], strict=True)]
-        vertices = [mesh.vertices for mesh in meshes]
+
+        # Join the meshes. The vertices of a mesh are moved behind those of the meshes before it,
+        # so the indices in its faces grow by the count of vertices before it.
+        vertices = []
+        faces = []
+        vertex_count = 0
+        for visual in visuals:
+            mesh = triangles_of(inspector, visual)
+            vertices.append(mesh.vertices)
+            faces.append(mesh.faces + vertex_count)
+            vertex_count += len(mesh.vertices)
         return Triangles(np.concatenate(vertices), np.concatenate(faces))
 
 
 def triangles_of(inspector: SceneGraphInspector, shape: GeometryId) -> Triangles:
     """Read the triangles of a mesh in the frame of its body.
+
+    Args:
+        inspector: of the scene graph that contains the mesh.
+        shape: a collision or visual geometry that is a mesh.
 
     Raises:
         UnreadableMesh: the mesh has no file, or the file contains no triangles.
@@ -173,64 +262,33 @@ def triangles_of(inspector: SceneGraphInspector, shape: GeometryId) -> Triangles
     mesh = inspector.GetShape(shape)
     if not mesh.source().is_path():
         raise UnreadableMesh("is in memory only")
-    part = mend(plain(read_mesh(Path(mesh.source().path()), {}).parts))
-    pose = inspector.GetPoseInFrame(shape)
-    vertices = np.asarray((pose @ (part.vertices * mesh.scale3()).T).T)
+    file = read_mesh(Path(mesh.source().path()), {})
+    # All parts of the file as one mesh, without colours, equal vertices and faces without an area.
+    part = mend(plain(file.parts))
+    # The file's vertices are scaled, then moved from the frame of the shape to that of the body.
+    pose_in_body = inspector.GetPoseInFrame(shape)
+    scaled = part.vertices * mesh.scale3()
+    vertices = np.asarray((pose_in_body @ scaled.T).T)
     return Triangles(vertices, part.faces)
 
 
 def convex_parts_of(triangles: Triangles) -> list[Vector]:
-    """Cut a mesh into convex parts. Returns the corners (k, 3) of each part [m]."""
+    """Cut a mesh into convex parts, and return the corners (k, 3) of each part [m].
+
+    A convex mesh gives a single part. Results are kept in a cache on the disk.
+    """
     return cached_convex_parts(triangles.vertices, triangles.faces)
 
 
-def have_same_hull(one: Triangles, other: Triangles) -> bool:
-    """Whether the convex hulls of two meshes reach equally far in 26 directions, up to a few millimetres."""
-    reaches = [(each.vertices @ _DIRECTIONS.T).max(axis=0) for each in (one, other)]
-    return bool((np.abs(reaches[0] - reaches[1]) < _SAME_HULL).all())
+def have_same_hull(first: Triangles, second: Triangles) -> bool:
+    """Whether the convex hulls of two meshes extend equally far, up to 5 mm, in 26 directions."""
+    # The farthest that a mesh extends from the origin in each direction, shape (26,) [m].
+    first_extents = (first.vertices @ _DIRECTIONS.T).max(axis=0)
+    second_extents = (second.vertices @ _DIRECTIONS.T).max(axis=0)
+    differences = np.abs(first_extents - second_extents)
+    return bool((differences < _SAME_HULL).all())
 
 
-class PairOfBodies:
-    """Two bodies, each a rigid set of convex shapes, for distance queries between the bodies."""
-
-    def __init__(self, first: list[PosedShape], second: list[PosedShape]) -> None:
-        """Create a scene graph that contains only the two bodies, each with a frame of its own."""
-        self._scene = SceneGraph()
-        self._source = self._scene.RegisterSource("parts")
-        self._frames = [self._add_frame(side) for side in (first, second)]
-        self._context = self._scene.CreateDefaultContext()
-
-    def _add_frame(self, shapes: list[PosedShape]) -> FrameId:
-        """Register a frame with the shapes of one body; the shapes do not collide with each other."""
-        frame = GeometryFrame(f"frame_{self._scene.model_inspector().num_frames()}")
-        frame_id = self._scene.RegisterFrame(self._source, frame)
-        ids = []
-        for number, (shape, pose) in enumerate(shapes):
-            instance = GeometryInstance(pose, shape, f"part_{number}")
-            instance.set_proximity_properties(ProximityProperties())
-            registered = self._scene.RegisterGeometry(self._source, frame_id, instance)
-            ids.append(registered)
-        filters = self._scene.collision_filter_manager()
-        filters.Apply(CollisionFilterDeclaration().ExcludeWithin(GeometrySet(ids)))
-        return frame_id
-
-    def distance(self, pose: RigidTransform) -> float:
-        """Signed distance between the two bodies [m].
-
-        It is the distance of the nearest two shapes, or minus the depth of the deepest
-        overlap. It is at most 10 m.
-
-        Args:
-            pose: pose of the second body in the frame of the first.
-        """
-        poses = FramePoseVector()
-        poses.set_value(self._frames[0], RigidTransform())
-        poses.set_value(self._frames[1], pose)
-        port = self._scene.get_source_pose_port(self._source)
-        port.FixValue(self._context, Value[FramePoseVector](poses))
-        query = self._scene.get_query_output_port().Eval(self._context)
-        penetrations = query.ComputePointPairPenetration()
-        if penetrations:
-            return -max(float(pair.depth) for pair in penetrations)
-        near = query.ComputeSignedDistancePairwiseClosestPoints(_FARTHEST)
-        return min((float(pair.distance) for pair in near), default=_FARTHEST)
+def _posed_shape(inspector: SceneGraphInspector, shape: GeometryId) -> PosedShape:
+    """Make a posed shape of a shape in a scene graph, which must be convex for Drake."""
+    return PosedShape(inspector.GetShape(shape), inspector.GetPoseInFrame(shape))

@@ -1,31 +1,33 @@
-"""Groups of findings with the same words, to report them once: a robot often has the same slip in many links."""
+"""Groups of equal findings, so that each is reported once: a robot often has the same mistake in many links."""
 
 import re
 from collections.abc import Iterable
 from typing import NamedTuple
 
+# A decimal number as it appears in the text of a finding: "3", "-0.25", "1.5e-07".
 _NUMBER = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
 
 
 class WordGroup(NamedTuple):
-    """Places whose findings have the same text, except for the numbers in the text."""
+    """Findings whose texts are equal, except for the numbers in the texts."""
 
-    places: list[str]
-    text: str  # the finding's text, with the numbers of the first place
+    places: list[str]  # where each finding is, such as ``link 'rod'``
+    text: str  # text of the first finding, with its numbers
 
 
 def group_by_words(found: Iterable[tuple[str, str]]) -> list[WordGroup]:
-    """WordGroup findings whose texts are equal, except for the numbers in the texts.
+    """Group findings whose texts are equal, except for the numbers in the texts.
 
     Args:
-        found: pairs of a place, such as ``link 'rod'``, and a text.
+        found: the findings, each as a pair: where it is, such as ``link 'rod'``, and its text.
 
     Returns:
         the groups, in the order of their first findings.
     """
-    groups: dict[str, WordGroup] = {}
+    groups: dict[str, WordGroup] = {}  # by the text without its numbers
     for place, text in found:
         words = _NUMBER.sub("", text)
-        group = groups.setdefault(words, WordGroup(places=[], text=text))
-        group.places.append(place)
+        if words not in groups:
+            groups[words] = WordGroup(places=[], text=text)
+        groups[words].places.append(place)
     return list(groups.values())

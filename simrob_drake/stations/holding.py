@@ -1,6 +1,13 @@
-"""What robots that are fixed to the world need to hold still, predicted before a run: torques, sag and payload.
+"""Predictions of how robots that are fixed to the world hold still: torques, sag and payload.
 
-Predictions are judged by the bounds of the station's verdict, as the run will be.
+Each servo of a robot holds its axis against gravity. A servo without an integral part does so only
+with a position error, since its torque is the gain kp times that error. This error at rest is the
+*sag* of the axis. The functions of this module predict torques and sag before a run, and return
+findings for ``simrob check``. A prediction becomes a warning if it exceeds a bound of the section
+``verdict`` of the station's file, by which the run itself will be judged.
+
+The *reference* of a robot is the desired trajectory of its axes. Axes are revolute [rad, N·m] or
+prismatic [m, N].
 """
 
 import numpy as np
@@ -16,19 +23,20 @@ from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.solver_config import VerdictConfig, bound_value
 
 POSTURES = 50
-"""Postures along the reference at which torques are computed, about."""
+"""Approximate count of postures along the reference at which torques are computed."""
 
 
 def holding_findings(ports: StationPorts, robot: StationRobot, positions: Vector) -> list[Finding]:
-    """Predict the torques that hold a robot at postures along its reference, and how far its joints sag.
+    """Predict the torques that hold a robot at postures along its reference, its sag, and its payload.
 
     Args:
-        ports: of the station.
+        ports: the built station, with its plant and its configuration.
         robot: the robot.
         positions: samples of its reference, shape (m, n) [rad or m].
     """
     config = ports.config
-    postures = positions[:: max(len(positions) // POSTURES, 1)]
+    step = max(len(positions) // POSTURES, 1)
+    postures = positions[::step]
     dynamics = Dynamics(
         robot.model,
         ports.plant.plant,
@@ -37,98 +45,147 @@ def holding_findings(ports: StationPorts, robot: StationRobot, positions: Vector
         torque_limit=robot.gains.torque_limit,
     )
     torques = dynamics.gravity(postures)
-    sag = _sag(config, robot, dynamics, postures[-1])
-    findings = [_axis_finding(config, robot, axis, torques[:, axis], sag) for axis in range(len(robot.axes))]
-    findings += _tool_findings(ports, robot, postures[-1], sag)
+    sags = _sags(config, robot, dynamics, postures[-1])
+    findings = []
+    for axis in range(len(robot.axes)):
+        sag = None if sags is None else float(sags[axis])
+        findings.append(_axis_finding(config, robot, axis, torques[:, axis], sag))
+    if sags is not None:
+        findings += _tool_findings(ports, robot, postures[-1] + sags)
     findings += _payload_findings(config, robot, dynamics, postures)
     return findings
 
 
-def _axis_finding(config: StationConfig, robot: StationRobot, axis: int, torque: Vector, sag: Vector | None) -> Finding:
-    """Judge the torque (m,) [N·m or N] that holds an axis along the reference, and its sag at the end."""
+def _axis_finding(config: StationConfig, robot: StationRobot, axis: int, torques: Vector, sag: float | None) -> Finding:
+    """Judge the torques that hold one axis along the reference, and its sag at the end of the reference.
+
+    Args:
+        config: configuration of the station.
+        robot: the robot.
+        axis: index of the axis.
+        torques: torques that hold the axis at postures along the reference, shape (m,) [N·m or N].
+        sag: position error at rest at the end of the reference [rad or m], or None if it was not predicted.
+    """
     subject = f"torque of {robot.prefix}{robot.axes[axis]}"
     limit = robot.gains.torque_limit[axis]
-    unit = robot.model.units[axis]
-    worst = torque[np.argmax(np.abs(torque))]
-    effort = unit.effort
-    text = f"holding takes {torque[0]:z.2f} {effort} at the start and {torque[-1]:z.2f} {effort} at the end"
+    effort_unit = robot.model.units[axis].effort
+    largest = torques[np.argmax(np.abs(torques))]
+
+    text = f"holding takes {torques[0]:z.2f} {effort_unit} at the start and {torques[-1]:z.2f} {effort_unit} at the end"
     text += " of the reference"
-    if abs(worst) > limit:
-        text += f", at most {worst:.2f} {effort}, and the limit is {limit:g} {effort}: the joint will not hold"
-        return Finding("warning", subject, f"{text}; raise servo.torque_limit or lighten the load")
+    if abs(largest) > limit:
+        text += f", at most {largest:.2f} {effort_unit}, and the limit is {limit:g} {effort_unit}: "
+        text += "the joint will not hold; raise servo.torque_limit or lighten the load"
+        return Finding("warning", subject, text)
     if config.mode == "kinematic":
+        # A kinematic station has no servos, so there is nothing to judge but the limit.
         return Finding("note", subject, text)
+
+    text += f"; the limit is {limit:g} {effort_unit}"
     level: Level = "ok"
-    text += f"; the limit is {limit:g} {effort}"
     if holds_by_model(config, robot):
         text += "; the servo's model holds it without sagging"
     elif sag is not None:
-        text += f"; it sags by {abs(sag[axis]) / unit.size:.3g} {unit.name} there"
+        unit = robot.model.units[axis]
+        text += f"; it sags by {abs(sag) / unit.size:.3g} {unit.name} there"
         bound = error_bound(config.verdict, slides=bool(robot.model.prismatic[axis]))
-        if abs(sag[axis]) > bound:
+        if abs(sag) > bound:
             level = "warning"
             text += f" (bound {bound / unit.size:.3g} {unit.name}); raise servo.kp, or set servo.feedforward to gravity"
-    if warmth := too_warm(robot, axis, worst):
-        return Finding("warning", subject, text + warmth)
-    return Finding(level, subject, text)
+    heat_warning = too_warm(robot, axis, largest)
+    if heat_warning:
+        level = "warning"
+    return Finding(level, subject, text + heat_warning)
 
 
 def too_warm(robot: StationRobot, axis: int, torque: float) -> str:
-    """Warn, in words, of a torque that is more than a motor may give for ever. Empty if it is not."""
-    rated = rated_torques(robot.motors)[axis]
-    unit = robot.model.units[axis].effort
-    if abs(torque) <= rated:
+    """Write a warning that a motor gets too warm, if it holds a torque for a long time.
+
+    Args:
+        robot: the robot.
+        axis: index of the axis that the motor drives.
+        torque: the torque that it holds [N·m or N].
+
+    Returns:
+        the warning, to be appended to another text, or an empty text if the torque does not exceed the motor's
+        continuous torque, or if that is unknown.
+    """
+    continuous = rated_torques(robot.motors)[axis]
+    if abs(torque) <= continuous:
         return ""
-    return f"; its motor gets too warm: it may give {rated:g} {unit} continuously"
+    unit = robot.model.units[axis].effort
+    return f"; its motor gets too warm: it may give {continuous:g} {unit} continuously"
 
 
 def holds_by_model(config: StationConfig, robot: StationRobot) -> bool:
-    """Whether a robot's servos compute the torque against gravity, so that its joints do not sag."""
+    """Whether a robot's servos compute the torque against gravity from its model, so that its joints do not sag."""
     servo = config.servo_of(robot.name)
     return servo.feedforward != "none" or servo.law == "computed_torque"
 
 
 def error_bound(verdict: VerdictConfig, *, slides: bool) -> float:
-    """Bound of the final error of an axis [rad, or m if it slides]; infinite if there is none."""
+    """Bound on the position error of an axis at the end of a run, in rad, or in m for a prismatic axis.
+
+    Args:
+        verdict: bounds of the station's verdict.
+        slides: whether the axis is prismatic.
+
+    Returns:
+        the bound; infinite if the verdict has none.
+    """
     if slides:
         return bound_value(verdict.final_error_m)
     return float(np.deg2rad(bound_value(verdict.final_error_deg)))
 
 
-def _sag(config: StationConfig, robot: StationRobot, dynamics: Dynamics, reference: Vector) -> Vector | None:
-    """Find how far a robot's joints sag below a posture (n,), shape (n,) [rad or m].
+def _sags(config: StationConfig, robot: StationRobot, dynamics: Dynamics, reference: Vector) -> Vector | None:
+    """Predict how far a robot's axes sag from a posture that they are to hold.
 
-    At rest the proportional part of each servo carries the weight, kp (q_r - q) = g(q). An integral part leaves no sag.
-    Returns None if a joint has no gain, if the servo knows the weight, or if no posture is found.
+    At rest, the proportional part of each servo is in equilibrium with gravity: kp (q_r - q) = g(q), with the desired
+    posture q_r and the actual posture q. An integral part removes the sag of its own axis.
+
+    Args:
+        config: configuration of the station.
+        robot: the robot.
+        dynamics: model of the robot, which gives g(q).
+        reference: the desired posture q_r, shape (n,) [rad or m].
+
+    Returns:
+        the position errors q - q_r, shape (n,) [rad or m]. None if the station is kinematic, if the servos compensate
+        gravity by their model, if an axis has no gain kp, or if no equilibrium is found.
     """
     from scipy.optimize import root  # loaded where it is needed: commands that do not check start without SciPy
 
     gains = robot.gains
     if config.mode == "kinematic" or holds_by_model(config, robot) or not (gains.kp > 0).all():
         return None
-    if (gains.ki > 0).all():
+    has_integral = gains.ki > 0
+    if has_integral.all():
         return np.zeros(len(robot.axes))
 
-    def unbalanced(position: Vector) -> Vector:
-        return np.asarray(reference - position - dynamics.gravity(position[np.newaxis])[0] / gains.kp)
+    def imbalance(posture: Vector) -> Vector:
+        """Left side minus right side of the equilibrium, divided by kp: q_r - q - g(q) / kp."""
+        gravity = dynamics.gravity(posture[np.newaxis])[0]
+        return np.asarray(reference - posture - gravity / gains.kp)
 
-    found = root(unbalanced, reference)
-    if not found.success:
+    solution = root(imbalance, reference)
+    if not solution.success:
         return None
-    return np.where(gains.ki > 0, 0.0, found.x - reference)
+    return np.where(has_integral, 0.0, solution.x - reference)
 
 
-def _tool_findings(ports: StationPorts, robot: StationRobot, reference: Vector, sag: Vector | None) -> list[Finding]:
-    """Warn of a tool that hangs below the floor once the joints have sagged."""
+def _tool_findings(ports: StationPorts, robot: StationRobot, posture: Vector) -> list[Finding]:
+    """Warn of a tool centre point that is below the floor in a posture (n,) [rad or m], after the axes have sagged."""
     config = ports.config
-    bound = bound_value(config.verdict.below_floor)
-    if sag is None or not robot.tcp or config.floor is None:
+    if not robot.tcp or config.floor is None:
         return []
     plant = ports.plant.plant
     context = plant.CreateDefaultContext()
-    robot.axis_map.set_positions(plant, context, reference + sag)
-    place = robot.tools[robot.tcp].CalcPoseInWorld(context).translation()
-    depth = float(ports.plant.ground.beneath(place[np.newaxis])[0] - place[2])
+    robot.axis_map.set_positions(plant, context, posture)
+    position = robot.tools[robot.tcp].CalcPoseInWorld(context).translation()
+    ground_height = ports.plant.ground.beneath(position[np.newaxis])[0]
+    depth = float(ground_height - position[2])
+    bound = bound_value(config.verdict.below_floor)
     if depth <= bound:
         return []
     text = f"once its joints sag, {robot.tcp} is {depth * 1e3:.0f} mm below the floor (bound {bound * 1e3:g} mm)"
@@ -139,21 +196,39 @@ def _tool_findings(ports: StationPorts, robot: StationRobot, reference: Vector, 
 def _payload_findings(
     config: StationConfig, robot: StationRobot, dynamics: Dynamics, postures: Vector
 ) -> list[Finding]:
-    """Report what a robot could carry besides its load, and judge the load by the robot's rating."""
-    findings = []
+    """Report how much more a robot could carry, and warn if it carries more than it is rated for.
+
+    Args:
+        config: configuration of the station.
+        robot: the robot.
+        dynamics: model of the robot with its torque limits.
+        postures: postures along the reference, shape (m, n) [rad or m].
+    """
     subject = f"payload of {robot.name}"
-    masses = dynamics.payload(postures).min(axis=0) if robot.tcp else np.array([np.inf])
-    if np.isfinite(masses.min()):
-        weakest = robot.axes[int(np.argmin(masses))]
-        text = f"at rest along the reference it holds {masses.min():.3g} kg more at {robot.tcp}"
-        text += f", by the motor of {weakest}"
-        # Motors too weak for their own robot have a warning each already.
-        doubt = payload_doubt(float(masses.min()), moving_mass(robot.model.element)) if masses.min() > 0 else ""
-        level: Level = "warning" if doubt else "note"
-        findings.append(Finding(level, subject, f"{text}; {doubt}" if doubt else text))
+    findings = []
+    if robot.tcp:
+        # For each motor, the mass that it can hold in all postures, in addition to the present load [kg]. It is
+        # infinite for an axis on which a load has no effect.
+        masses = dynamics.payload(postures).min(axis=0)
+        payload = float(masses.min())
+        if np.isfinite(payload):
+            weakest = robot.axes[int(np.argmin(masses))]
+            text = f"at rest along the reference it holds {payload:.3g} kg more at {robot.tcp}"
+            text += f", by the motor of {weakest}"
+            findings.append(_payload_finding(subject, text, payload, robot))
     rated = robot.model.payload
-    bound = bound_value(config.verdict.payload)
+    bound = bound_value(config.verdict.payload)  # as a multiple of the rated payload
     if rated is not None and robot.load > bound * rated:
         text = f"it carries {robot.load:.3g} kg, and is rated for {rated:g} kg: lighten its load"
         findings.append(Finding("warning", subject, text))
     return findings
+
+
+def _payload_finding(subject: str, text: str, payload: float, robot: StationRobot) -> Finding:
+    """Make the finding about the mass [kg] that a robot could carry: a warning if the mass is implausible."""
+    # A robot whose motors do not hold even the robot itself (payload 0) has a warning for each of these motors already.
+    if payload > 0:
+        doubt = payload_doubt(payload, moving_mass(robot.model.element))
+        if doubt:
+            return Finding("warning", subject, f"{text}; {doubt}")
+    return Finding("note", subject, text)

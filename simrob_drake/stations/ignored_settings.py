@@ -1,6 +1,12 @@
-"""Settings of a station that its solver or its contact model ignores, so that a run is not what the file describes."""
+"""Settings of a station that have no effect, or not the effect that the station's file describes.
+
+A solver and a contact model each use only some of the settings of joint stops and surfaces, and ignore the others. The
+delays of sensors and buses are rounded to whole samples. Each such setting becomes a finding of ``simrob check``, whose
+text says which setting has the desired effect.
+"""
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 from simrob_drake.parts.sensors.sensor import SampledSensor
 from simrob_drake.stations.config import JointStops, StationConfig
@@ -8,45 +14,63 @@ from simrob_drake.stations.findings import Finding
 from simrob_drake.stations.solver_config import ContactConfig, ContactMaterial, DiscreteSolver, FixedSteps
 
 SHORTEST_DELAY = 1e-6
-"""Difference of delays that matters [s]."""
+"""Delays that differ by at most this time count as equal [s]."""
+
+
+class _DelaySetting(NamedTuple):
+    """A delay in the file of a station."""
+
+    key: str  # dotted key of the delay, such as ``sensors.imu.delay``
+    delay: float  # [s]
+    rate: float  # samples per second of the sensor or the bus [Hz]
 
 
 def ignored_settings(config: StationConfig) -> list[Finding]:
-    """Find the settings of a station that have no effect, each with what has one."""
+    """Find the settings of surfaces and joint stops that the station's solver or its contact model ignores."""
     if config.mode == "kinematic":
         return []
-    findings = [] if config.contact is None else _ignored_contact_settings(config, config.contact)
-    if config.joint_stops != JointStops() and config.solver.holds_joint_limits:
+    findings = list[Finding]()
+    if config.contact is not None:
+        findings += _ignored_contact_settings(config, config.contact)
+    has_own_stops = config.joint_stops != JointStops()
+    if has_own_stops and config.solver.holds_joint_limits:
         text = f"the solver {config.solver.scheme} stops joints at their limits by itself and ignores joint_stops"
         findings.append(Finding("warning", "joint_stops", f"{text}; take solver.scheme radau3"))
     return findings
 
 
 def rounded_delays(config: StationConfig) -> list[Finding]:
-    """Find delays of buses and sensors that act as another one, since they count in whole samples."""
-    delays: list[tuple[str, float, float]] = []
+    """Find the delays of buses and sensors that are rounded, since a delay lasts a whole number of samples."""
+    findings = []
+    for setting in _delay_settings(config):
+        rounded = round(setting.delay * setting.rate) / setting.rate
+        if abs(rounded - setting.delay) > SHORTEST_DELAY:
+            text = f"{1e3 * setting.delay:g} ms acts as {1e3 * rounded:g} ms: "
+            text += f"delays are whole samples, here of {1e3 / setting.rate:g} ms"
+            findings.append(Finding("note", setting.key, text))
+    return findings
+
+
+def _delay_settings(config: StationConfig) -> Iterator[_DelaySetting]:
+    """Yield the delay of each servo's bus and of each sampled sensor."""
     for name in config.robots:
         bus = config.servo_of(name).bus
         if bus is not None:
             key = "servo.bus.latency" if config.only_robot else f"robots.{name}.servo.bus.latency"
-            delays.append((key, bus.latency, bus.rate))
+            yield _DelaySetting(key, bus.latency, bus.rate)
     for name, sensor in config.sensors.items():
         if isinstance(sensor, SampledSensor):
-            delays.append((f"sensors.{name}.delay", sensor.delay, sensor.rate))
-    findings = []
-    for key, delay, rate in delays:
-        acting = round(delay * rate) / rate
-        if abs(acting - delay) > SHORTEST_DELAY:
-            text = (
-                f"{1e3 * delay:g} ms acts as {1e3 * acting:g} ms: delays are whole samples, here of {1e3 / rate:g} ms"
-            )
-            findings.append(Finding("note", key, text))
-    return findings
+            yield _DelaySetting(f"sensors.{name}.delay", sensor.delay, sensor.rate)
 
 
 def _ignored_contact_settings(config: StationConfig, contact: ContactConfig) -> list[Finding]:
-    """Find the settings of surfaces, of the station and its pieces, that have no effect."""
-    materials: dict[str, ContactMaterial] = {"contact": contact}
+    """Find the settings of surfaces that have no effect: of the station's own surfaces, and of its pieces.
+
+    Args:
+        config: configuration of the station.
+        contact: its section ``contact``, which holds for all surfaces but those of pieces with a section of their own.
+    """
+    materials: dict[str, ContactMaterial] = {"contact": contact}  # by the key of the section
     for name, piece in config.pieces.items():
         if piece.contact is not None:
             materials[f"pieces.{name}.contact"] = piece.contact
@@ -58,18 +82,33 @@ def _ignored_contact_settings(config: StationConfig, contact: ContactConfig) -> 
 
 
 def _ignored_by_solver(config: StationConfig, key: str, material: ContactMaterial) -> Iterator[str]:
-    """Yield what a solver of fixed steps ignores in a material, in words."""
+    """Yield a text for each setting of a surface that the station's solver ignores.
+
+    Args:
+        config: configuration of the station.
+        key: key of the section in which the surface is described.
+        material: the settings of the surface.
+    """
     solver = config.solver
-    if isinstance(solver, DiscreteSolver) and solver.scheme == "sap" and material.dissipation:
+    is_sap = isinstance(solver, DiscreteSolver) and solver.scheme == "sap"
+    if is_sap and material.dissipation:
         yield f"the solver scheme sap ignores {key}.dissipation; take solver.scheme lagged or similar"
     friction = material.friction
-    if isinstance(solver, FixedSteps) and friction is not None and friction.static != friction.dynamic:
+    if friction is None:
+        return
+    if isinstance(solver, FixedSteps) and friction.static != friction.dynamic:
         text = f"the solver {solver.scheme} ignores {key}.friction.static ({friction.static:g}): bodies begin to "
         yield f"{text}slide at the dynamic one, {friction.dynamic:g}; take a continuous solver, such as cenic"
 
 
 def _ignored_by_model(contact: ContactConfig, key: str, material: ContactMaterial) -> Iterator[str]:
-    """Yield what the contact model ignores in a material, in words."""
+    """Yield a text for each setting of a surface that the station's contact model ignores.
+
+    Args:
+        contact: the station's section ``contact``, which names the contact model.
+        key: key of the section in which the surface is described.
+        material: the settings of the surface.
+    """
     if contact.model == "point" and material.hydroelastic_modulus is not None:
         yield f"contact.model point ignores {key}.hydroelastic_modulus; take contact.model hydroelastic"
     if contact.model == "hydroelastic" and material.stiffness is not None:

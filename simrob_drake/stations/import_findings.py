@@ -1,4 +1,9 @@
-"""Warnings about mechanics of a robot's file that are lost in its import, or that the station's solver cannot hold."""
+"""Warnings about the mechanics of a robot's file that a station does not simulate.
+
+Two causes are covered. An import converts a robot's file to a URDF and writes a *report*, whose entries name what was
+lost, such as a spring. And a *mimic joint*, which the file makes follow another joint (its leader), is only held by
+some solvers.
+"""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,7 +14,7 @@ from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.coupled import unheld_mimics
 from simrob_drake.stations.findings import Finding
-from simrob_drake.stations.grouping import group_by_words
+from simrob_drake.stations.grouping import WordGroup, group_by_words
 
 
 def import_findings(config: StationConfig, robot: ResolvedRobot, *, source: Path | None = None) -> list[Finding]:
@@ -25,50 +30,70 @@ def import_findings(config: StationConfig, robot: ResolvedRobot, *, source: Path
         a warning for each mimic joint that the solver does not hold; for an imported robot also a warning for each loss
         of mechanics (losses with the same words share one), and a note that sums up the import.
     """
-    findings = [
-        _unheld_mimic_finding(config, axis, leader) for axis, leader in unheld_mimics(config, robot.name, robot.model)
-    ]
+    findings = []
+    for follower, leader in unheld_mimics(config, robot.name, robot.model):
+        findings.append(_unheld_mimic_finding(config, follower, leader))
     report = read_report(robot.model.folder)
-    if report is None:
+    if report is None:  # the robot was not imported
         return findings
-    source = source or config.robots[robot.name].urdf or report.source
+    imported_by_station = config.robots[robot.name].urdf
+    source = source or imported_by_station or report.source
     subject = f"import of {source.name}"
-    losses = _losses(robot, report.of("lost"))
-    for (first, *others), text in group_by_words((entry.element, entry.text) for entry in losses):
-        # A loss of the whole robot names no element.
-        detail = f"{first}: {text}" if first else text
-        detail += f"; likewise {listed(others)}" if others else ""
-        findings.append(Finding("warning", subject, f"lost in the {subject}: {detail}"))
-    # The note is only for a station that imports the file itself.
-    if config.robots[robot.name].urdf is not None:
+    losses = [(loss.element, loss.text) for loss in _losses(robot, report.of("lost"))]
+    for group in group_by_words(losses):
+        text = _loss_text(group)
+        findings.append(Finding("warning", subject, f"lost in the {subject}: {text}"))
+    # A station may also use a robot that was imported earlier. Only the station that imports gets the summary.
+    if imported_by_station is not None:
         findings.append(Finding("note", subject, f"{report.summary()}; `simrob check {source}` tells all"))
     return findings
+
+
+def _loss_text(group: WordGroup) -> str:
+    """Describe losses with the same text: the first element with the text, then the other elements."""
+    first, *others = group.places
+    text = f"{first}: {group.text}" if first else group.text  # a loss of the whole robot names no element
+    if others:
+        text += f"; likewise {listed(others)}"
+    return text
 
 
 def _losses(robot: ResolvedRobot, lost: list[Entry]) -> Iterator[Entry]:
     """Select the losses of an import that the station does not compensate.
 
-    Two kinds of entries are left out: friction of a joint whose drive, in the robot's file or the station, has friction
-    again; and mimic joints, which older imports reported as lost and which stations now couple.
+    Two kinds of losses are compensated, and so left out. Friction of a joint is lost in the URDF, but the section
+    ``drives`` of the robot or of the station may give the axis friction again. Mimic joints were reported as lost by
+    older imports; stations now couple such an axis to its leader.
 
     Args:
         robot: the imported robot.
-        lost: losses by the report of the import.
+        lost: entries of the import's report about losses.
+
+    Yields:
+        the losses that remain.
     """
-    axis_of = {f"joint '{axis.joint}'": name for name, axis in robot.model.axes.items()}
+    axis_of_element = {f"joint '{axis.joint}'": name for name, axis in robot.model.axes.items()}
     has_friction = dict(zip(robot.axes, robot.model.friction > 0, strict=True))
-    for entry in lost:
-        # An element that is no joint of an axis has the axis "", which neither friction nor followers contain.
-        axis = axis_of.get(entry.element.removesuffix(" <dynamics>"), "")
-        is_friction_restored = entry.text.startswith("friction ") and has_friction.get(axis, False)
-        is_coupled = entry.text.startswith("mimics ") and axis in robot.model.followers
-        if not (is_friction_restored or is_coupled):
-            yield entry
+    for loss in lost:
+        element = loss.element.removesuffix(" <dynamics>")
+        axis = axis_of_element.get(element)
+        if axis is not None:
+            if loss.text.startswith("friction ") and has_friction[axis]:
+                continue
+            if loss.text.startswith("mimics ") and axis in robot.model.followers:
+                continue
+        yield loss
 
 
-def _unheld_mimic_finding(config: StationConfig, axis: str, leader: str) -> Finding:
-    """Make the warning for a mimic joint that the station's solver does not hold: an axis and its leader."""
+def _unheld_mimic_finding(config: StationConfig, follower: str, leader: str) -> Finding:
+    """Make the warning for a mimic joint that the station's solver does not hold.
+
+    Args:
+        config: configuration of the station.
+        follower: name of the axis of the mimic joint.
+        leader: name of the axis that it follows.
+    """
     scheme = config.solver.scheme
-    text = f"{axis} follows {leader} in the robot's file, but solver {scheme} holds no coupling: each moves by its "
+    text = f"{follower} follows {leader} in the robot's file, but solver {scheme} holds no coupling: each moves by its "
     text += "own motor; take solver.kind discrete, or scheme radau3 or cenic"
-    return Finding("warning", f"mimic of {axis}", text)
+    return Finding("warning", f"mimic of {follower}", text)

@@ -1,21 +1,28 @@
-"""From a name or a YAML file, and what the user wants changed, to a checked :class:`StationConfig`."""
+"""Load stations: read the YAML file, apply the user's overrides, and make a checked :class:`StationConfig`.
+
+The *content* of a station is what its YAML file contains: nested dicts and lists that are not validated yet. An
+*override* changes one value of the content. Its key is a *dotted key*, such as ``servo.kp``; split at the dots, it is
+the *path* ``["servo", "kp"]`` to the value. Functions that change a content in place say so.
+
+A station has either the section ``robots``, with a name for each robot, or the short form ``robot`` for a single one,
+which is loaded as ``robots`` with the name "robot".
+
+Errors name the file or the override that causes them: the parameter ``where`` of many functions is this name.
+"""
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
-from functools import cache, partial
-from os.path import exists, isdir, isfile  # which are false for names that no file can have
+from os.path import exists, isdir, isfile  # these return False for names that no file can have; Path methods raise
 from pathlib import Path
 from typing import Any
 
 import yaml
-from pydantic import TypeAdapter
 
 from simrob_drake.arguments import as_path, instance
-from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName, one_of, quoted
+from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName, quoted
 from simrob_drake.files import diagrams_root, station_files
 from simrob_drake.importer.packages import Border, is_robot_file
-from simrob_drake.parts.sensors import Sensors
 from simrob_drake.sections import validated
 from simrob_drake.stations.change_of_kind import KeyLosses, kind_of
 from simrob_drake.stations.config import StationConfig
@@ -23,18 +30,29 @@ from simrob_drake.stations.located import located, located_program
 from simrob_drake.stations.resolve import check_parts, resolve
 from simrob_drake.yaml_files import YAML_SUFFIXES, place_of, read_yaml
 
-ONLY_ROBOT = "robot"  # the name of the robot of a station that says ``robot:`` instead of ``robots:``
+ONLY_ROBOT = "robot"
+"""Name of the robot of a station that has the section ``robot:`` instead of ``robots:``."""
 
 ENTRIES = ("pieces", "sensors", "monitors", "couplings", "forces", "controllers")
-"""Sections of entries by name, which an override can take out: `pieces.load=null`."""
+"""Sections with entries by name, each of which an override can remove: ``pieces.load=null``."""
 
-_ROBOTS = (ONLY_ROBOT, "robots")
-_ORIGINS = {"urdf": ("model",), "model": ("urdf", "import_options")}
-"""What a robot can come from, and which keys of its section a change of that takes away."""
+_ROBOT_SECTIONS = (ONLY_ROBOT, "robots")
+
+_KEYS_OF_OTHER_ORIGIN = {"urdf": ("model",), "model": ("urdf", "import_options")}
+"""The two keys that can say where a robot comes from (its *origin*), and for each of them the keys of a robot's section
+that do not go with it."""
+
+# Order in which overrides are applied: see _rank.
+_KIND_RANK = 0
+_ORIGIN_RANK = 1
+_OTHER_RANK = 2
+
+Content = dict[str, Any]
+"""Content of a station's file or of a section: values by key, not validated."""
 
 
 def station_names() -> list[str]:
-    """Return the names of the stations that come with the package."""
+    """Names of the stations that come with the package."""
     return list(station_files())
 
 
@@ -46,95 +64,133 @@ def load_station(
     allow_code: bool = False,
     mesh_path: Iterable[Path | str] = (),
 ) -> StationConfig:
-    """Return the configuration of a station.
+    """Load the configuration of a station.
 
-    What its file names (robots, meshes, tables, networks) lies in the file's own package, that is below the nearest
-    folder with a ``package.xml`` or a repository in it, else below the file's own folder; or where ``mesh_path``, or
-    the environment variable ``SIMROB_MESH_PATH``, allows. Overrides may name any file.
+    The files that the station's file names (robots, meshes, tables, networks) may be read if they are in the same
+    package, that is below the nearest folder with a ``package.xml`` or a repository in it. If there is no such folder,
+    they must be below the folder of the station's file. The folders ``mesh_path`` and those of the environment variable
+    ``SIMROB_MESH_PATH`` are allowed as well. Overrides may name any file.
 
     Args:
         name_or_path: a name of :func:`station_names`, or a YAML file.
-        overrides: what to change; keys may be dotted paths, as in ``{"servo.kp": 500}``, or nested mappings. A section
-            of another ``kind`` begins from the defaults of that kind and the other overrides, without the keys that
-            the file has for the old kind; the warning ``KeysLeftOut`` names these. None takes out a piece, sensor,
-            monitor, force or controller.
-        called: what errors call an override by its key; ``override KEY`` unless given.
-        allow_code: whether the station may name Python code that is run with it, as controllers of kind ``own`` are.
-        mesh_path: folders in which what it names, meshes and packages may be read, too.
+        overrides: new values. Keys may be dotted, as in ``{"servo.kp": 500}``, or values nested mappings. A section
+            whose ``kind`` changes begins from the defaults of the new kind and the other overrides, without the keys
+            that the file has for the old kind; the warning ``KeysLeftOut`` names these. The value None removes a
+            piece, sensor, monitor, coupling, force or controller.
+        called: names of overrides for error messages, by the key of the override; ``override KEY`` by default.
+        allow_code: whether the station may name Python code that is run with it, as controllers of kind ``own`` do.
+        mesh_path: further folders from which files, meshes and packages may be read.
 
     Raises:
-        UnknownName: no such station, robot or piece.
-        InvalidConfig: an entry that cannot be; the message names file or override, key and what would be right.
+        UnknownName: there is no such station, robot or piece.
+        InvalidConfig: an entry is invalid; the message names file or override, key and what would be right.
     """
-    path, overrides = _station_file(name_or_path), {} if overrides is None else overrides
-    allowed = tuple(as_path(folder, "mesh_path").absolute() for folder in mesh_path)
-    for key in instance(overrides, "overrides", Mapping, "a mapping of keys to values"):
+    path = _station_file(name_or_path)
+    changes = {} if overrides is None else overrides
+    folders = tuple(as_path(folder, "mesh_path").absolute() for folder in mesh_path)
+    for key in instance(changes, "overrides", Mapping, "a mapping of keys to values"):
         instance(key, "overrides", str, "a mapping whose keys are texts, such as 'servo.kp'")
-    load = partial(_loaded, path, allow_code=allow_code, mesh_path=allowed)
+
+    def load(some_changes: Mapping[str, Any], where: Path | str) -> StationConfig:
+        """Load the station with some of the overrides."""
+        return _read_station(path, some_changes, where, allow_code=allow_code, mesh_path=folders)
+
     try:
-        return load(overrides, path)
+        return load(changes, path)
     except SimrobError as problem:
-        culprits = _culprits(load, overrides, getattr(problem, "key", ""))
+        culprits = _culprits(load, changes, wrong_key=getattr(problem, "key", ""))
         if not culprits:
             raise
-    names = {key: f"override {key}" for key in culprits} | dict(called or {})
-    return load(overrides, ", ".join(names[key] for key in culprits))
+    # Load once more: the error is raised again, and now names the overrides that cause it instead of the file.
+    names = {key: f"override {key}" for key in culprits}
+    names.update(called or {})
+    return load(changes, ", ".join(names[key] for key in culprits))
 
 
-def _culprits(load: Callable[..., StationConfig], overrides: Mapping[str, Any], wrong: str) -> list[str]:
-    """Return the keys of the overrides that spoil a station; none where its file is to blame.
+def _culprits(
+    load: Callable[[Mapping[str, Any], str], StationConfig], overrides: Mapping[str, Any], wrong_key: str
+) -> list[str]:
+    """Find the overrides that make a station invalid.
 
-    That is the one to which the ``wrong`` key belongs, else the first that spoils it alone, else all together.
+    Args:
+        load: loads the station with some overrides; its second argument is the name for errors.
+        overrides: all overrides, with which loading fails.
+        wrong_key: dotted key that the error names; an empty text if it names none.
+
+    Returns:
+        the key of the override to which the wrong key belongs; of several, the last. If there is none, the key of the
+        first override that makes the station invalid on its own. If there is none either, all keys. The list is empty
+        if the station is invalid without overrides, so that its file is the cause.
     """
 
-    def loads(changes: Mapping[str, Any]) -> bool:
+    def is_valid(changes: Mapping[str, Any]) -> bool:
+        """Whether the station can be loaded with these overrides."""
         try:
             load(changes, "")
         except SimrobError:
             return False
         return True
 
-    if not loads({}):
+    if not is_valid({}):
         return []
-    named = [key for key in overrides if re.match(rf"{re.escape(key)}(\W|$)", wrong)]
-    return named[-1:] or next(([key] for key in overrides if not loads({key: overrides[key]})), list(overrides))
+    # The wrong key is the key of the override or below it, such as "servo.kp.joint_1" or "pieces[0]".
+    matching = [key for key in overrides if re.match(rf"{re.escape(key)}(\W|$)", wrong_key)]
+    if matching:
+        return matching[-1:]
+    for key, value in overrides.items():
+        if not is_valid({key: value}):
+            return [key]
+    return list(overrides)
 
 
-def _loaded(
+def _read_station(
     path: Path, overrides: Mapping[str, Any], where: Path | str, *, allow_code: bool, mesh_path: tuple[Path, ...]
 ) -> StationConfig:
-    """Read a station's file and apply overrides. Paths in the file start at the file's folder."""
-    border = Border(path, mesh_path)
+    """Read a station's file and apply overrides. Relative paths in the file start at the file's folder."""
+    border = Border(path, mesh_path)  # decides which files the station's file may name
     content = located(read_yaml(path), path.parent, border)
     if "program" in content:
-        content["program"] = _inlined(content["program"], path.parent, border)
-    return _configured({"name": path.stem, **content}, overrides, where, allow_code, mesh_path)
+        content["program"] = _program_content(content["program"], path.parent, border)
+    content = {"name": path.stem, **content}  # the name of the file, unless the file gives another one
+    return _make_config(content, overrides, where, allow_code, mesh_path)
 
 
 def bare_station(robot: str, overrides: Mapping[str, Any] | None = None) -> StationConfig:
-    """Return a station of a robot alone, by its name or the file of its URDF; kinematic unless overrides say otherwise.
+    """Make a station that contains only a robot. The station is kinematic unless an override sets its ``mode``.
 
-    Raises SimrobError: no such robot, or an override that cannot be.
+    Args:
+        robot: name of a robot, or path of the file that describes it, such as a URDF.
+        overrides: new values, as in :func:`load_station`.
+
+    Raises:
+        SimrobError: there is no such robot, or an override is invalid.
     """
     origin = "urdf" if is_robot_file(robot) else "model"
     content = {"name": Path(robot).stem, "mode": "kinematic", ONLY_ROBOT: {origin: robot}}
-    return _configured(content, overrides or {}, robot, allow_code=False)
+    return _make_config(content, overrides or {}, robot, allow_code=False)
 
 
 def with_settings(config: StationConfig, settings: Mapping[str, Any], where: str = "settings") -> StationConfig:
-    """Return a configuration with changes, as :func:`load_station` takes them.
+    """Change a configuration. Returns the changed copy, or the same configuration if there are no settings.
 
-    Raises InvalidConfig: an entry that cannot be; names ``where``, the key, and what would be right.
+    Args:
+        config: configuration of a station.
+        settings: new values, as the overrides of :func:`load_station`. They may name Python code only if the
+            configuration already contains controllers of kind ``own``.
+        where: name of the settings for errors.
+
+    Raises:
+        InvalidConfig: a setting is invalid; the message contains ``where``, the key, and what would be right.
     """
     if not settings:
         return config
-    trusted = any(controller.kind == "own" for controller in config.controllers.values())
+    has_own_code = any(controller.kind == "own" for controller in config.controllers.values())
     content = station_content(config)
-    return _configured(content, settings, where, allow_code=trusted, is_complete=True)
+    return _make_config(content, settings, where, allow_code=has_own_code, is_complete=True)
 
 
-def _configured(
-    content: dict[str, Any],
+def _make_config(
+    content: Content,
     overrides: Mapping[str, Any],
     where: Path | str,
     allow_code: bool,
@@ -147,7 +203,7 @@ def _configured(
 
     Args:
         content: content of the station's file, which is changed.
-        overrides: new values, by dotted key such as ``servo.kp``.
+        overrides: new values, by dotted key.
         where: name of the file or of the overrides, for errors.
         allow_code: whether the station may name Python code that is run.
         mesh_path: further folders from which meshes and packages may be read.
@@ -158,29 +214,44 @@ def _configured(
     Raises:
         InvalidConfig: an entry is invalid; the error names ``where`` and the key.
     """
-    # An override of one axis, such as servo.kp.joint_1, where the file has one number for all axes. The number must be
-    # written by axis first, and the names of the axes are known only after the other overrides.
-    alone = [key for key in overrides if _of_one_number(content, key.split("."))]
-    if alone:
-        others = {key: value for key, value in overrides.items() if key not in alone}
-        config = _configured(deepcopy(content), others, where, allow_code, mesh_path, warns=False)
-        _write_by_axis(content, alone, {name: robot.axes for name, robot in resolve(config).robots.items()})
-    losses = KeyLosses(counts_defaults=not is_complete)
-    # The kind of a section is changed first, which drops the keys of the old kind. Other overrides are set afterwards.
-    for key, value in sorted(overrides.items(), key=lambda entry: _rank(entry[0].split("."))):
-        _override(content, key.split("."), value, where, losses)
-    content = located(content, Path.cwd())
-    content = _without_sugar(content, where)
-    robots = content.get("robots")
-    for robot in robots.values() if isinstance(robots, dict) and mesh_path else ():
-        options = (robot.get("import_options") or {}) if isinstance(robot, dict) and robot.get("urdf") else None
-        if isinstance(options, dict):
-            before = options.get("mesh_path") or []
-            robot["import_options"] = {**options, "mesh_path": list(dict.fromkeys([*before, *map(str, mesh_path)]))}
+    # An override may change one axis, such as servo.kp.joint_1, where the content has one number for all axes. Write
+    # the number for each axis first. The names of the axes are known only after the other overrides, which may
+    # choose another robot.
+    keys_of_axes = [key for key in overrides if _is_below_number(content, key.split("."))]
+    if keys_of_axes:
+        others = {key: value for key, value in overrides.items() if key not in keys_of_axes}
+        before = _make_config(deepcopy(content), others, where, allow_code, mesh_path, warns=False)
+        axes = {name: robot.axes for name, robot in resolve(before).robots.items()}
+        _write_by_axis(content, keys_of_axes, axes)
+
+    losses = KeyLosses(counts_defaults=not is_complete)  # collects warnings about keys that are dropped
+    paths = {key: key.split(".") for key in overrides}
+    for key in sorted(overrides, key=lambda key: _rank(paths[key])):
+        _override(content, paths[key], overrides[key], where, losses)
+    content = located(content, Path.cwd())  # relative paths in overrides start at the current folder
+    content = _with_robots_section(content, where)
+    _add_mesh_path(content, mesh_path)
+    config = _validate(content, where, allow_code)
+    if warns:
+        losses.warn()
+    return config
+
+
+def _validate(content: Content, where: Path | str, allow_code: bool) -> StationConfig:
+    """Make a configuration of a complete content, and check that its parts fit each other.
+
+    Args:
+        content: content of a station, with the section ``robots``.
+        where: name of the file or of the overrides, for errors.
+        allow_code: whether the station may name Python code that is run.
+
+    Raises:
+        InvalidConfig: an entry is invalid; the error names ``where`` and the key.
+    """
     try:
         config = validated(StationConfig, content, where)
     except InvalidConfig as problem:
-        raise InvalidConfig(where, _as_written(problem.key), _as_written(problem.problem)) from problem
+        raise InvalidConfig(where, _in_short_form(problem.key), _in_short_form(problem.problem)) from problem
     for name, controller in config.controllers.items():
         if controller.kind == "own" and not allow_code:
             expected = f"would run the code {controller.class_}; if you trust it, say allow_code=True, or --allow-code"
@@ -188,14 +259,32 @@ def _configured(
     try:
         check_parts(resolve(config))
     except SimrobError as problem:
-        raise InvalidConfig(where, "", _as_written(str(problem))) from problem
-    if warns:
-        losses.warn()
+        raise InvalidConfig(where, "", _in_short_form(str(problem))) from problem
     return config
 
 
-def station_content(config: StationConfig, *, only: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """Return a configuration, or the keys of it that are named, as a station's file has them."""
+def _add_mesh_path(content: Content, mesh_path: tuple[Path, ...]) -> None:
+    """Add folders to the import options of each robot that is imported from a file. The content is changed."""
+    robots = content.get("robots")
+    if not mesh_path or not isinstance(robots, dict):  # a section of a wrong type is refused by the validation later
+        return
+    for robot in robots.values():
+        if not isinstance(robot, dict) or not robot.get("urdf"):
+            continue
+        options = robot.get("import_options") or {}
+        if isinstance(options, dict):
+            folders = [*(options.get("mesh_path") or []), *map(str, mesh_path)]
+            without_duplicates = list(dict.fromkeys(folders))
+            robot["import_options"] = {**options, "mesh_path": without_duplicates}
+
+
+def station_content(config: StationConfig, *, only: Mapping[str, Any] | None = None) -> Content:
+    """Convert a configuration to the content of a station's file.
+
+    Args:
+        config: the configuration.
+        only: keys to convert, as pydantic's ``include``; all by default.
+    """
     content = config.model_dump(mode="json", exclude_none=True, include=only)
     if only is None and list(config.robots) == [ONLY_ROBOT]:
         content["robot"] = content.pop("robots")[ONLY_ROBOT]
@@ -203,13 +292,24 @@ def station_content(config: StationConfig, *, only: Mapping[str, Any] | None = N
 
 
 def station_yaml(config: StationConfig, *, only: Mapping[str, Any] | None = None) -> str:
-    """Return the YAML text of a configuration, or of the keys that are named; loading all of it gives an equal one."""
+    """Write a configuration as YAML text. Loading the text of a whole configuration gives an equal configuration.
+
+    Args:
+        config: the configuration.
+        only: keys to write, as pydantic's ``include``; all by default.
+    """
     content = station_content(config, only=only)
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None)
 
 
 def _station_file(name_or_path: str | Path) -> Path:
-    """Find the file of a station by its name or path; raises UnknownName or InvalidConfig if there is no such file."""
+    """Find the file of a station by its name or path.
+
+    Raises:
+        InvalidParameter: the argument is no text and no path.
+        UnknownName: the package has no station of this name.
+        InvalidConfig: the path is a folder, or the file does not exist.
+    """
     if not isinstance(name_or_path, (str, Path)):
         raise InvalidParameter("station", quoted(name_or_path), "a name of `simrob list`, or a YAML file")
     path = Path(name_or_path)
@@ -219,38 +319,54 @@ def _station_file(name_or_path: str | Path) -> Path:
         inside = path / "station.yaml"
         hint = f"; did you mean {inside}?" if isfile(inside) else ""
         raise InvalidConfig(path, "", f"is a folder, and a station is a name or a YAML file{hint}")
-    named_file = path.suffix or len(path.parts) > 1
-    if path.suffix not in YAML_SUFFIXES and (exists(path) or not named_file):
-        raise UnknownName("station", str(name_or_path), station_names())
+    if path.suffix not in YAML_SUFFIXES:
+        # A plain word is a misspelt name of a station, and so is an existing file that is not YAML.
+        has_form_of_path = bool(path.suffix) or len(path.parts) > 1
+        if exists(path) or not has_form_of_path:
+            raise UnknownName("station", str(name_or_path), station_names())
     if not exists(path):
         raise InvalidConfig(path, "", "there is no such file")
     return path.resolve()
 
 
-def _inlined(program: Any, folder: Path, border: Border | None = None) -> Any:
-    """Return a station's program, which may be a file's path, as its content with absolute paths."""
+def _program_content(program: Any, folder: Path, border: Border | None = None) -> Any:
+    """Content of a station's program with absolute paths.
+
+    Args:
+        program: value of the key ``program``: the path of the program's file, or the content of the program itself.
+            Another value is returned as it is, and refused by the validation later.
+        folder: folder at which relative paths start.
+        border: decides which files a program that is written in the station's file may name; None allows all files. A
+            program in its own file may name the files that are allowed for that file.
+    """
     if isinstance(program, str):
         file = folder / program
         return located_program(read_yaml(file), file.parent, Border(file))
-    return located_program(program, folder, border) if isinstance(program, Mapping) else program
+    if isinstance(program, Mapping):
+        return located_program(program, folder, border)
+    return program
 
 
-def _rank(key: list[str]) -> int:
-    """Return the rank of an override: kinds (0) are applied first, then the origins of robots (1), then other keys (2).
+def _rank(path: list[str]) -> int:
+    """Rank of an override by its path: overrides with a lower rank are applied first.
 
-    A change of a kind or of an origin (``model`` or ``urdf``) drops keys, which other overrides may set again.
+    The kind of a section comes first, then the origin of a robot, then all others. A change of a kind or an origin
+    drops keys of the section, which other overrides may set again.
     """
-    if key[-1] == "kind" and len(key) > 1:
-        return 0
-    return 1 if key[0] in _ROBOTS and key[-1] in _ORIGINS else 2
+    is_in_section = len(path) > 1
+    if path[-1] == "kind" and is_in_section:
+        return _KIND_RANK
+    if path[0] in _ROBOT_SECTIONS and path[-1] in _KEYS_OF_OTHER_ORIGIN:
+        return _ORIGIN_RANK
+    return _OTHER_RANK
 
 
-def _override(content: dict[str, Any], key: list[str], value: Any, where: Path | str, losses: KeyLosses) -> None:
-    """Change one key of a station's content.
+def _override(content: Content, path: list[str], value: Any, where: Path | str, losses: KeyLosses) -> None:
+    """Change one value of a station's content in place.
 
     Args:
         content: content of the station's file, which is changed.
-        key: path of keys to the value that is changed.
+        path: path of keys to the value that is changed.
         value: the new value. A mapping without a kind, or with the kind of the section, changes only the keys that the
             mapping has. A mapping of another kind replaces the section. None removes an entry, such as a piece.
         where: name of the overrides, for errors.
@@ -259,141 +375,131 @@ def _override(content: dict[str, Any], key: list[str], value: Any, where: Path |
     Raises:
         InvalidConfig: the key or the value is invalid.
     """
-    if key == ["program"]:
-        content["program"] = _inlined(value, Path.cwd())
+    if path == ["program"]:
+        content["program"] = _program_content(value, Path.cwd())
         return
-    node, last = place_of(content, key, where)
-    if isinstance(node, list):
-        node[int(last)] = value
+    # The section, or the list, that contains the value, and the value's key in it.
+    section, key = place_of(content, path, where)
+    if isinstance(section, list):
+        section[int(key)] = value
         return
-    section = key[-2] if len(key) > 1 else ""
-    if value is None and section in ENTRIES and len(key) == 2 and last in node:
-        del node[last]
+    is_entry = len(path) == 2 and path[0] in ENTRIES
+    if value is None and is_entry and key in section:
+        del section[key]
         return
-    if key[0] in _ROBOTS and last in _ORIGINS and value is not None:
-        _drop_former_robot(node, last, value)
-    if last == "kind" and section and isinstance(value, str):
-        losses.begin_new_kind(node, key[:-1], value)
-    if _is_part(value, node.get(last), key):
-        for inner in value:
-            instance(inner, ".".join(key), str, "a section whose keys are texts")
-        for inner in sorted(value, key=lambda inner: _rank([*key, inner])):
-            _override(content, [*key, inner], value[inner], where, losses)
-    else:
-        node[last] = _copied(value, key, where)
+    is_origin = path[0] in _ROBOT_SECTIONS and key in _KEYS_OF_OTHER_ORIGIN
+    if is_origin and value is not None:
+        _drop_former_robot(section, key, value)
+    if key == "kind" and len(path) > 1 and isinstance(value, str):
+        losses.begin_new_kind(section, path[:-1], value)
+    if not _changes_keys_only(value, section.get(key), path):
+        section[key] = _copy(value, path, where)
+        return
+    for inner_key in value:
+        instance(inner_key, ".".join(path), str, "a section whose keys are texts")
+    for inner_key in sorted(value, key=lambda inner_key: _rank([*path, inner_key])):
+        _override(content, [*path, inner_key], value[inner_key], where, losses)
 
 
-def _is_part(value: Any, old: Any, key: list[str]) -> bool:
-    """Whether a new value changes some keys of the section ``old`` at a path of keys, and does not replace it."""
-    # An empty mapping replaces the section.
-    if not (isinstance(value, Mapping) and value and isinstance(old, dict)):
+def _changes_keys_only(value: Any, old: Any, path: list[str]) -> bool:
+    """Whether a new value changes some keys of a section, instead of replacing the section.
+
+    Args:
+        value: the new value. It must be a mapping, and not an empty one, which replaces the section.
+        old: the present value. It must be a section without a kind, or of the kind that the new value has.
+        path: path of keys to the value.
+    """
+    if not isinstance(value, Mapping) or not value or not isinstance(old, dict):
         return False
-    old_kind = kind_of(old, key)
-    return old_kind is None or value.get("kind", old_kind) == old_kind
+    old_kind = kind_of(old, path)
+    if old_kind is None:
+        return True
+    new_kind = value.get("kind", old_kind)
+    return bool(new_kind == old_kind)
 
 
-def _drop_former_robot(section: dict[str, Any], origin: str, value: Any) -> None:
+def _drop_former_robot(section: Content, origin: str, value: Any) -> None:
     """Remove the keys from a robot's section that belong to the former robot, before a new robot replaces it.
 
     Args:
-        section: the robot's section.
+        section: the robot's section, which is changed.
         origin: ``model`` or ``urdf``, the key that names the new robot.
         value: name or file of the new robot.
     """
-    for other in _ORIGINS[origin]:
+    for other in _KEYS_OF_OTHER_ORIGIN[origin]:
         section.pop(other, None)
-    if section.get(origin) != value and isinstance(section.get("initial_deg"), int | float):
-        # One number for all axes was meant for the former robot. The new robot begins at its home posture.
+    is_other_robot = section.get(origin) != value
+    if is_other_robot and isinstance(section.get("initial_deg"), int | float):
+        # One number for all axes was meant for the former robot. The new robot begins at its home posture. A list or a
+        # mapping stays: it gives each axis its own position, and an error names it if it does not fit the new robot.
         del section["initial_deg"]
 
 
-def _of_one_number(content: Any, key: list[str]) -> bool:
-    """Tell whether a key would be that of one axis in what is a number for all of them."""
-    for part in key[:-1]:
-        content = content.get(part) if isinstance(content, dict) else None
-    return isinstance(content, (int, float)) and not isinstance(content, bool)
+def _is_below_number(content: Content, path: list[str]) -> bool:
+    """Whether a path leads into a number, as ``servo.kp.joint_1`` does if ``servo.kp`` is one number for all axes."""
+    node: Any = content
+    for key in path[:-1]:
+        node = node.get(key) if isinstance(node, dict) else None
+    return isinstance(node, (int, float)) and not isinstance(node, bool)
 
 
-def _write_by_axis(content: dict[str, Any], keys: list[str], axes: Mapping[str, Sequence[str]]) -> None:
-    """Write numbers for all axes of a robot as one an axis, which keys below them change for one axis alone."""
-    for key in keys:
-        *way, last, axis = key.split(".")
-        names = axes.get(way[1] if way[:1] == ["robots"] else ONLY_ROBOT, ())
-        node = content
-        for part in way:
-            node = node[part]
-        if isinstance(number := node[last], (int, float)):
-            if axis in names:
-                node[last] = dict.fromkeys(names, number)
-            elif axis.isdecimal():
-                node[last] = [number] * len(names)
+def _write_by_axis(content: Content, keys: list[str], axes: Mapping[str, Sequence[str]]) -> None:
+    """Replace numbers for all axes of a robot by mappings or lists with the number for each axis, in place.
+
+    Args:
+        content: content of the station's file, which is changed.
+        keys: dotted keys of single axes below such numbers: ``servo.kp.joint_1`` makes a mapping of the value of
+            ``servo.kp``, and ``servo.kp.0`` a list.
+        axes: names of the axes, by the name of the robot.
+    """
+    for dotted_key in keys:
+        *path, number_key, axis = dotted_key.split(".")
+        robot = path[1] if path[:1] == ["robots"] else ONLY_ROBOT
+        names = axes.get(robot, ())
+        section = content
+        for key in path:
+            section = section[key]
+        number = section[number_key]
+        if not isinstance(number, (int, float)):
+            continue  # replaced already, for another axis
+        if axis in names:
+            section[number_key] = dict.fromkeys(names, number)
+        elif axis.isdecimal():
+            section[number_key] = [number] * len(names)
 
 
-def _copied(value: Any, key: list[str], where: Path | str) -> Any:
+def _copy(value: Any, path: list[str], where: Path | str) -> Any:
+    """Copy the value of an override, so that later changes of the content do not change the caller's object.
+
+    Raises:
+        InvalidConfig: the value cannot be copied.
+    """
     try:
         return deepcopy(value)
-    except Exception as problem:  # what cannot be copied raises whatever it likes
+    except Exception as problem:  # an object may raise any exception when it is copied
         expected = f"is {quoted(value)}, which no station's file could hold"
-        raise InvalidConfig(where, ".".join(key), expected) from problem
+        raise InvalidConfig(where, ".".join(path), expected) from problem
 
 
-def _as_written(text: str) -> str:
+def _in_short_form(text: str) -> str:
+    """Replace ``robots.robot`` in an error message by ``robot``, as the station's file has it."""
     return re.sub(rf"\brobots\.{ONLY_ROBOT}\b", ONLY_ROBOT, text)
 
 
-def _without_sugar(content: dict[str, Any], where: Path | str) -> dict[str, Any]:
-    """Write ``robot:`` as ``robots:`` with one entry."""
-    if "robot" not in content:
+def _with_robots_section(content: Content, where: Path | str) -> Content:
+    """Write the short form ``robot:`` as ``robots:`` with one entry. Returns a changed copy.
+
+    Raises:
+        InvalidConfig: the content has both sections.
+    """
+    if ONLY_ROBOT not in content:
         return content
     if "robots" in content:
         raise InvalidConfig(where, "robot", "a station has either robot: or robots:")
-    return {"robots" if key == "robot" else key: {ONLY_ROBOT: v} if key == "robot" else v for key, v in content.items()}
-
-
-Settings = dict[str, Any]
-
-
-def loops_known(own: StationConfig) -> dict[str, Settings]:
-    """Return loops by name, each with the settings that give it to a station; none for the station's own."""
-    known: dict[str, Settings] = {name: {} for name in own.controllers}
-    if len(own.robots) != 1 or own.mode != "dynamic":
-        return known
-    (robot,) = own.robots.values()
-    lent = _loops_of(diagrams_root(), robot.model)
-    return known | {name: needed for name, needed in lent.items() if name not in known}
-
-
-@cache
-def _loops_of(folder: Path, model: str | None) -> dict[str, Settings]:
-    """Return the loops of a folder's stations with a robot of a model, each with the settings that give it."""
-    known: dict[str, Settings] = {}
-    for file in sorted(folder.glob("*.yaml")):
-        content = read_yaml(file)
-        if content.get("robot", {}).get("model") == model:
-            for name, section in content.get("controllers", {}).items():
-                known.setdefault(name, {f"controllers.{name}": section, **_sensors_of(section, content)})
-    return known
-
-
-def switched(known: dict[str, Settings], settings: Settings, name: str, on: bool) -> Settings:
-    """Return a station's settings with a loop on or off; raises UnknownName: no such loop; proposes the nearest."""
-    needed, key = known[one_of("loop", name, known)], f"controllers.{name}"
-    others = {other for loop in loops_on(known, settings) if loop != name for other in known[loop]}
-    dropped = {key, *needed} - others
-    left = {other: value for other, value in settings.items() if other not in dropped}
-    return left | (needed if on else {} if needed else {key: None})
-
-
-def loops_on(known: dict[str, Settings], settings: Settings) -> list[str]:
-    """Return the loops that a station has with its settings: its own unless taken out, and those that are given."""
-    return [name for name, needed in known.items() if settings.get(f"controllers.{name}", not needed)]
-
-
-def _sensors_of(section: Any, content: dict[str, Any]) -> Settings:
-    """Return the sensors that a loop reads, and those that they read, as settings."""
-    read = section.get("reads", {}) if isinstance(section, dict) else {}
-    named = {str(value) for value in (read.values() if isinstance(read, dict) else [])}
-    sensors = content.get("sensors", {})
-    sections = TypeAdapter(Sensors).validate_python(sensors)
-    named |= {other for name in named & {*sections} for other in sections[name].read(sections).values()}
-    return {f"sensors.{name}": sensor for name, sensor in sensors.items() if name in named}
+    changed = Content()
+    for key, value in content.items():
+        if key == ONLY_ROBOT:
+            changed["robots"] = {ONLY_ROBOT: value}
+        else:
+            changed[key] = value
+    return changed

@@ -1,6 +1,14 @@
-"""A first station for a robot with closed loops: a posture that closes them, and which axes have motors."""
+"""Closed kinematic loops of a robot: a posture that closes them, and the axes that need no motor.
 
-from typing import Any
+A robot's model is a tree of links. A *loop* is closed by a coupling between two links, which holds an *end* on one link
+to an end on the other. A coupling is one of three kinds: a ball joint holds two points together, a hinge two frames
+whose z axes stay parallel, and a weld two frames. The *deviations* of a loop say how far its ends are from that.
+The first station that is drafted for a robot begins in a posture in which all deviations are zero.
+
+An axis is *passive* if the loops determine its position from the positions of the other axes. It needs no motor.
+"""
+
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -11,94 +19,149 @@ from simrob_drake.frames import Vector, transform_from_pose
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.parse import lone_robot
 
-_CLOSED = 1e-6  # m or rad: distance of the ends of a loop that counts as closed
-_STARTS, _SPREAD = 20, 1.0  # postures about home from which a closed one is searched, and how far off [rad or m]
-_STEP = 1e-6  # rad or m of the derivatives
-_RANK = 1e-4  # part of the largest column below which a column of the derivatives adds nothing
+_CLOSED = 1e-6  # a loop is closed if no deviation is larger than this [m or rad]
+_RANDOM_STARTS = 20  # count of random postures from which a search starts, in addition to the home posture
+_SPREAD = 1.0  # largest distance of these postures from the home posture, for each axis [rad or m]
+_STEP = 1e-6  # step of an axis for the central difference [rad or m]
+_INDEPENDENT = 1e-4  # columns of a matrix are dependent below this singular value, as a share of the longest column
+
+
+class _EndPoses(NamedTuple):
+    """Poses of the two ends of a loop in the world. Ends that are points have the axes of their links."""
+
+    first: RigidTransform
+    second: RigidTransform
 
 
 class LoopsOfRobot:
-    """The loops of a robot alone: how far their ends are apart over the positions of the axes."""
+    """The loops of a robot without a station around it, as functions of the positions of its axes."""
 
     def __init__(self, robot: RobotModel) -> None:
-        """Build the robot alone.
+        """Build the plant of the robot alone.
 
-        Raises:
-            UnknownName: a loop between links that the robot does not have.
+        Args:
+            robot: a robot with at least one loop.
         """
         self._robot = robot
         self._lone = lone_robot(robot, collision=False)
         self._context = self._lone.plant.CreateDefaultContext()
 
     def misses(self, posture: Vector) -> Vector:
-        """Deviations (k,) [m and rad] of all loops from closed, in a posture (n,) [rad or m]."""
+        """Deviations (k,) [m and rad] of all loops in a posture (n,) [rad or m]; zero if all loops are closed."""
         self._lone.axes.set_positions(self._lone.plant, self._context, posture)
-        return np.concatenate([self._misses_of(entry) for entry in self._robot.loops.values()])
+        deviations = [self._deviations(coupling) for coupling in self._robot.loops.values()]
+        return np.concatenate(deviations)
 
     def closed_posture(self) -> Vector:
-        """The posture (n,) [rad or m] nearest to home that closes all loops.
+        """Search the posture (n,) [rad or m] that closes all loops, within the limits of the axes.
+
+        Of several such postures, the one that is nearest to the home posture is returned.
 
         Raises:
-            InvalidParameter: no posture within the limits closes them.
+            InvalidParameter: no posture was found that closes all loops.
         """
         from scipy.optimize import least_squares  # loaded where it is needed: other commands start without SciPy
 
         lower, upper = self._robot.axis_limits
         home = np.clip(self._robot.home, lower, upper)
-        # Stretched out, as many robots are at home, a loop is singular, and no search from there moves; hence others.
+        # Many robots are stretched out at home. The loops are singular there: all derivatives in the direction of the
+        # solution are zero, so a search from home does not move. Searches from random postures do.
         random = np.random.default_rng(0)
-        spread = random.uniform(-_SPREAD, _SPREAD, (_STARTS, len(home)))
-        starts = np.clip(home + np.vstack([np.zeros(len(home)), spread]), lower, upper)
-        bounds = lower - _STEP, upper + _STEP
-        found = [least_squares(self.misses, start, bounds=bounds, xtol=1e-15, ftol=1e-15) for start in starts]
-        gaps = np.array([float(np.abs(one.fun).max()) for one in found])
-        if gaps.min() > _CLOSED:
+        offsets = random.uniform(-_SPREAD, _SPREAD, (_RANDOM_STARTS, len(home)))
+        all_offsets = np.vstack([np.zeros(len(home)), offsets])
+        starts = np.clip(home + all_offsets, lower, upper)
+
+        # A start may be at a limit, and SciPy accepts only starts strictly inside the bounds.
+        bounds = (lower - _STEP, upper + _STEP)
+        closed_postures = []
+        least_deviation = np.inf
+        for start in starts:
+            solution = least_squares(self.misses, start, bounds=bounds, xtol=1e-15, ftol=1e-15)
+            deviation = float(np.abs(solution.fun).max())
+            least_deviation = min(least_deviation, deviation)
+            if deviation <= _CLOSED:
+                closed_postures.append(solution.x)
+        if not closed_postures:
             expected = "closed in some posture within the limits"
-            raise InvalidParameter("each loop", f"open by {gaps.min():.3g} m or rad at best", expected)
-        closed = np.array([one.x for one, gap in zip(found, gaps, strict=True) if gap <= _CLOSED])
-        nearest = closed[np.square(closed - home).sum(axis=1).argmin()]
+            raise InvalidParameter("each loop", f"open by {least_deviation:.3g} m or rad at best", expected)
+        candidates = np.array(closed_postures)
+        squared_distances = np.square(candidates - home).sum(axis=1)
+        nearest = candidates[squared_distances.argmin()]
         return np.asarray(np.clip(nearest, lower, upper))
 
     def passive_axes(self, posture: Vector) -> list[int]:
-        """Axes that the loops move once the others stand, by index; those nearest to the base are left to motors."""
-        derivatives = self._derivatives(posture)
-        least = _RANK * np.linalg.norm(derivatives, axis=0).max()
+        """Choose the passive axes: those that the loops move, as soon as the other axes have their positions.
+
+        The derivatives of the deviations by the passive axes form a matrix with linearly independent columns. Many
+        choices are possible; axes far from the base become passive first, so motors stay near the base.
+
+        Args:
+            posture: a posture that closes all loops, shape (n,) [rad or m].
+
+        Returns:
+            indices of the passive axes, in ascending order.
+        """
+        jacobian = self._jacobian(posture)
+        longest_column = np.linalg.norm(jacobian, axis=0).max()
+        threshold = _INDEPENDENT * longest_column
+        axis_count = jacobian.shape[1]
         passive = list[int]()
-        for axis in reversed(range(derivatives.shape[1])):
-            values = np.linalg.svd(derivatives[:, [*passive, axis]], compute_uv=False)
-            if values[-1] > least and len(values) == len(passive) + 1:
+        for axis in reversed(range(axis_count)):
+            columns = [*passive, axis]
+            singular_values = np.linalg.svd(jacobian[:, columns], compute_uv=False)
+            # A matrix with more columns than rows has fewer singular values than columns, which are then dependent.
+            has_enough_rows = len(singular_values) == len(columns)
+            if has_enough_rows and singular_values[-1] > threshold:
                 passive.append(axis)
         return sorted(passive)
 
-    def _derivatives(self, posture: Vector) -> Vector:
-        """Derivatives (k, n) of the deviations by the positions, by central differences."""
+    def _jacobian(self, posture: Vector) -> Vector:
+        """Derivatives (k, n) of the deviations by the positions of the axes, by central differences."""
         columns = []
         for axis in range(len(posture)):
             step = np.zeros(len(posture))
             step[axis] = _STEP
-            columns.append((self.misses(posture + step) - self.misses(posture - step)) / (2 * _STEP))
+            difference = self.misses(posture + step) - self.misses(posture - step)
+            columns.append(difference / (2 * _STEP))
         return np.column_stack(columns)
 
-    def _misses_of(self, entry: dict[str, Any]) -> Vector:
-        """Deviations of one loop: the way between its ends, and for hinges and welds what they are turned."""
-        poses = [self._pose(entry[end], entry[key]) for end, key in self._places(entry)]
-        apart = poses[0].inverse() @ poses[1]
-        way = apart.translation()
-        turn = apart.rotation().matrix()
-        if entry["kind"] == "ball":
-            return np.asarray(way)
-        # A hinge's z axes are parallel if the one has no x and y in the other.
-        tilt = turn[:2, 2] if entry["kind"] == "hinge" else turn[[0, 1, 0], [2, 2, 1]]
-        return np.concatenate([way, tilt])
+    def _deviations(self, coupling: dict[str, Any]) -> Vector:
+        """Deviations of one loop in the present posture.
 
-    @staticmethod
-    def _places(entry: dict[str, Any]) -> list[tuple[str, str]]:
-        """Keys of the two bodies of a loop, and of the places on them."""
-        key = "point" if entry["kind"] == "ball" else "pose"
-        return [("body", key), ("other", f"other_{key}")]
+        Args:
+            coupling: the coupling that closes the loop, as a mapping with the keys that it has in a station's file.
 
-    def _pose(self, link: str, place: list[float]) -> RigidTransform:
-        """Pose in the world of a place on a link."""
-        own = RigidTransform(np.array(place)) if len(place) == 3 else transform_from_pose(place)
+        Returns:
+            the translation from the first end to the second, in the axes of the first (3,) [m]. For a hinge two, and
+            for a weld three elements of the rotation between the ends follow. They are zero if the z axes are parallel,
+            or the frames aligned, and nearly angles [rad] if the loop is almost closed.
+        """
+        ends = self._end_poses(coupling)
+        relative = ends.first.inverse() @ ends.second
+        translation = relative.translation()
+        rotation = relative.rotation().matrix()
+        if coupling["kind"] == "ball":
+            return np.asarray(translation)
+        z_tilt = rotation[:2, 2]  # x and y component of the second z axis
+        if coupling["kind"] == "hinge":
+            return np.concatenate([translation, z_tilt])
+        y_tilt = rotation[:1, 1]  # x component of the second y axis
+        return np.concatenate([translation, z_tilt, y_tilt])
+
+    def _end_poses(self, coupling: dict[str, Any]) -> _EndPoses:
+        """Poses in the world of the two ends of a loop, in the present posture."""
+        if coupling["kind"] == "ball":
+            first = RigidTransform(np.array(coupling["point"]))
+            second = RigidTransform(np.array(coupling["other_point"]))
+        else:
+            first = transform_from_pose(coupling["pose"])
+            second = transform_from_pose(coupling["other_pose"])
+        return _EndPoses(
+            first=self._link_pose(coupling["body"]) @ first,
+            second=self._link_pose(coupling["other"]) @ second,
+        )
+
+    def _link_pose(self, link: str) -> RigidTransform:
+        """Pose of a link in the world, in the present posture."""
         frame: Frame = self._lone.plant.GetFrameByName(link, self._lone.instance)
-        return frame.CalcPoseInWorld(self._context) @ own
+        return frame.CalcPoseInWorld(self._context)

@@ -1,13 +1,15 @@
-"""What makes a run differ from what its station describes: found by ``simrob check``, and repeated by every result.
+"""Causes by which a run differs from what the station's file describes, found before the run.
 
-Whatever a run can show by itself, such as a joint that sags, is left to its verdict. What is found here it cannot show:
-settings without an effect, steps too long for a servo, contacts that are not as the shapes suggest.
+``simrob check`` prints these findings, and every result repeats the warnings. They concern what a run cannot show by
+itself: settings without an effect, steps too long for a servo, contacts that are not as the shapes suggest. What a run
+does show, such as a joint that sags, is judged by its verdict.
 """
 
 from collections.abc import Mapping
 
 from simrob_drake.blocks.references import Reference
 from simrob_drake.parts.controllers import loops_of
+from simrob_drake.parts.site import StationPlant
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import pairs_without_surface
 from simrob_drake.stations.contact_points import is_flat, uses_contact_points
@@ -22,8 +24,15 @@ from simrob_drake.stations.steps import step_findings
 def physics_findings(
     config: StationConfig, ports: StationPorts, references: Mapping[str, Reference] | None = None
 ) -> list[Finding]:
-    """Find what makes runs of a station differ from what it describes, at the start and along ``references``."""
-    findings = _loop_findings(config, ports)
+    """Find the causes by which runs of a station differ from what its file describes.
+
+    Args:
+        config: configuration of the station.
+        ports: the built station, with its plant.
+        references: desired trajectories by the name of the robot. Postures along them are examined; for a robot
+            without a reference only the initial posture is.
+    """
+    findings = _controller_findings(config, ports)
     findings += plausibility_findings(config, ports.station)
     for robot in ports.plant.robots.values():
         findings += import_findings(config, robot)
@@ -32,61 +41,67 @@ def physics_findings(
     findings += ignored_settings(config)
     findings += _grip_findings(config, ports)
     findings += step_findings(config, ports.plant, references)
-    findings += _surface_findings(config, ports)
+    findings += _surface_findings(config, ports.plant)
     return findings
 
 
 def physics_warnings(config: StationConfig, ports: StationPorts) -> list[str]:
-    """Collect the warnings among the findings, in words, for the result of a run."""
+    """Texts of the warnings among :func:`physics_findings`, for the result of a run."""
     findings = physics_findings(config, ports)
     return [finding.text for finding in findings if finding.level == "warning"]
 
 
-def _loop_findings(config: StationConfig, ports: StationPorts) -> list[Finding]:
-    """Find commands of controllers that are clipped to what the robot can follow."""
+def _controller_findings(config: StationConfig, ports: StationPorts) -> list[Finding]:
+    """Collect the warnings of the station's feedback controllers, such as commands that the robot cannot follow."""
     findings = []
-    for name, loop in loops_of(config.controllers).items():
+    for name, controller in loops_of(config.controllers).items():
         key = f"controllers.{name}"
-        warnings = loop.warnings(key, ports.robot(loop.robot))
-        findings += [Finding("warning", key, text) for text in warnings]
+        robot = ports.robot(controller.robot)
+        findings += [Finding("warning", key, text) for text in controller.warnings(key, robot)]
     return findings
 
 
 def _grip_findings(config: StationConfig, ports: StationPorts) -> list[Finding]:
-    """Find grippers that cannot hold a piece as their friction says."""
-    wrong = ""
+    """Warn, for each gripper, if it does not hold pieces by the friction that the station's file gives.
+
+    The reason is the contact model or the solver, which are the same for all grippers of a station.
+    """
+    problem = ""
     if config.contact is None:
-        wrong = "the station has no contact: fingers hold nothing; add contact: {model: hydroelastic}"
+        problem = "the station has no contact: fingers hold nothing; add contact: {model: hydroelastic}"
     elif config.contact.model == "point" and not uses_contact_points(config):
-        wrong = "points let a held piece turn and creep; take contact.model hydroelastic"
+        problem = "points let a held piece turn and creep; take contact.model hydroelastic"
     elif config.solver.scheme == "sap":
-        wrong = "sap lets fingers hold several times what friction holds; take solver.scheme lagged"
-    if not wrong:
+        problem = "sap lets fingers hold several times what friction holds; take solver.scheme lagged"
+    if not problem:
         return []
     grippers = [robot for robot in ports.plant.robots.values() if robot.model.fingers]
-    return [Finding("warning", f"gripper of {robot.name}", wrong) for robot in grippers]
+    return [Finding("warning", f"gripper of {robot.name}", problem) for robot in grippers]
 
 
-def _surface_findings(config: StationConfig, ports: StationPorts) -> list[Finding]:
-    """Find bodies that meet at single points where surfaces would carry them."""
+def _surface_findings(config: StationConfig, plant: StationPlant) -> list[Finding]:
+    """Warn if bodies touch at single points although extended surfaces would touch in reality.
+
+    Args:
+        config: configuration of the station.
+        plant: Drake's plant and scene graph, with the robots and pieces of the station.
+    """
     if config.contact is None:
         return []
-    plant = ports.plant
     inspector = plant.scene_graph.model_inspector()
     if config.contact.model != "point":
+        # Hydroelastic contact has no surface between two rigid shapes.
         pairs = pairs_without_surface(plant.plant, inspector)
         if not pairs:
             return []
         text = f"both are rigid, so {', '.join(pairs)} meet in points; make one of them compliant"
         return [Finding("warning", "contact", text)]
+    # Contact points at the corners carry a flat body, and so does MuJoCo's own contact.
     if uses_contact_points(config) or config.solver.scheme == "mujoco":
         return []
-    flat = [
-        name
-        for name, body in plant.free_pieces.items()
-        if any(is_flat(inspector, shape) for shape in plant.plant.GetCollisionGeometriesForBody(body))
-    ]
-    if not flat:
-        return []
-    text = f"{flat[0]} lies on one point that jumps about: it trembles, and sticks where it should slide"
-    return [Finding("warning", "contact", f"{text}; set contact.corners to true")]
+    for name, body in plant.free_pieces.items():
+        shapes = plant.plant.GetCollisionGeometriesForBody(body)
+        if any(is_flat(inspector, shape) for shape in shapes):
+            text = f"{name} lies on one point that jumps about: it trembles, and sticks where it should slide"
+            return [Finding("warning", "contact", f"{text}; set contact.corners to true")]
+    return []

@@ -1,12 +1,14 @@
 """Plausibility checks for the numbers of a station: of its robots, its pieces, and its own keys.
 
-The checks only warn. Impossible numbers raise an error when the station is read.
+The checks find the usual slips with units, such as millimetres where metres are expected. They only warn, since such
+a number is possible. Impossible numbers raise an error when the station is read. A `Doubt` is one implausible number:
+where it is, and a text that says what might have been meant. `plausibility_findings` turns doubts into warnings.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydantic import BaseModel
@@ -14,23 +16,33 @@ from pydantic import BaseModel
 from simrob_drake.errors import InvalidModel, listed
 from simrob_drake.parts.site import ResolvedPiece, Surroundings
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.robots.pieces import solid_inertia
+from simrob_drake.robots.pieces import PieceShape, solid_inertia
 from simrob_drake.robots.plausibility import Doubt, MassProperties, doubts_by_shapes, robot_doubts
 from simrob_drake.robots.urdf_check import checked_urdf
 from simrob_drake.sections import MOST_TURN
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.findings import Finding
 from simrob_drake.stations.grouping import group_by_words
+from simrob_drake.stations.solver_config import ContactConfig
 
-_POSES = ("pose", "other_pose", "base", "tcp_offset", "hand_pose")  # keys of poses [x y z Rz Ry Rx]
+_POSE_KEYS = ("pose", "other_pose", "base", "tcp_offset", "hand_pose")  # keys whose values are poses
 _FARTHEST = 100.0  # largest plausible coordinate of a pose [m]
 _LARGEST = 30.0  # largest plausible side of a piece [m]; a plate that serves as ground may be larger
 _PLATE = 1.0  # thickness up to which a piece counts as a plate [m]
 _SMALLEST = 1e-4  # smallest plausible value for the largest side of a piece [m]
+_EARTH_GRAVITY = 9.81  # [m/s²]
 _STRONGEST_GRAVITY = 100.0  # largest plausible gravity [m/s²]; Jupiter has 25
 _ROUGHEST = 5.0  # largest plausible coefficient of friction; rubber on rubber has about 1
-_SCALES = 0.1, 10.0  # smallest and largest plausible factor of a link's mass
+_LEAST_MASS_FACTOR = 0.1  # smallest plausible factor on the mass that a robot's file gives a link
+_LARGEST_MASS_FACTOR = 10.0  # largest plausible factor
 _LISTED = 3  # number of keys that a warning names
+
+
+class PoseAtKey(NamedTuple):
+    """A pose of a configuration."""
+
+    key: str  # dotted key of the pose, such as ``pieces.box.pose``
+    pose: Sequence[float]  # x y z Rz Ry Rx: a position [m] and three angles [rad]
 
 
 def plausibility_findings(config: StationConfig, station: Surroundings) -> list[Finding]:
@@ -45,63 +57,83 @@ def plausibility_findings(config: StationConfig, station: Surroundings) -> list[
     """
     doubts = list[Doubt]()
     for name, robot in station.robots.items():
-        doubts += [Doubt(f"robot '{name}': {where}", text) for where, text in _doubts_of(robot.model)]
+        for doubt in _robot_doubts(robot.model):
+            doubts.append(Doubt(f"robot '{name}': {doubt.where}", doubt.text))
     for piece in station.pieces.values():
-        doubts += _piece_doubts(piece)
-    for key, pose in _poses(config, ""):
-        doubts += _pose_doubts(key, pose)
-    for name, entry in config.robots.items():
-        for link, factor in entry.mass_factors.items():
-            if not _SCALES[0] <= factor <= _SCALES[1]:
-                text = f"the mass is {factor:g} times that of the robot's file; was a mass in kg meant?"
-                doubts.append(Doubt(f"robots.{name}.mass_factors.{link}", text))
+        doubts += _size_doubts(piece)
+        doubts += _mass_doubts(piece)
+    for found in _poses_in(config, ""):
+        doubts += _pose_doubts(found)
+    doubts += _mass_factor_doubts(config)
     doubts += _gravity_doubts(config.gravity)
-    friction = None if config.contact is None else config.contact.friction
-    if friction is not None and friction.static > _ROUGHEST:
-        text = f"a coefficient of friction of {friction.static:g}: rubber has about 1"
-        doubts.append(Doubt("contact.friction.static", text))
+    if config.contact is not None:
+        doubts += _friction_doubts(config.contact)
     return _findings(doubts)
 
 
 def _findings(doubts: Sequence[Doubt]) -> list[Finding]:
-    """Make warnings of doubts; doubts with the same words share one warning."""
-    return [
-        Finding("warning", places[0].partition(":")[0], f"{listed(places, _LISTED)}: {text}")
-        for places, text in group_by_words(doubts)
-    ]
+    """Make warnings of doubts; doubts whose texts differ only in their numbers share one warning."""
+    findings = []
+    for group in group_by_words(doubts):
+        # A place is a dotted key, or "robot '<name>': <element>", of which the part before the colon is the subject.
+        subject = group.places[0].partition(":")[0]
+        text = f"{listed(group.places, _LISTED)}: {group.text}"
+        findings.append(Finding("warning", subject, text))
+    return findings
 
 
-def _doubts_of(model: RobotModel) -> tuple[Doubt, ...]:
-    """Find the doubtful numbers of a robot. Results for a URDF file are cached until the file changes."""
+def _robot_doubts(model: RobotModel) -> tuple[Doubt, ...]:
+    """Find the implausible numbers of a robot. Results for a URDF file are cached until the file changes."""
     # A robot that is described by Denavit-Hartenberg parameters has no URDF file.
     if model.dh is not None:
         return tuple(robot_doubts(model.element, model.folder))
     state = model.urdf_path.stat()
-    return _doubts_of_file(model.urdf_path, (state.st_mtime_ns, state.st_size))
+    return _urdf_doubts(model.urdf_path, (state.st_mtime_ns, state.st_size))
 
 
 @lru_cache(maxsize=64)
-def _doubts_of_file(path: Path, changed: object) -> tuple[Doubt, ...]:
-    """Find the doubtful numbers of a clean URDF file.
+def _urdf_doubts(path: Path, changed: object) -> tuple[Doubt, ...]:
+    """Find the implausible numbers of a URDF file.
 
     Args:
-        path: the file.
+        path: the file, in the form that the import writes.
         changed: time of the file's last change and its size. The function does not read them: they are part of the
             cache's key, so that a changed file is read again.
     """
     return tuple(robot_doubts(checked_urdf(path), path.parent))
 
 
-def _piece_doubts(piece: ResolvedPiece) -> Iterator[Doubt]:
-    """Yield the doubtful numbers of a piece: its sizes, and its mass and inertia compared with its shapes."""
-    key, model = f"pieces.{piece.name}", piece.model
-    for shape in model.shapes:
-        # A mesh has no sides.
-        sides = shape.box or shape.cylinder or ((shape.sphere,) if shape.sphere else ())
-        if sides and max(sides) > _LARGEST and min(sides) > _PLATE:
+def _size_doubts(piece: ResolvedPiece) -> Iterator[Doubt]:
+    """Yield a doubt for each shape of a piece that is implausibly large or small."""
+    key = f"pieces.{piece.name}"
+    for shape in piece.model.shapes:
+        sides = _sides(shape)
+        if not sides:
+            continue
+        is_plate = min(sides) <= _PLATE
+        if max(sides) > _LARGEST and not is_plate:
             yield Doubt(key, f"a side of {max(sides):g} m; were millimetres meant? lengths are in metres")
-        elif sides and max(sides) < _SMALLEST:
+        elif max(sides) < _SMALLEST:
             yield Doubt(key, f"no side is longer than {max(sides):g} m; lengths are in metres")
+
+
+def _sides(shape: PieceShape) -> tuple[float, ...]:
+    """Lengths that describe a shape [m]: sides of a box, radius and length of a cylinder, radius of a sphere.
+
+    Returns an empty tuple for a mesh.
+    """
+    if shape.box is not None:
+        return shape.box
+    if shape.cylinder is not None:
+        return shape.cylinder
+    if shape.sphere is not None:
+        return (shape.sphere,)
+    return ()
+
+
+def _mass_doubts(piece: ResolvedPiece) -> Iterator[Doubt]:
+    """Yield the doubts that arise if the mass and the inertia of a piece are compared with its shapes."""
+    model = piece.model
     solids = [shape.solid(model.folder) for shape in model.shapes]
     # A piece without shapes has nothing to compare with, and one without mass has no inertia.
     if not solids or model.mass == 0:
@@ -110,47 +142,61 @@ def _piece_doubts(piece: ResolvedPiece) -> Iterator[Doubt]:
         filled = solid_inertia(solids, closed=False)
     except InvalidModel:  # a mesh without a volume
         return
+    # The first three of the six numbers of an inertia are the moments, and their sum is the trace.
     own = MassProperties(model.mass, np.array(model.com), float(sum(model.inertia[:3])))
     shapes = MassProperties(filled.volume, filled.centre, float(sum(filled.moments[:3])))
     for text in doubts_by_shapes(own, shapes):
-        yield Doubt(key, text)
+        yield Doubt(f"pieces.{piece.name}", text)
 
 
-def _poses(node: Any, key: str) -> Iterator[tuple[str, Sequence[float]]]:
-    """Yield all poses below a node of a configuration, depth first.
+def _poses_in(node: Any, key: str) -> Iterator[PoseAtKey]:
+    """Search the poses in a part of a configuration, and yield them, depth first.
 
     Args:
-        node: a model, a mapping, a list or a value of the configuration.
+        node: a pydantic model, a mapping, a list or a single value of the configuration.
         key: dotted key of the node; an empty text for the whole configuration.
-
-    Yields:
-        the dotted key of each pose, and the pose [x y z Rz Ry Rx] in m and rad.
     """
-    entries: Iterator[tuple[str, Any]] = iter(())
-    if isinstance(node, BaseModel):
-        entries = iter(node)
-    elif isinstance(node, Mapping):
-        entries = ((str(name), value) for name, value in node.items())
-    elif isinstance(node, list | tuple):
-        entries = ((str(index), value) for index, value in enumerate(node))
-    for name, value in entries:
+    for name, value in _entries(node):
         below = f"{key}.{name}" if key else name
-        if name in _POSES and isinstance(value, tuple) and len(value) == 6:
-            yield below, value
-        # The poses of a program are checked when the program is planned.
-        elif name != "program":
-            yield from _poses(value, below)
+        if name in _POSE_KEYS and isinstance(value, tuple) and len(value) == 6:
+            yield PoseAtKey(below, value)
+        elif name != "program":  # the poses of a program are checked when the program is planned
+            yield from _poses_in(value, below)
 
 
-def _pose_doubts(key: str, pose: Sequence[float]) -> Iterator[Doubt]:
-    """Yield the doubts about a pose [x y z Rz Ry Rx] in m and rad: too large an angle, too far a position."""
-    turn = max(pose[3:], key=abs)
-    if abs(turn) > MOST_TURN:
-        text = f"an angle of {turn:g} rad is {abs(turn) / (2 * np.pi):.1f} turns; were degrees meant? {turn:g}° are "
-        yield Doubt(key, f"{text}{np.deg2rad(turn):.6g} rad")
-    place = max(pose[:3], key=abs)
-    if abs(place) > _FARTHEST:
-        yield Doubt(key, f"{place:g} m from where it is measured; were millimetres meant? lengths are in metres")
+def _entries(node: Any) -> Iterator[tuple[str, Any]]:
+    """Yield the name and the value of each entry of a node; nothing for a single value such as a number."""
+    if isinstance(node, BaseModel):
+        yield from node
+    elif isinstance(node, Mapping):
+        for name, value in node.items():
+            yield str(name), value
+    elif isinstance(node, list | tuple):
+        for index, value in enumerate(node):
+            yield str(index), value
+
+
+def _pose_doubts(found: PoseAtKey) -> Iterator[Doubt]:
+    """Yield the doubts about a pose: an angle that is too large, a position that is too far away."""
+    angle = max(found.pose[3:], key=abs)
+    if abs(angle) > MOST_TURN:
+        turns = abs(angle) / (2 * np.pi)
+        text = f"an angle of {angle:g} rad is {turns:.1f} turns; were degrees meant? "
+        text += f"{angle:g}° are {np.deg2rad(angle):.6g} rad"
+        yield Doubt(found.key, text)
+    coordinate = max(found.pose[:3], key=abs)
+    if abs(coordinate) > _FARTHEST:
+        text = f"{coordinate:g} m from where it is measured; were millimetres meant? lengths are in metres"
+        yield Doubt(found.key, text)
+
+
+def _mass_factor_doubts(config: StationConfig) -> Iterator[Doubt]:
+    """Yield a doubt for each implausible factor by which a station changes the mass of a robot's link."""
+    for name, robot in config.robots.items():
+        for link, factor in robot.mass_factors.items():
+            if not _LEAST_MASS_FACTOR <= factor <= _LARGEST_MASS_FACTOR:
+                text = f"the mass is {factor:g} times that of the robot's file; was a mass in kg meant?"
+                yield Doubt(f"robots.{name}.mass_factors.{link}", text)
 
 
 def _gravity_doubts(gravity: float) -> Iterator[Doubt]:
@@ -158,4 +204,13 @@ def _gravity_doubts(gravity: float) -> Iterator[Doubt]:
     if gravity < 0:
         yield Doubt("gravity", f"{gravity:g} m/s² pulls up: {-gravity:g} pulls down, along -z")
     if abs(gravity) > _STRONGEST_GRAVITY:
-        yield Doubt("gravity", f"{gravity:g} m/s² is {abs(gravity) / 9.81:.3g} times that of the Earth; in mm/s²?")
+        ratio = abs(gravity) / _EARTH_GRAVITY
+        yield Doubt("gravity", f"{gravity:g} m/s² is {ratio:.3g} times that of the Earth; in mm/s²?")
+
+
+def _friction_doubts(contact: ContactConfig) -> Iterator[Doubt]:
+    """Yield a doubt if the coefficient of static friction is implausibly large."""
+    friction = contact.friction
+    if friction is not None and friction.static > _ROUGHEST:
+        text = f"a coefficient of friction of {friction.static:g}: rubber has about 1"
+        yield Doubt("contact.friction.static", text)

@@ -1,4 +1,9 @@
-"""A station that is set to given positions and never simulated."""
+"""A station for geometry queries: it is set to given positions and never simulated.
+
+A *posture* of a robot is the vector of the positions of its axes (n,), in rad or m. The positions (nq,) of the
+*plant*, Drake's MultibodyPlant, cover all robots and free pieces. A *piece* is a body that is no robot, such as a
+table or a workpiece.
+"""
 
 from collections.abc import Callable, Mapping
 
@@ -27,10 +32,10 @@ class PosedStation:
     """Robots, pieces and floor of a station at any positions, for geometry queries.
 
     Attributes:
-        resolved: the station's resolved configuration.
-        station: its plant with the robots.
-        plant: Drake's own plant.
-        context: the plant's context.
+        resolved: the station's configuration with the models of its robots and pieces.
+        station: Drake's plant and scene graph, with the robots and pieces of the station in them.
+        plant: Drake's plant, the same as `station.plant`.
+        context: the plant's context, which holds the present positions.
         initial: positions at the start, shape (nq,) [rad or m, quaternions for free bodies].
     """
 
@@ -43,7 +48,8 @@ class PosedStation:
 
         Args:
             config: the station.
-            add: callback that adds further systems to the diagram before the diagram is built.
+            add: callback that adds further systems to the diagram before the diagram is built. By default nothing is
+                added.
 
         Raises:
             InvalidModel: a robot cannot be built.
@@ -53,30 +59,32 @@ class PosedStation:
         self.station = add_plant(builder, self.resolved)
         self.plant: MultibodyPlant = self.station.plant
 
-        # The plant of a kinematic station is not part of the diagram, so a separate system
-        # gives the poses of its shapes to the scene graph. Another engine, such as MuJoCo,
-        # has its own model, so its positions are set separately as well.
+        # Usually the plant in the diagram gives the poses of its shapes to the scene graph. Two cases differ:
+        # The plant of a kinematic station is not part of the diagram, so an extra system computes the poses. The
+        # positions are fixed at the input port of that system.
+        # Another engine, such as MuJoCo, has its own model in the diagram, whose positions are set separately.
         is_dynamic = config.mode == "dynamic"
         self._positions_port = None if is_dynamic else self.station.add_geometry_poses(builder)
         add(builder, self.station)
         self._diagram = built(builder)
-        self._scene = self._diagram.CreateDefaultContext()
+        self._root_context = self._diagram.CreateDefaultContext()
         own_context = self.plant.CreateDefaultContext()
-        if is_dynamic and self.station.engine is None:
-            self.context = self.plant.GetMyMutableContextFromRoot(self._scene)
+        is_plant_in_diagram = is_dynamic and self.station.engine is None
+        if is_plant_in_diagram:
+            self.context = self.plant.GetMyMutableContextFromRoot(self._root_context)
         else:
             self.context = own_context
         self.initial: Vector = self.plant.GetPositions(own_context)
         self.place(self.initial)
 
     def place(self, positions: Vector) -> None:
-        """Set the positions of the plant, shape (nq,), and move all shapes accordingly."""
+        """Set the positions of the plant, shape (nq,) [rad or m], and move all shapes accordingly."""
         self.plant.SetPositions(self.context, positions)
         if self.station.engine is not None:
-            self.station.place(self._scene, positions)
+            self.station.place(self._root_context, positions)
         if self._positions_port is not None:
             system = self._positions_port.get_system()
-            context = system.GetMyMutableContextFromRoot(self._scene)
+            context = system.GetMyMutableContextFromRoot(self._root_context)
             self._positions_port.FixValue(context, positions)
 
     def pose(self, frame: Frame) -> RigidTransform:
@@ -84,7 +92,11 @@ class PosedStation:
         return frame.CalcPoseInWorld(self.context)
 
     def place_robots(self, postures: Mapping[str, Vector]) -> None:
-        """Set the postures (n,) [rad or m] of some robots, by name; the other robots do not move."""
+        """Move some robots; the other robots and the pieces stay where they are.
+
+        Args:
+            postures: the new posture (n,) [rad or m] of each robot that moves, by the robot's name.
+        """
         for name, posture in postures.items():
             axis_map = self.station.robots[name].axis_map
             axis_map.set_positions(self.plant, self.context, posture)
@@ -94,7 +106,8 @@ class PosedStation:
     def holders(self) -> Mapping[str, str]:
         """Name of the robot whose fingers hold a piece, for each piece that is held.
 
-        It is empty here; a model in which grippers close on pieces overrides this property.
+        The keys are the names of the pieces. The mapping is empty here: a subclass in which grippers close on pieces
+        overrides this property.
         """
         return {}
 
@@ -104,18 +117,21 @@ class PosedStation:
 
     def query(self) -> QueryObject:
         """Drake's query object for the geometry at the present positions."""
-        return self.station.query(self._scene)
+        return self.station.query(self._root_context)
 
     def ignore_nearer_than(self, distance: float) -> None:
-        """Permanently exclude all pairs of shapes that are nearer than a distance [m] at the present positions.
+        """Leave out, in all later queries, the pairs of shapes that are close together at the present positions.
 
-        The excluded pairs no longer appear in collision and distance queries.
+        They no longer appear in collision and distance queries, at whatever positions.
+
+        Args:
+            distance: largest signed distance of such a pair [m].
         """
         scene = self.station.scene_graph
-        context = scene.GetMyMutableContextFromRoot(self._scene)
+        context = scene.GetMyMutableContextFromRoot(self._root_context)
         filters = scene.collision_filter_manager(context)
-        near = self.query().ComputeSignedDistancePairwiseClosestPoints(distance)
-        for pair in near:
+        near_pairs = self.query().ComputeSignedDistancePairwiseClosestPoints(distance)
+        for pair in near_pairs:
             first = GeometrySet(pair.id_A)
             second = GeometrySet(pair.id_B)
             declaration = CollisionFilterDeclaration()
@@ -125,19 +141,24 @@ class PosedStation:
 def posture_range(robot: StationRobot) -> tuple[Vector, Vector]:
     """Lower and upper bounds of a robot's random postures, each of shape (n,) [rad or m].
 
-    The bounds are the limits of the axes, but at most half a turn or one metre to each side
-    of zero, since an axis may have no limits.
+    The bounds are the limits of the axes. Since an axis may have no limits, they are at most half a turn from zero, or
+    one metre for a prismatic axis.
     """
-    most = np.where(robot.model.prismatic, 1.0, np.pi)
+    farthest = np.where(robot.model.prismatic, 1.0, np.pi)
     lower, upper = robot.model.axis_limits
-    return np.clip(lower, -most, most), np.clip(upper, -most, most)
+    return np.clip(lower, -farthest, farthest), np.clip(upper, -farthest, farthest)
 
 
 def random_posture(robot: StationRobot, random: np.random.Generator) -> Vector:
-    """Draw a random posture (n,) [rad or m]; all fingers are open by the same random fraction."""
-    posture = random.uniform(*posture_range(robot))
-    if robot.model.fingers:  # maps each finger's axis to its closed and its open position
-        closed, opened = np.array([*robot.model.fingers.values()]).T
+    """Draw a random posture (n,) [rad or m] within :func:`posture_range`.
+
+    The fingers of a gripper do not move independently: all are open by the same random fraction of their stroke.
+    """
+    lower, upper = posture_range(robot)
+    posture = random.uniform(lower, upper)
+    if robot.model.fingers:
         fraction = random.uniform()
-        posture[[*robot.model.fingers]] = closed + fraction * (opened - closed)
+        # The mapping has the closed and the open position for the index of each finger's axis.
+        for axis, (closed, opened) in robot.model.fingers.items():
+            posture[axis] = closed + fraction * (opened - closed)
     return posture

@@ -1,35 +1,41 @@
-r"""Joints whose motion is given while all else moves by forces, with the torque that it takes.
+r"""Prescribed joints: joints that follow a given motion while everything else moves by forces.
 
-The joint's motor gets a rotor so heavy, :math:`J = 10^6 M_{pp}`, that nothing else in the station turns it noticeably,
-and the torque that gives this rotor the acceleration of the reference:
+The section ``prescribed`` of a station gives a *reference* (a trajectory) for each such joint, by the name of its
+axis. The joint has no servo. This module adds the blocks that move the joint, and that compute the torque which
+the motion takes. The torque is in N·m, or in N for a prismatic joint.
+
+**Moving the joint.** The joint's motor gets a rotor with the inertia :math:`J = 10^6 M_{pp}`, where :math:`M_{pp}` is
+the joint's diagonal element of the mass matrix. The rotor is so heavy that nothing else in the station turns it
+noticeably. The torque u accelerates it as the reference :math:`q_r` demands, and removes deviations at the rate
+:math:`\omega`:
 
 .. math:: u = J\,(\ddot q_r + 2 \omega (\dot q_r - v) + \omega^2 (q_r - q)).
 
-A reflected rotor stands in the joint's own row of the mass matrix alone, so the rest of the station feels the motion
-and nothing of the rotor. What is left for the joint is the torque that the motion takes. Continuous schemes compute
-accelerations to rounding, so it is
+A rotor appears only in the diagonal element of its own joint in the mass matrix. So the rest of the station is
+affected by the motion, and not by the rotor. A load that accelerates the joint by a makes it lag by
+:math:`10^{-6} a / \omega^2`, which is small compared with the integrator's error. Discrete solvers and ``cenic`` take
+the reference as it is at the start of a step, and follow it less exactly: see ``docs/stations.md``.
 
-.. math:: \tau = u - J \dot v + S (\ddot q_r - \dot v),
+**The torque that the motion takes.** Continuous schemes compute accelerations to rounding. The torque is what remains
+of u when the rotor's part is subtracted:
 
-whose last part corrects the torque for the solver's error in :math:`\dot v`. S is the joint's inertia at the start
+.. math:: \tau = u - J \dot v + S (\ddot q_r - \dot v).
+
+The last part corrects the torque for the solver's error in :math:`\dot v`. S is the joint's inertia at the start
 while the rest of the station moves freely.
 
-Discrete solvers stop at a tolerance that is relative to the momentum of the whole station,
-rotors included. Where bodies touch, the difference of the two large numbers u and
-:math:`J \dot v` is then wrong by thousands of newtons. With contact the torque is therefore
-computed from what acts on the links: Drake's force in the joint along its axis, :math:`f`,
-is inverse dynamics with contact forces and all that is applied, without the rotor. In the
-joint the motor overcomes damping d and Coulomb friction c, too:
+Discrete solvers stop at a tolerance that is relative to the momentum of the whole station, rotors included. Where
+bodies touch, the difference of the two large numbers u and :math:`J \dot v` is then wrong by thousands of newtons. With
+contact the torque is therefore computed from what acts on the links: Drake's *reaction force* in the joint along its
+axis, :math:`f`, is inverse dynamics with contact forces and all that is applied, without the rotor. The motor also
+overcomes the joint's damping d and Coulomb friction c:
 
 .. math:: \tau = f + S (\ddot q_r - \dot v) + d\,(v + h \dot v) + c\,\mathrm{sat}(v / v_s).
 
-The contact forces themselves have that tolerance: some 2 % of the weight of what touches.
-Drake's forces in joints do not include the forces of constraints. So with couplings and contact the
-first formula is used, and the run warns.
+Contact forces themselves have that tolerance: some 2 % of the weight of what touches. Drake's reaction forces do not
+include the forces of constraints. So with couplings and contact the first formula is used, and the run warns.
 
-With a load of acceleration a the joint lags by :math:`10^{-6} a / \omega^2`: nothing beside the integrator's error.
-Discrete solvers and ``cenic`` take the reference as it is at the start of a step, and follow it less exactly:
-``docs/stations.md`` has the figures. Only C++ primitives are used.
+All blocks are C++ primitives of Drake, except for the sensor of reaction forces.
 """
 
 from dataclasses import replace
@@ -47,95 +53,194 @@ from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import Vector
 from simrob_drake.parts.site import ResolvedRobot, StationRobot
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.config import ServoConfig, StationConfig
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.solver_config import DiscreteSolver
 
-_HEAVIER = 1e6
-_RATES = {True: 100.0, False: 20.0}
-"""1/s: how fast what is missed is made up for, by whether the solver sees the reference within its steps."""
+_ROTOR_FACTOR = 1e6
+"""Inertia of a prescribed joint's rotor, as a multiple of the joint's diagonal element of the mass matrix."""
+
+_CONTINUOUS_RATE = 100.0
+"""Rate omega at which deviations are removed, if the solver evaluates the reference within its steps [1/s]."""
+
+_STEPPED_RATE = 20.0
+"""Rate omega if the solver takes the reference as it is at the start of a step [1/s]."""
+
+_MOTION_SIZE = 3  # a motion is given by its position, velocity and acceleration
 
 
 def prescribed_axes(config: StationConfig, robot: str, model: RobotModel) -> dict[str, int]:
-    """Return prescribed axes' places by key; raises UnknownName: no axis; InvalidParameter: no station for them."""
-    keys = [key for key in config.prescribed if config.only_robot or key.partition(".")[0] == robot]
+    """Find the prescribed axes of a robot, and check that the station can prescribe them.
+
+    Args:
+        config: configuration of the station.
+        robot: name of the robot.
+        model: model of the robot.
+
+    Returns:
+        the index of each prescribed axis, by its key in the section ``prescribed``: the name or an alias of the axis,
+        after ``<robot>.`` if the station has several robots.
+
+    Raises:
+        UnknownName: a key names a robot or an axis that does not exist.
+        InvalidParameter: the station is kinematic, or the robot has servos that prescribed joints exclude.
+    """
+    keys = []
     for key in config.prescribed:
-        if not config.only_robot and key.partition(".")[0] not in config.robots:
+        if config.only_robot:
+            keys.append(key)
+            continue
+        owner = key.partition(".")[0]
+        if owner not in config.robots:
             raise UnknownName("robot under prescribed", key, [f"{name}.<axis>" for name in config.robots])
+        if owner == robot:
+            keys.append(key)
     if not keys:
         return {}
     if config.mode == "kinematic":
         raise InvalidParameter("prescribed", ", ".join(keys), "left out: a kinematic station's reference moves all")
-    servo = config.servo_of(robot)
-    for key, usual in (("realization", "implicit"), ("law", "computed_torque")):
-        if getattr(servo, key) == usual:
-            raise InvalidParameter(f"servo.{key}", usual, "another one: a prescribed joint has no servo")
+    _check_servo(config.servo_of(robot))
+    prefix = config.prefix(robot)
+    return {key: model.axis_index(key.removeprefix(prefix), "prescribed") for key in keys}
+
+
+def _check_servo(servo: ServoConfig) -> None:
+    """Check that the servos of a robot with prescribed joints are separate for each joint.
+
+    Raises:
+        InvalidParameter: the servos are inside of Drake's actuators, or compute torques from the robot's model. Neither
+            can leave out the prescribed joints.
+    """
+    if servo.realization == "implicit":
+        raise InvalidParameter("servo.realization", "implicit", "another one: a prescribed joint has no servo")
+    if servo.law == "computed_torque":
+        raise InvalidParameter("servo.law", "computed_torque", "another one: a prescribed joint has no servo")
     if servo.feedforward != "none" or servo.admittance_gain:
-        raise InvalidParameter("servo", "one that knows the robot's model", "one without it beside prescribed joints")
-    return {key: model.axis_index(key.removeprefix(config.prefix(robot)), "prescribed") for key in keys}
+        expected = "one without feedforward and admittance_gain, since joints are prescribed"
+        raise InvalidParameter("servo", "one that knows the robot's model", expected)
 
 
 def with_prescribed_axes(config: StationConfig, robot: ResolvedRobot) -> ResolvedRobot:
-    """Return a robot with the references of its prescribed axes, which start where these begin, without servos.
+    """Add the references of the prescribed axes to a robot, and remove the servos of these axes.
 
-    They begin as others do: about or at the axis' initial position. Raises SimrobError: as :func:`prescribed_axes`, or
-    a reference that cannot be.
+    A reference is evaluated from the initial position of its axis, as those of other axes are. The initial positions of
+    the returned robot are those at which the references begin.
+
+    Args:
+        config: configuration of the station.
+        robot: a robot of the station.
+
+    Returns:
+        the changed robot, or the same robot if it has no prescribed axes.
+
+    Raises:
+        SimrobError: an error of :func:`prescribed_axes`, or a reference does not fit its axis.
     """
     references = {}
-    for key, place in prescribed_axes(config, robot.name, robot.model).items():
-        alone = alone_on(robot, place)
-        references[place] = config.prescribed[key].trajectory(alone, alone.initial)
+    for key, axis in prescribed_axes(config, robot.name, robot.model).items():
+        single = alone_on(robot, axis)
+        references[axis] = config.prescribed[key].trajectory(single, single.initial)
     if not references:
         return robot
-    served = np.array([place not in references for place in range(len(robot.axes))], dtype=float)
-    own = robot.gains
-    gains = replace(own, kp=served * own.kp, ki=served * own.ki, kd=served * own.kd)
-    driven = replace(robot, gains=gains, prescribed=references)
-    return replace(driven, initial=begin_on_prescribed(driven, robot.initial, np.zeros_like(robot.initial))[0])
+    # A factor on the gains of each axis: 0 switches the servo of a prescribed axis off.
+    has_servo = np.array([axis not in references for axis in range(len(robot.axes))], dtype=float)
+    old = robot.gains
+    gains = replace(old, kp=has_servo * old.kp, ki=has_servo * old.ki, kd=has_servo * old.kd)
+    changed = replace(robot, gains=gains, prescribed=references)
+    initial, _ = begin_on_prescribed(changed, robot.initial, np.zeros_like(robot.initial))
+    return replace(changed, initial=initial)
 
 
-def alone_on(robot: ResolvedRobot, place: int) -> ResolvedRobot:
-    """Return a robot as references see it that are for one of its axes."""
-    name = robot.axes[place]
-    model = RobotModel.model_construct(**{**dict(robot.model), "axes": {name: robot.model.axes[name]}})
-    return replace(robot, model=model, initial=robot.initial[[place]], prescribed={})
+def alone_on(robot: ResolvedRobot, axis: int) -> ResolvedRobot:
+    """Copy a robot and leave it only one axis, so that a reference for a single axis can be made and checked with it.
+
+    Args:
+        robot: the robot.
+        axis: index of the axis that remains.
+    """
+    name = robot.axes[axis]
+    fields = dict(robot.model)
+    fields["axes"] = {name: robot.model.axes[name]}
+    model = RobotModel.model_construct(**fields)  # as it is, without validation
+    return replace(robot, model=model, initial=robot.initial[[axis]], prescribed={})
 
 
 def begin_on_prescribed(robot: ResolvedRobot, positions: Vector, velocities: Vector) -> tuple[Vector, Vector]:
-    """Return positions and velocities (n,) of a robot's axes with the prescribed ones as their references begin."""
-    positions, velocities = positions.copy(), velocities.copy()
-    for place, own in robot.prescribed.items():
-        positions[place], velocities[place] = (reference_values(own, np.zeros(1), order)[0, 0] for order in (0, 1))
-    return positions, velocities
+    """Replace positions and velocities of the prescribed axes by those of their references at time 0.
+
+    Args:
+        robot: the robot with its prescribed axes.
+        positions: positions of all its axes, shape (n,) [rad or m]. They are not changed.
+        velocities: velocities of all its axes, shape (n,) [rad/s or m/s]. They are not changed.
+
+    Returns:
+        the new positions and the new velocities, in the same shapes and units.
+    """
+    new_positions = positions.copy()
+    new_velocities = velocities.copy()
+    start = np.zeros(1)  # time [s]
+    for axis, reference in robot.prescribed.items():
+        new_positions[axis] = reference_values(reference, start)[0, 0]
+        new_velocities[axis] = reference_values(reference, start, order=1)[0, 0]
+    return new_positions, new_velocities
 
 
 def set_rotors(plant: MultibodyPlant, joints: list[Joint], robot: ResolvedRobot) -> None:
-    """Give the motors of a robot's prescribed joints their rotors; the plant is finalized."""
-    mass = np.diag(plant.CalcMassMatrix(plant.CreateDefaultContext()))
-    for place in robot.prescribed:
-        motor, start = _motor(plant, joints[place]), joints[place].velocity_start()
-        motor.set_default_rotor_inertia(_HEAVIER * mass[start] / motor.default_gear_ratio() ** 2)
+    """Give the motors of a robot's prescribed joints their heavy rotors.
+
+    Args:
+        plant: a finalized plant. The default parameters of its actuators are changed.
+        joints: joints of the robot's axes in the plant, in order.
+        robot: the robot with its prescribed axes.
+    """
+    mass_matrix = plant.CalcMassMatrix(plant.CreateDefaultContext())
+    diagonal = np.diag(mass_matrix)
+    for axis in robot.prescribed:
+        joint = joints[axis]
+        motor = _motor(plant, joint)
+        inertia = _ROTOR_FACTOR * diagonal[joint.velocity_start()]  # as felt at the joint, behind the gear
+        motor.set_default_rotor_inertia(inertia / motor.default_gear_ratio() ** 2)
 
 
 def add_prescribed_motion(
     builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, reference: OutputPort
 ) -> OutputPort:
-    """Add inputs ``prescribed.<axis>`` of position, rate, acceleration [rad or m], and return the robot's reference."""
-    inputs = []
-    for place in robot.prescribed:
-        name = f"{robot.prefix}prescribed.{robot.axes[place]}"
-        block = builder.AddNamedSystem(name, PassThrough(3))
+    """Add an input ``prescribed.<axis>`` for each prescribed axis, and put their positions into the robot's reference.
+
+    Each input takes position, velocity and acceleration [rad or m, s]. The inputs are added to those of the station.
+
+    Args:
+        builder: the diagram under construction.
+        ports: ports of the station.
+        robot: the robot, with at least one prescribed joint.
+        reference: desired positions of all axes, size n [rad or m].
+
+    Returns:
+        the desired positions of all axes, size n [rad or m], with those of the inputs for the prescribed axes.
+    """
+    motions = []
+    for axis in robot.prescribed:
+        axis_name = f"{robot.prefix}{robot.axes[axis]}"
+        name = f"{robot.prefix}prescribed.{robot.axes[axis]}"
+        block = builder.AddNamedSystem(name, PassThrough(_MOTION_SIZE))
         ports.inputs[name] = block.get_input_port()
-        ports.draw(name, "reference", f"Prescribed motion\nof {robot.prefix}{robot.axes[place]}", robot)
-        inputs.append(block.get_output_port())
-    count, places = len(robot.axes), list(robot.prescribed)
-    motion = fed(builder, f"{robot.prefix}prescribed", Multiplexer([3] * len(inputs)), *inputs)
-    whole = np.hstack([np.eye(count), np.zeros((count, 3 * len(places)))])
-    whole[places] = 0.0
-    whole[places, count + 3 * np.arange(len(places))] = 1.0
-    both = joined(builder, f"{robot.prefix}prescribed.references", reference, motion)
-    ports.draw_nothing(*(f"{robot.prefix}prescribed{part}" for part in ("", ".references", ".whole")))
-    return mapped(builder, f"{robot.prefix}prescribed.whole", whole, both)
+        ports.draw(name, "reference", f"Prescribed motion\nof {axis_name}", robot)
+        motions.append(block.get_output_port())
+    name = f"{robot.prefix}prescribed"
+    multiplexer = Multiplexer([_MOTION_SIZE] * len(motions))
+    all_motions = fed(builder, name, multiplexer, *motions)
+
+    # The matrix from [reference (n), motions (3 for each prescribed axis)] to the new reference (n): its row for a
+    # prescribed axis selects the position of the axis' motion.
+    axes = list(robot.prescribed)
+    count = len(robot.axes)
+    selection = np.hstack([np.eye(count), np.zeros((count, _MOTION_SIZE * len(axes)))])
+    selection[axes] = 0.0
+    for index, axis in enumerate(axes):
+        selection[axis, count + _MOTION_SIZE * index] = 1.0
+    both = joined(builder, f"{name}.references", reference, all_motions)
+    ports.draw_nothing(name, f"{name}.references", f"{name}.whole")
+    return mapped(builder, f"{name}.whole", selection, both)
 
 
 def add_prescribed_torque(
@@ -143,10 +248,13 @@ def add_prescribed_torque(
 ) -> OutputPort:
     """Add the blocks that move a robot's prescribed joints, and compute the torques that the motions take.
 
+    Call :func:`add_prescribed_motion` before. The force that moves the joints is appended to the generalized forces of
+    the station. The equations are those of the module's docstring.
+
     Args:
         builder: the diagram under construction.
-        ports: ports of the station; the force that moves the joints is added to its generalized forces.
-        robot: the robot, with at least one prescribed joint.
+        ports: ports of the station.
+        robot: the robot, with k prescribed joints, at least one.
         torque: torques of the robot's servos, size n [N·m or N].
 
     Returns:
@@ -154,54 +262,102 @@ def add_prescribed_torque(
         their motions take. If :func:`uses_reaction_forces`, the part that overcomes Coulomb friction is not included,
         and the caller adds it.
     """
-    plant, prefix, config = ports.plant.plant, robot.prefix, ports.config
-    places = list(robot.prescribed)
-    count = len(robot.axes)
-    motors = [_motor(plant, robot.joints[place]) for place in places]
-    rotors = np.diag([motor.default_reflected_inertia() for motor in motors])
-    rate = _RATES[not config.solver.holds_joint_limits]
-    each = np.eye(len(places))
+    plant = ports.plant.plant
+    solver = ports.config.solver
+    name = f"{robot.prefix}prescribed"
+    axes = list(robot.prescribed)
+    motors = [_motor(plant, robot.joints[axis]) for axis in axes]
+    rotors = np.diag([motor.default_reflected_inertia() for motor in motors])  # J, for each prescribed joint
+    to_joints = robot.axis_map.velocity_matrix[axes]  # (k, nv), from generalized velocities to those of the joints
+    to_plant = to_joints.T  # (nv, k), from the joints' torques to generalized forces
 
-    # The force u that moves the rotors, as a matrix from the bus: first position, velocity and acceleration of each
-    # prescribed motion, then the plant's state.
-    measured = robot.axis_map.state_matrix[[*places, *(count + place for place in places)]]
-    desired = np.kron(each, [rate**2, 2 * rate, 1.0])
-    feedback = -np.hstack([rate**2 * each, 2 * rate * each]) @ measured
-    law = rotors @ np.hstack([desired, feedback])
-    spread = robot.axis_map.velocity_matrix[places].T
-    motion = builder.GetSubsystemByName(f"{prefix}prescribed").get_output_port()
-    bus = joined(builder, f"{prefix}prescribed.bus", motion, ports.state)
-    force = mapped(builder, f"{prefix}prescribed.force", spread @ law, bus)
+    # All quantities are linear in the signals, so that matrices compute them. The bus is one vector: the motions (3
+    # values for each prescribed joint), then the plant's state.
+    motions = builder.GetSubsystemByName(name).get_output_port()
+    bus = joined(builder, f"{name}.bus", motions, ports.state)
+    rate = _STEPPED_RATE if solver.holds_joint_limits else _CONTINUOUS_RATE
+    law = _rotor_law(robot, rotors, rate)
+    force = mapped(builder, f"{name}.force", to_plant @ law, bus)
     ports.generalized_forces.append(force)
 
-    # The joints' inertia S while the rest of the station moves freely, at the start. It turns the acceleration that
-    # the solver misses into the torque that was missed.
-    mobility = np.linalg.inv(plant.CalcMassMatrix(plant.CreateDefaultContext()))
-    free = np.linalg.inv(spread.T @ mobility @ spread) - rotors
-    missed = np.hstack([np.kron(free, [0.0, 0.0, 1.0]), np.zeros_like(feedback), -free @ spread.T])
-
+    # The torques of the motions depend on the bus, then on the generalized accelerations.
     acceleration = plant.get_generalized_acceleration_output_port()
+    missed = _missed_torque(robot, plant, rotors)
     signals = [torque, bus, acceleration]
-    if isinstance(config.solver, DiscreteSolver) and uses_reaction_forces(config):
+    if isinstance(solver, DiscreteSolver) and uses_reaction_forces(ports.config):
+        # tau = S (ddq_r - dv/dt) + d (v + h dv/dt) + f, where f, the reaction forces, follows the accelerations.
         signals.append(_add_joint_forces(builder, ports, robot))
-        passive = _joint_resistance(robot, config.solver.time_step)
-        taken = np.hstack([missed + passive, each])
+        resistance = _joint_resistance(robot, solver.time_step)
+        motion_torque = np.hstack([missed + resistance, np.eye(len(axes))])
     else:
-        taken = missed + np.hstack([law, -rotors @ spread.T])
-    every = np.eye(count)
-    matrix = np.hstack([every, every[:, places] @ taken])
-    efforts = joined(builder, f"{prefix}prescribed.efforts", *signals)
-    ports.draw_nothing(*(f"{prefix}prescribed.{part}" for part in ("bus", "efforts", "torque")))
-    ports.draw(f"{prefix}prescribed.force", "force", "What moves\nprescribed joints", robot)
-    return mapped(builder, f"{prefix}prescribed.torque", matrix, efforts)
+        # tau = S (ddq_r - dv/dt) + u - J dv/dt
+        motion_torque = missed + np.hstack([law, -rotors @ to_joints])
+
+    # The torques of all axes: the servos' torques (zero for prescribed joints), plus the torques of the motions.
+    every_axis = np.eye(len(robot.axes))
+    matrix = np.hstack([every_axis, every_axis[:, axes] @ motion_torque])
+    efforts = joined(builder, f"{name}.efforts", *signals)
+    ports.draw_nothing(f"{name}.bus", f"{name}.efforts", f"{name}.torque")
+    ports.draw(f"{name}.force", "force", "What moves\nprescribed joints", robot)
+    return mapped(builder, f"{name}.torque", matrix, efforts)
+
+
+def _rotor_law(robot: StationRobot, rotors: Vector, rate: float) -> Vector:
+    """Compute the matrix that gives the torques u, which move the rotors of the k prescribed joints.
+
+    u = J (ddq_r + 2 omega (dq_r - v) + omega² (q_r - q)), see the module's docstring.
+
+    Args:
+        robot: the robot with the joints.
+        rotors: inertias J of the rotors on the diagonal, shape (k, k) [kg m² or kg].
+        rate: rate omega at which deviations are removed [1/s].
+
+    Returns:
+        a matrix with k rows. Its columns take the prescribed motions (3 for each joint), then the plant's state.
+    """
+    axes = list(robot.prescribed)
+    count = len(robot.axes)
+    velocities = [count + axis for axis in axes]
+    measured = robot.axis_map.state_matrix[[*axes, *velocities]]  # from the plant's state to q and v of the joints
+    identity = np.eye(len(axes))
+    # ddq_r + 2 omega dq_r + omega² q_r: a motion has the order position, velocity, acceleration.
+    desired = np.kron(identity, [rate**2, 2 * rate, 1.0])
+    # -(omega² q + 2 omega v)
+    feedback = -np.hstack([rate**2 * identity, 2 * rate * identity]) @ measured
+    return np.asarray(rotors @ np.hstack([desired, feedback]))
+
+
+def _missed_torque(robot: StationRobot, plant: MultibodyPlant, rotors: Vector) -> Vector:
+    """Compute the matrix that gives S (ddq_r - dv/dt): the torques missing from the solver's accelerations.
+
+    S is the inertia of the k prescribed joints at the start while the rest of the station moves freely:
+    S = (B' M^-1 B)^-1 - J, with the mass matrix M (rotors J included) and the matrix B from joint torques to
+    generalized forces.
+
+    Args:
+        robot: the robot with the joints.
+        plant: the plant that contains it.
+        rotors: inertias J of the rotors on the diagonal, shape (k, k) [kg m² or kg].
+
+    Returns:
+        a matrix with k rows. Its columns take the prescribed motions (3 for each joint), the plant's state, and the
+        plant's generalized accelerations.
+    """
+    axes = list(robot.prescribed)
+    to_plant = robot.axis_map.velocity_matrix[axes].T
+    mobility = np.linalg.inv(plant.CalcMassMatrix(plant.CreateDefaultContext()))
+    free_inertia = np.linalg.inv(to_plant.T @ mobility @ to_plant) - rotors
+    desired_acceleration = np.kron(free_inertia, [0.0, 0.0, 1.0])
+    no_state = np.zeros((len(axes), robot.axis_map.state_matrix.shape[1]))
+    return np.hstack([desired_acceleration, no_state, -free_inertia @ to_plant.T])
 
 
 def uses_reaction_forces(config: StationConfig) -> bool:
     """Whether torques of prescribed joints are computed from Drake's reaction forces in the joints.
 
-    With contact under a discrete solver, the reaction forces are much more accurate than the torque that moves the
-    heavy rotor (see the module's docstring). With couplings they would be wrong: Drake's reaction forces leave out the
-    forces of constraints, so a gear's force on the joint would be missing.
+    They are for a station with contact under a discrete solver: there the reaction forces are much more accurate than
+    the torque that moves the heavy rotor (see the module's docstring). With couplings they would be wrong: Drake's
+    reaction forces leave out the forces of constraints, so a gear's force on the joint would be missing.
     """
     return is_discrete_with_contact(config) and not constraining_couplings(config)
 
@@ -212,7 +368,7 @@ def is_discrete_with_contact(config: StationConfig) -> bool:
 
 
 def constraining_couplings(config: StationConfig) -> list[str]:
-    """Find the couplings that are constraints of the plant under a discrete solver. Returns their names."""
+    """Names of the couplings that Drake's discrete solvers hold as constraints; the other couplings are springs."""
     return [name for name, coupling in config.couplings.items() if coupling.constrains]
 
 
@@ -246,11 +402,12 @@ def _joint_resistance(robot: StationRobot, step: float) -> Vector:
     axes = list(robot.prescribed)
     count = len(robot.axes)
     damping = np.diag([robot.joints[axis].default_damping() for axis in axes])
-    speeds = robot.axis_map.state_matrix[[count + axis for axis in axes]]
+    # Matrices that select the velocities of the joints from the state, and their accelerations.
+    velocities = robot.axis_map.state_matrix[[count + axis for axis in axes]]
     accelerations = robot.axis_map.velocity_matrix[axes]
-    no_motion = np.zeros((len(axes), 3 * len(axes)))
-    # Discrete solvers evaluate damping at the velocity of the step's end, v + h dv/dt.
-    return np.hstack([no_motion, damping @ speeds, step * damping @ accelerations])
+    no_motion = np.zeros((len(axes), _MOTION_SIZE * len(axes)))
+    # Discrete solvers evaluate damping at the velocity of the step's end: d (v + h dv/dt).
+    return np.hstack([no_motion, damping @ velocities, step * damping @ accelerations])
 
 
 def _motor(plant: MultibodyPlant, joint: Joint) -> JointActuator:
@@ -259,6 +416,9 @@ def _motor(plant: MultibodyPlant, joint: Joint) -> JointActuator:
     A joint with Coulomb friction has two actuators: its motor, and a brake that stands for the friction. Drake uses
     only the rotor of the joint's last actuator, so the last one is returned.
     """
-    actuators = [plant.get_joint_actuator(JointActuatorIndex(index)) for index in range(plant.num_actuators())]
-    own = [actuator for actuator in actuators if actuator.joint().index() == joint.index()]
-    return own[-1]
+    actuators_of_joint = []
+    for index in range(plant.num_actuators()):
+        actuator = plant.get_joint_actuator(JointActuatorIndex(index))
+        if actuator.joint().index() == joint.index():
+            actuators_of_joint.append(actuator)
+    return actuators_of_joint[-1]

@@ -136,10 +136,15 @@ def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:
 
 
 def check_servo_without_model(servo: ServoConfig) -> None:
-    """Check that the servos of a robot that stands on its feet do not compute torques by its model.
+    """Check that servos do not compute torques from the robot's model, as a robot that stands on its feet requires.
+
+    The model contains only the robot itself. It lacks the contact forces at the feet, so its torques would be wrong.
+
+    Args:
+        servo: the section ``servo`` of the robot.
 
     Raises:
-        InvalidParameter: they do; with the key and what would be right.
+        InvalidParameter: the servos use the model; the message names the key and what would be right.
     """
     reason = "the model of a robot that stands free lacks the forces that carry it"
     if servo.law == "computed_torque":

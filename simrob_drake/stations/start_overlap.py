@@ -1,4 +1,8 @@
-"""Bodies that are in each other when a run begins: one judgement for `simrob check` and for the run."""
+"""Bodies that overlap when a run begins: the same judgement for ``simrob check`` and for the run.
+
+A *body* is a robot's link, a piece or the floor. The *overlap* of two bodies is the depth to which their collision
+shapes penetrate each other.
+"""
 
 from typing import NamedTuple
 
@@ -11,23 +15,23 @@ from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.solver_config import bound_value
 
 PRESSED = 1e-4
-"""Overlap that contact forces cause by themselves [m]."""
+"""Contact forces alone cause overlaps up to this depth, so they are not reported [m]."""
 
 TOUCHING = 1e-3
-"""Overlap up to which bodies count as touching at the start [m]."""
+"""Bodies with an overlap up to this depth count as touching at the start [m]."""
 
 MISPLACED = 0.01
-"""Overlap beyond which a run does not begin, unless the verdict allows more [m]. Contact forces would throw such bodies
-apart, or a solver with error control would take steps of less than a microsecond."""
+"""A run does not begin with a larger overlap, unless the verdict allows more [m]. Contact forces would throw such
+bodies apart, or a solver with error control would take steps of less than a microsecond."""
 
 
 class StartOverlap(NamedTuple):
-    """Two bodies that are in each other at the start.
+    """Two bodies that overlap at the start.
 
     Attributes:
-        first: name of a robot's link, a piece, or the floor.
-        second: the same of the other body.
-        depth: how deep they are in each other [m].
+        first: name of one body: a robot's link, a piece, or the floor.
+        second: name of the other body.
+        depth: depth of the overlap [m].
     """
 
     first: str
@@ -35,26 +39,39 @@ class StartOverlap(NamedTuple):
     depth: float
 
     def __str__(self) -> str:
-        """Describe the overlap."""
+        """Describe the overlap in a sentence."""
         return f"{self.first} and {self.second} are {self.depth * 1e3:.1f} mm deep in each other at the start"
 
 
 def deepest_overlap(ports: StationPorts, root: Context, *, of_pieces: bool = False) -> StartOverlap | None:
-    """Find the two bodies that can touch and are deepest in each other, in a context of the station's diagram.
+    """Find the deepest overlap of two bodies that can touch.
 
-    With ``of_pieces``, one of the two is a piece. Returns None if none are deeper in each other than contact forces
-    press them.
+    Args:
+        ports: the built station, with its plant.
+        root: a context of the station's diagram, which has the positions of all bodies. It is not changed.
+        of_pieces: whether only overlaps of a piece with any other body count.
+
+    Returns:
+        the overlap, or None if there is none that is deeper than contact forces cause by themselves.
     """
     if ports.plant.replaced_pairs:
+        # Small balls at the corners of flat bodies touch in place of the shapes themselves, but do not show how deep
+        # the shapes overlap. In this clone of the context the shapes touch again.
         root = ports.plant.with_whole_shapes(root)
-    pairs = ports.plant.query(root).ComputePointPairPenetration()
-    overlaps = []
-    for pair in pairs:
-        first, second = sorted(owner_and_robot(ports.plant, shape)[0] for shape in (pair.id_A, pair.id_B))
-        has_piece = first in ports.config.pieces or second in ports.config.pieces
-        if pair.depth > PRESSED and (has_piece or not of_pieces):
-            overlaps.append(StartOverlap(first=first, second=second, depth=float(pair.depth)))
-    return max(overlaps, key=lambda overlap: overlap.depth, default=None)
+    pieces = ports.config.pieces
+    deepest = None
+    for pair in ports.plant.query(root).ComputePointPairPenetration():
+        names = []
+        for shape in (pair.id_A, pair.id_B):
+            name, _ = owner_and_robot(ports.plant, shape)
+            names.append(name)
+        first, second = sorted(names)
+        if of_pieces and first not in pieces and second not in pieces:
+            continue
+        largest_so_far = PRESSED if deepest is None else deepest.depth
+        if pair.depth > largest_so_far:
+            deepest = StartOverlap(first=first, second=second, depth=float(pair.depth))
+    return deepest
 
 
 def allowed_overlap(config: StationConfig) -> float:
@@ -63,20 +80,25 @@ def allowed_overlap(config: StationConfig) -> float:
 
 
 def check_start_overlap(config: StationConfig, ports: StationPorts, root: Context) -> None:
-    """Check that no piece is so deep in another body at the start that a run would make no sense.
+    """Check that no piece overlaps another body so deeply at the start that a run would make no sense.
 
-    A robot on its own feet may begin in the floor, as one that lies there: it pushes itself out.
+    Only pieces are checked. A robot with a free base may begin inside the floor, such as one that lies there: contact
+    pushes it out.
+
+    Args:
+        config: configuration of the station.
+        ports: the built station, with its plant.
+        root: a context of the station's diagram at the start.
 
     Raises:
-        InvalidParameter: one is; with both names and what to change.
+        InvalidParameter: a piece overlaps too deeply; the message names both bodies and what to change.
     """
     if config.mode == "kinematic" or config.contact is None:
         return
     overlap = deepest_overlap(ports, root, of_pieces=True)
-    if overlap is None or overlap.depth <= allowed_overlap(config):
+    allowed = allowed_overlap(config)
+    if overlap is None or overlap.depth <= allowed:
         return
     depth = f"{overlap.depth * 1e3:.1f} mm"
-    expected = (
-        f"at most {allowed_overlap(config) * 1e3:g} mm at the start: move one of them, or raise verdict.penetration"
-    )
+    expected = f"at most {allowed * 1e3:g} mm at the start: move one of them, or raise verdict.penetration"
     raise InvalidParameter(f"the overlap of {overlap.first} and {overlap.second}", depth, expected)

@@ -1,4 +1,8 @@
-"""Check of the positions that references name against the limits of the axes, before any run."""
+"""Check of the target positions of references against the limits of the axes, before any run.
+
+The *reference* of a robot is a section of its station that describes the desired motion of the axes, such as a move to
+a target posture.
+"""
 
 import numpy as np
 
@@ -9,25 +13,27 @@ from simrob_drake.stations.config import StationConfig
 
 
 def check_targets(config: StationConfig, robot: ResolvedRobot) -> None:
-    """Check the positions that a robot's reference gives for single axes (a mapping or a list) against the limits.
+    """Check the targets that a robot's reference gives axis by axis against the limits of the axes.
 
-    The check of a run finds only positions that are reached within the run's duration; this check finds the others,
-    too. One number for all axes is not checked here, since it does not count for axes that a coupling makes follow
-    others. The check of the run, which comes after the couplings, covers that number.
+    The check that a run makes finds only positions that are reached within the run's duration; this check finds the
+    others, too. A target that is one number for all axes is left to the check of the run: the number does not count
+    for axes that a coupling makes follow others, and couplings are evaluated before the check of the run.
 
     Args:
         config: configuration of the station.
         robot: the robot whose reference is checked.
 
     Raises:
-        InvalidParameter: a position is beyond a limit of its axis; the message names the axis and the limits.
+        InvalidParameter: a target is beyond a limit of its axis; the message names the axis and the limits.
     """
     model = robot.model
     for target in config.reference_of(robot.name).postures():
+        # How firmly the target asks each axis for a position: an axis is NAMED if the target is a list, or a mapping
+        # that contains the axis.
         firmness = np.array(model.firmness(target))
         axes_with_target = np.flatnonzero(firmness == Firmness.NAMED).tolist()
         # Axes that a mapping leaves out become NaN. They are not among axes_with_target, so no NaN is compared.
-        positions = model.user_units * model.axis_vector(target, "reference", np.nan)
+        positions = model.user_units * model.axis_vector(target, "reference", np.nan)  # [rad or m]
         limits = model.limits.of_axes(axes_with_target)
         violation = limits.find_violation(positions[np.newaxis, axes_with_target])
         if violation is not None:

@@ -16,7 +16,8 @@ from simrob_drake.programs.whole_program import carried_program
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.sections import validated
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.load import load_station, loops_known, loops_on
+from simrob_drake.stations.feedback_loops import loops_known, loops_on
+from simrob_drake.stations.load import load_station
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.teach.pages.words import Notice
 from simrob_drake.teach.run_client import RunClient

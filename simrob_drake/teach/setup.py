@@ -5,7 +5,8 @@ from concurrent.futures import Future
 from typing import Any
 
 from simrob_drake.stations.change_of_kind import settings_with
-from simrob_drake.stations.load import station_content, switched
+from simrob_drake.stations.feedback_loops import settings_with_loop
+from simrob_drake.stations.load import station_content
 from simrob_drake.teach.move_runner import MoveRunner
 from simrob_drake.teach.program_book import ProgramBook
 from simrob_drake.teach.run_client import RunClient
@@ -39,7 +40,7 @@ class Setup:
     def switch_loop(self, name: str, on: bool) -> bool:
         """Switch an outer loop of the station on or off."""
         book = self._book
-        settings = self._client.or_wrong(lambda: switched(book.known_loops, book.settings, name, on))
+        settings = self._client.or_wrong(lambda: settings_with_loop(book.known_loops, book.settings, name, on))
         return settings is not None and self._open_with(settings)
 
     def check(self) -> Future[Any]:
@@ -53,7 +54,7 @@ class Setup:
     def loop_picture(self, name: str) -> Future[Any]:
         """Give as SVG what a loop reads and moves, be it on or off."""
         book = self._book
-        settings = switched(book.known_loops, book.settings, name, True)
+        settings = settings_with_loop(book.known_loops, book.settings, name, True)
         how: dict[str, Any] = {"station": book.station, "settings": settings, "allow_code": book.allow_code}
         return self._client.ask("loop_picture", name=name, **how)
 

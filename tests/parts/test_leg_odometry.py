@@ -17,7 +17,7 @@ from simrob_drake.parts.sensors.leg_odometry import BaseEstimator, LegOdometry, 
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.quadruped import trot
 from simrob_drake.results.block_diagram.picture import station_dot
-from simrob_drake.stations import load
+from simrob_drake.stations import feedback_loops
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.yaml_files import read_yaml
@@ -298,7 +298,7 @@ def test_a_robot_without_feet_of_its_own_is_refused():
 
 def test_a_loop_that_is_lent_brings_the_sensors_of_its_sensors(tmp_path, monkeypatch):
     """The page of a robot offers the loops of other stations of it, each with what it reads."""
-    text = (load.diagrams_root() / "zjudancer_dynamic.yaml").read_text()
+    text = (feedback_loops.diagrams_root() / "zjudancer_dynamic.yaml").read_text()
     parts = {
         "sensors": {
             "imu": {},
@@ -310,6 +310,6 @@ def test_a_loop_that_is_lent_brings_the_sensors_of_its_sensors(tmp_path, monkeyp
     parts["controllers"] = {"guard": GUARD}
     (tmp_path / "lent.yaml").write_text(f"{text}\n{yaml.safe_dump(parts)}")
     station = load_station("zjudancer_dynamic")
-    monkeypatch.setattr(load, "diagrams_root", lambda: tmp_path)
-    known = load.loops_known(station)
+    monkeypatch.setattr(feedback_loops, "diagrams_root", lambda: tmp_path)
+    known = feedback_loops.loops_known(station)
     assert set(known["guard"]) == {"controllers.guard", "sensors.odometry", "sensors.imu", "sensors.encoders"}

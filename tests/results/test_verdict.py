@@ -10,7 +10,7 @@ from simrob_drake.cli.app import run_command
 from simrob_drake.errors import VerdictError
 from simrob_drake.results.record.touch import Slide
 from simrob_drake.results.verdict.judge import CRITERIA
-from simrob_drake.results.verdict.verdict import Criterion, Measure, MeasuredValue, Verdict, joined
+from simrob_drake.results.verdict.verdict import Criterion, Measure, MeasuredValue, Verdict, join_verdicts
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.solver_config import VerdictConfig
 
@@ -158,7 +158,7 @@ def test_runs_that_follow_each_other_are_judged_by_their_worst():
     def share_of(part: float) -> Measure:
         return Measure(share, (MeasuredValue("a", part, "1", 0.3, None, 0.0, ""),))
 
-    whole = joined([verdict(0.2, 0.9, 1.0), verdict(0.8, 0.4, 0.0)], [1.0, 3.0])
+    whole = join_verdicts([verdict(0.2, 0.9, 1.0), verdict(0.8, 0.4, 0.0)], [1.0, 3.0])
     assert (whole["largest_error"].worst.value, whole["largest_error"].worst.time) == (0.8, 1.4)
     assert whole["torque_time"].worst.value == 0.25
     assert whole.warnings == ["a at 1.40 s (bound 28.6 deg)"]

@@ -1,4 +1,4 @@
-"""What tests of first stations share: robots of boxes, written link by link."""
+"""Fixtures for tests of stations: files of stations, and robots made of boxes, written link by link."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -31,6 +31,18 @@ def joint(child: str, parent: str, at: str, axis: str = "0 1 0", span: tuple[flo
     """Return the joint ``<child>_joint``, which turns a link."""
     lower, upper = span
     return JOINT.format(child=child, parent=parent, at=at, axis=axis, lower=lower, upper=upper, effort=effort)
+
+
+@pytest.fixture
+def write_station(tmp_path: Path) -> Callable[[Mapping[str, Any]], Path]:
+    """Return a function that writes the content of a station to a YAML file, and returns the file."""
+
+    def write(content: Mapping[str, Any]) -> Path:
+        file = tmp_path / "station.yaml"
+        file.write_text(yaml.safe_dump(content))
+        return file
+
+    return write
 
 
 @pytest.fixture

@@ -46,18 +46,6 @@ def run(write_station, pieces, solver, **changes):
     return simulate(load_station(write_station(content)), progress=False)
 
 
-@pytest.fixture
-def write_station(tmp_path):
-    import yaml
-
-    def write(content):
-        file = tmp_path / "station.yaml"
-        file.write_text(yaml.safe_dump(content))
-        return file
-
-    return write
-
-
 def on_slope(size, degrees):
     """Pose of a box that lies on a floor that rises towards x by an angle."""
     angle = float(np.deg2rad(degrees))

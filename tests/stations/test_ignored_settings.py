@@ -40,9 +40,9 @@ def test_strict_ends_with_4(tmp_path, monkeypatch):
 SLOPE = 30.0
 
 
-def slides(write_config, solver, friction):
+def slides(write_station, solver, friction):
     angle = np.deg2rad(SLOPE)
-    pose = [-0.1 * np.sin(angle), 0, 0.1 * np.cos(angle), 0, -angle, 0]
+    pose = [float(-0.1 * np.sin(angle)), 0, float(0.1 * np.cos(angle)), 0, float(-angle), 0]
     box = {"box": [0.2, 0.2, 0.2], "mass": 3, "free": True, "pose": pose}
     content = {
         "pieces": {"box": box},
@@ -51,18 +51,8 @@ def slides(write_config, solver, friction):
         "solver": solver,
         "duration": 0.5,
     }
-    result = simulate(load_station(write_config(content)), progress=False)
+    result = simulate(load_station(write_station(content)), progress=False)
     return -result["piece.box.x"][-1] + result["piece.box.x"][0] > 0.05, result.warnings
-
-
-@pytest.fixture
-def write_config(tmp_path):
-    def write(content):
-        file = tmp_path / "station.yaml"
-        file.write_text(json.dumps(content))
-        return file
-
-    return write
 
 
 @pytest.mark.parametrize(
@@ -74,20 +64,20 @@ def write_config(tmp_path):
         {"kind": "mujoco"},
     ],
 )
-def test_fixed_steps_ignore_static_friction_and_say_so(write_config, solver):
+def test_fixed_steps_ignore_static_friction_and_say_so(write_station, solver):
     """tan 30° = 0.58 lies between the coefficients: the static one should hold the box."""
-    slid, warnings = slides(write_config, solver, {"static": 0.8, "dynamic": 0.3})
+    slid, warnings = slides(write_station, solver, {"static": 0.8, "dynamic": 0.3})
     assert slid
     assert any("ignores contact.friction.static (0.8)" in warning for warning in warnings)
-    slid, warnings = slides(write_config, solver, {"static": 0.8, "dynamic": 0.8})
+    slid, warnings = slides(write_station, solver, {"static": 0.8, "dynamic": 0.8})
     assert not slid
     assert warnings == []
 
 
 @pytest.mark.parametrize(("scheme", "step"), [("cenic", 0.01), ("radau3", 0.1)])
-def test_continuous_schemes_hold_by_static_friction(write_config, scheme, step):
+def test_continuous_schemes_hold_by_static_friction(write_station, scheme, step):
     solver = {"kind": "continuous", "scheme": scheme, "max_step": step}
-    slid, warnings = slides(write_config, solver, {"static": 0.8, "dynamic": 0.3})
+    slid, warnings = slides(write_station, solver, {"static": 0.8, "dynamic": 0.3})
     assert not slid
     assert warnings == []
 

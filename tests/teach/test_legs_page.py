@@ -18,7 +18,8 @@ from nicegui.testing.user_interaction import UserInteraction
 from simrob_drake.programs.moves.kinds import KINDS
 from simrob_drake.programs.moves.move import Move
 from simrob_drake.robots.catalog import load_robot
-from simrob_drake.stations.load import load_station, loops_known
+from simrob_drake.stations.feedback_loops import loops_known
+from simrob_drake.stations.load import load_station
 from simrob_drake.teach.pages import joints, legs, plots
 from simrob_drake.teach.pages.words import Phrases, languages, matches, texts_of, words
 from simrob_drake.teach.run import EndedRun, Moments, TaughtRun

@@ -78,8 +78,8 @@ class ViewedStation(PosedStation):
     def draw(self, positions: Vector, time: float = 0.0) -> None:
         """Show a configuration, shape (nq,), in Meshcat; a recording files it under ``time`` [s]."""
         self.place(positions)
-        self._scene.SetTime(time)
-        self._diagram.ForcedPublish(self._scene)
+        self._root_context.SetTime(time)
+        self._diagram.ForcedPublish(self._root_context)
 
     def extents(self, positions: Vector) -> Vector:
         """Return points (m, 3) [m] around all links and shapes in configurations (k, nq), without the floor."""

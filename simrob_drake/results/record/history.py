@@ -1,4 +1,12 @@
-"""The states of a run at its accepted steps, and between them."""
+"""States of a run at its steps, and between them.
+
+A solver advances a run in *steps*. After each step that the solver accepts, a `Recorder` copies the state of the
+diagram. The recorded states form a `StateHistory`: one *row* for each accepted step, and row 0 for the start of the
+run. States between two rows are interpolated.
+
+Drake's state has a *continuous* part, a vector; a *discrete* part, which consists of several vectors (groups) that
+change at certain times only; and *abstract* values, arbitrary objects.
+"""
 
 from array import array
 from collections.abc import Callable
@@ -16,22 +24,33 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 
 Rates = Callable[[Vector], Vector]
-RUNAWAY = 1e8  # a position or speed [rad, m, rad/s, m/s] that no robot has: a run that gets there has diverged
+"""Computes time derivatives of the plant's positions, (k, nq), from continuous states of the diagram, (k, nx)."""
 
+Mask = npt.NDArray[np.bool_]
+"""One boolean for each row or each value."""
 
-_GO_ON = EventStatus.DidNothing()
-_LOOK_EVERY = 20  # steps
-# Differences of time up to this value are rounding [s]. A time may lie so far outside of the run, and two records that
-# are so close are not the ends of a step.
+RUNAWAY = 1e8
+"""A state of this size has diverged: no robot has such a position or speed [rad, m, rad/s, m/s]."""
+
+_GO_ON = EventStatus.DidNothing()  # tells Drake to continue
+
+_CHECK_EVERY = 20  # steps between two checks of the recorded states
+
 _ROUNDING = 1e-9
+"""Differences of time up to this value are rounding [s]. A time may lie so far outside of the run, and two records that
+are so close are not the ends of a step."""
 
 
 class Recorder:
-    """Keep time, continuous state, every discrete group and abstract state at each accepted step, whatever the solver.
+    """Copies time and state of a diagram after each accepted step, whatever the solver.
 
-    It is the simulator's monitor, which Drake calls after each step: it forces no steps and costs a few microseconds.
-    Now and then it looks whether the state has run away, and asks whoever wants to look at what was recorded; either
-    may end the run.
+    It is the simulator's *monitor*, a callback of Drake after each step. So it forces no steps, and costs a few
+    microseconds for each. Every 20 steps it also checks whether the state has diverged, and shows the new steps to a
+    callback; either may end the run.
+
+    Attributes:
+        times: time of each record [s].
+        failure: the exception of a watcher, which is no fault of the simulation; None if no watcher failed.
     """
 
     def __init__(
@@ -41,42 +60,57 @@ class Recorder:
         look: "Callable[[StateHistory], bool] | None" = None,
         pace: Callable[[Context], None] | None = None,
     ) -> None:
-        """Begin to record, as the monitor of a simulator, with the state that it starts from.
+        """Begin to record a simulator, whose present state becomes row 0.
 
-        After each accepted step watchers are called, and ``pace``, which may change the length of the next ones;
-        ``look`` gets the steps since its last call now and then, and True ends the run.
+        Args:
+            simulator: the simulator. The recorder becomes its monitor.
+            watchers: callbacks after each step, with the context of the diagram.
+            look: callback for the steps since its last call, about every 20 steps. It returns True to end the run.
+            pace: callback before each record, which may change the length of the next steps.
         """
         self.times = array("d")
-        self.failure: BaseException | None = None  # what a watcher raised, which is no fault of the simulation
-        self._states: list[array[float]] = []  # of the continuous and of the discrete part, one state after another
-        self._abstract: list[list[AbstractValue]] = []
-        self._watchers, self._look, self._seen = watchers, look, 0
+        self.failure: BaseException | None = None
+        # Values of all records, one record after another: of the continuous state, and of all discrete groups.
+        self._continuous = array("d")
+        self._discrete = array("d")
+        self._abstract: list[list[AbstractValue]] = []  # abstract values of each record; empty if there are none
+        self._watchers = watchers
+        self._look = look
+        self._shown = 0  # count of records that the callback `look` has got
         self.attach(simulator, pace)
 
     def attach(self, simulator: Simulator, pace: Callable[[Context], None] | None = None) -> None:
-        """Go on with a simulator whose context has the same layout, from the state that it is in."""
+        """Continue the record with another simulator, beginning with its present state.
+
+        Args:
+            simulator: a simulator whose context has the same states, in the same order, as that of the former one.
+            pace: as in the constructor.
+        """
         self._pace = pace
         self._system = simulator.get_system()
         context = simulator.get_context()
-        groups = range(context.num_discrete_state_groups())
-        self._ends = np.cumsum([context.get_discrete_state(group).size() for group in groups], dtype=int).tolist()
-        self._sizes = context.num_continuous_states(), self._ends[-1] if self._ends else 0
-        self._states = self._states or [array("d") for _ in self._sizes]
-        self._values = range(context.num_abstract_states())
-        self._vector = context.get_continuous_state_vector()
-        self._groups = [context.get_discrete_state(group).value() for group in groups]
-        self._keep(context)
-        simulator.set_monitor(self._keep)
+        group_indices = range(context.num_discrete_state_groups())
+        # Groups are stored one after another: the end of each group in a record of the discrete state.
+        sizes = [context.get_discrete_state(index).size() for index in group_indices]
+        self._group_ends = np.cumsum(sizes, dtype=int).tolist()
+        self._discrete_size = sum(sizes)
+        self._continuous_size = context.num_continuous_states()
+        self._abstract_indices = range(context.num_abstract_states())
+        # References into the context, so that a record needs no lookup.
+        self._continuous_vector = context.get_continuous_state_vector()
+        self._groups = [context.get_discrete_state(index).value() for index in group_indices]
+        self._record(context)
+        simulator.set_monitor(self._record)
 
-    def _keep(self, context: Context) -> EventStatus:
-        """Record a step and call the watchers: the simulator's monitor, which may end the run."""
+    def _record(self, context: Context) -> EventStatus:
+        """Record a step and call the callbacks. Returns Drake's status for continuing or for ending the run."""
         time = context.get_time()
         if self._pace is not None:
             self._pace(context)
-        if self.times and time == self.times[-1]:  # an event at a step's end: what it left counts
-            del self.times[-1:], self._abstract[-1:]
-            for size, states in zip(self._sizes, self._states, strict=True):
-                del states[len(states) - size :]
+        is_same_time = bool(self.times) and time == self.times[-1]
+        if is_same_time:
+            # An event at the end of a step has changed the state. The state after the event counts.
+            self._drop_last()
         self._copy(time, context)
         try:
             for watcher in self._watchers:
@@ -84,7 +118,7 @@ class Recorder:
         except (Exception, SystemExit) as problem:
             self.failure = problem
             raise
-        if len(self.times) % _LOOK_EVERY == 0:
+        if len(self.times) % _CHECK_EVERY == 0:
             if not self.is_sane():
                 return EventStatus.ReachedTermination(self._system, "a state ran away to infinity")
             if self.look():
@@ -94,111 +128,175 @@ class Recorder:
     def _copy(self, time: float, context: Context) -> None:
         """Append the time and the state of a context to the record."""
         self.times.append(time)
-        if self._sizes[0]:
-            self._states[0].frombytes(self._vector.CopyToVector().tobytes())
-        if self._sizes[1]:
-            self._states[1].frombytes(np.concatenate(self._groups).tobytes())
-        if self._values:
-            self._abstract.append([context.get_abstract_state(index).Clone() for index in self._values])
+        if self._continuous_size:
+            self._continuous.frombytes(self._continuous_vector.CopyToVector().tobytes())
+        if self._discrete_size:
+            self._discrete.frombytes(np.concatenate(self._groups).tobytes())
+        if self._abstract_indices:
+            values = [context.get_abstract_state(index).Clone() for index in self._abstract_indices]
+            self._abstract.append(values)
+
+    def _drop_last(self) -> None:
+        """Remove the last record."""
+        del self.times[-1:]
+        del self._abstract[-1:]
+        del self._continuous[len(self._continuous) - self._continuous_size :]
+        del self._discrete[len(self._discrete) - self._discrete_size :]
 
     def look(self) -> bool:
-        """Show the steps since the last look; tell whether they end the run."""
-        if self._look is None or self._seen >= len(self.times):
+        """Call the callback `look` with the steps since its last call. Returns True if it ends the run."""
+        if self._look is None or self._shown >= len(self.times):
             return False
-        unseen = slice(self._seen, None)
-        self._seen = len(self.times)
-        return self._look(self._rows(unseen))
+        first = self._shown
+        self._shown = len(self.times)
+        return self._look(self._rows(first, len(self.times)))
 
     def is_sane(self) -> bool:
-        """Tell whether the last recorded state is made of numbers of a size that a robot can have."""
-        ends = zip(self._states, self._sizes, strict=True)
-        return all(_is_sane(np.array(states[len(states) - size :])).all() for states, size in ends)
+        """Whether all values of the last record have a size that is possible for a robot."""
+        continuous = self._continuous[len(self._continuous) - self._continuous_size :]
+        discrete = self._discrete[len(self._discrete) - self._discrete_size :]
+        return bool(_is_sane(np.array(continuous)).all() and _is_sane(np.array(discrete)).all())
 
     def history(self, count: int | None = None) -> "StateHistory":
-        """Return what was recorded so far, up to the last sane state; its first ``count`` steps where that is given."""
-        whole = self._rows(slice(0, count))
-        sane = np.all([_sane(values) for values in (whole.continuous, *whole.discrete)], axis=0)
-        kept = len(sane) if sane.all() else max(int(np.argmin(sane)), 1)
-        return whole if kept == len(whole.times) else self._rows(slice(0, kept))
+        """The recorded states, up to the last one before the first that has diverged, and at least row 0.
 
-    def _rows(self, rows: slice) -> "StateHistory":
-        """Make a history of some of the recorded states."""
-        first, last, _ = rows.indices(len(self.times))
-        everything = last - first == len(self.times)  # of which there shall be no second copy
-        continuous, discrete = (
-            np.asarray(states if everything else states[first * size : last * size]).reshape(last - first, size)
-            for size, states in zip(self._sizes, self._states, strict=True)
-        )
-        groups = [discrete[:, slice(*ends)] for ends in pairwise([0, *self._ends])]
-        return StateHistory(np.asarray(self.times[rows]), continuous, groups, self._abstract[rows])
+        Args:
+            count: largest count of rows; None for all.
+        """
+        rows = len(self.times) if count is None else min(count, len(self.times))
+        whole = self._rows(0, rows)
+        sane = np.all([_are_rows_sane(values) for values in (whole.continuous, *whole.discrete)], axis=0)
+        if sane.all():
+            return whole
+        first_bad = int(np.argmin(sane))
+        return self._rows(0, max(first_bad, 1))
+
+    def _rows(self, first: int, end: int) -> "StateHistory":
+        """Make a history of the records from ``first`` up to, but without, ``end``."""
+        continuous = self._matrix(self._continuous, self._continuous_size, first, end)
+        discrete = self._matrix(self._discrete, self._discrete_size, first, end)
+        groups = [discrete[:, start:stop] for start, stop in pairwise([0, *self._group_ends])]
+        return StateHistory(np.asarray(self.times[first:end]), continuous, groups, self._abstract[first:end])
+
+    def _matrix(self, values: "array[float]", size: int, first: int, end: int) -> Vector:
+        """Values of some records as a matrix with one row for each record; ``size`` values belong to a record.
+
+        The matrix of all records is a view of the memory, since a long run should not be copied. Others are copies.
+        """
+        is_everything = first == 0 and end == len(self.times)
+        part = values if is_everything else values[first * size : end * size]
+        return np.asarray(part).reshape(end - first, size)
 
 
-def _sane(states: Vector) -> npt.NDArray[np.bool_]:
-    """Tell which rows of values are sane."""
-    return np.concatenate([_is_sane(states[part]).all(axis=1) for part in parts(len(states))])
+def _are_rows_sane(states: Vector) -> Mask:
+    """Whether all values of a row have a size that is possible for a robot, for each row (m,) of values (m, k)."""
+    masks = [_is_sane(states[part]).all(axis=1) for part in parts(len(states))]
+    return np.concatenate(masks)
 
 
-def _is_sane(values: Vector) -> npt.NDArray[np.bool_]:
-    """Tell which values are numbers below RUNAWAY; infinite is a monitor's "not yet"."""
+def _is_sane(values: Vector) -> Mask:
+    """Whether each value has a size that is possible for a robot.
+
+    NaN and values of RUNAWAY or more are not sane. Infinity is: a monitor stores it for "the condition is not met".
+    """
     return np.asarray(np.isinf(values) | (np.abs(values) < RUNAWAY))
 
 
 @dataclass(frozen=True)
 class PlantSlice:
-    """Where a continuous plant's positions and velocities lie in the state of its diagram."""
+    """Positions and velocities of a continuous plant, as parts of the continuous state of its diagram."""
 
     positions: slice
     velocities: slice
 
 
 def plant_slice(diagram: Diagram, plant: MultibodyPlant, context: Context) -> PlantSlice | None:
-    """Return where the plant's state lies in a diagram's continuous state; None if it has none there."""
+    """Find the state of the plant in the continuous state of a diagram.
+
+    Returns None if the plant has no continuous state, as a discrete plant.
+
+    Args:
+        diagram: the diagram.
+        plant: a direct part of the diagram.
+        context: a context of the diagram.
+    """
+    # The continuous state of a diagram consists of those of its systems, in order.
     start = 0
     for system in diagram.GetSystems():
         size = system.GetMyContextFromRoot(context).num_continuous_states()
         if system is plant:
+            if size == 0:
+                return None
             middle = start + plant.num_positions()
-            return PlantSlice(slice(start, middle), slice(middle, start + size)) if size else None
+            return PlantSlice(positions=slice(start, middle), velocities=slice(middle, start + size))
         start += size
     return None
 
 
 @dataclass(frozen=True)
 class StateHistory:
-    """States at the accepted steps of a run."""
+    """States at the ends of the accepted steps of a run.
 
-    times: Vector  # of the steps' ends, shape (m,) [s], rising
-    continuous: Vector  # continuous states, shape (m, nx)
-    discrete: list[Vector] = field(default_factory=list)  # for every discrete group its values, shape (m, size)
-    abstract: list[list[AbstractValue]] = field(default_factory=list)  # for every step, where there are any
+    Attributes:
+        times: ends of the steps, and the start of the run as row 0, shape (m,) [s], rising.
+        continuous: continuous states, shape (m, nx).
+        discrete: values of each discrete group, shape (m, size) each.
+        abstract: abstract values of each row; empty if the diagram has none.
+    """
+
+    times: Vector
+    continuous: Vector
+    discrete: list[Vector] = field(default_factory=list)
+    abstract: list[list[AbstractValue]] = field(default_factory=list)
 
     @property
     def end(self) -> float:
-        """The time of the last state [s]."""
+        """Time of the last state [s]."""
         return float(self.times[-1])
 
     def at(self, times: Vector, plant: PlantSlice | None, rates: Rates | None) -> "StateHistory":
-        """Return the states at ``times`` (k,) [s], exact at step ends.
+        """Compute the states at any times of the run; they are exact at the ends of steps.
 
-        Positions of the plant follow a cubic Hermite spline on the joint rates (k, nq) that ``rates`` gives, the rest
-        of the continuous state a straight line; discrete values are those held over the step that ended there. Raises
-        InvalidParameter: a time outside of the run, where nothing is known.
+        Between two steps, positions of the plant follow a cubic Hermite spline. The rest of the continuous state is
+        interpolated linearly. Discrete and abstract values are those at the end of the step.
+
+        Args:
+            times: the times, shape (k,) [s].
+            plant: part of the continuous state that is the plant; None if there is no plant in it.
+            rates: computes the derivatives of the plant's positions. If ``plant`` or ``rates`` is None, positions are
+                interpolated linearly, too.
+
+        Returns:
+            a history with k rows.
+
+        Raises:
+            InvalidParameter: a time is outside of the run.
         """
-        outside = ~((times >= self.times[0] - _ROUNDING) & (times <= self.end + _ROUNDING))
-        if outside.any():
+        # NaN fails both comparisons, so it is outside.
+        is_inside = (times >= self.times[0] - _ROUNDING) & (times <= self.end + _ROUNDING)
+        if not is_inside.all():
             known = f"within the run, {self.times[0]:g} to {self.end:g} s"
-            raise InvalidParameter("time", f"{times[outside][0]:g} s", known)
+            raise InvalidParameter("time", f"{times[~is_inside][0]:g} s", known)
         after = self._after(times)
         before = np.maximum(after - 1, 0)
-        width = self.times[after] - self.times[before]
-        part = np.divide(times - self.times[before], width, out=np.ones_like(times), where=width > 0)[:, np.newaxis]
-        low, high = self.continuous[before], self.continuous[after]
+        width = self.times[after] - self.times[before]  # lengths of the steps [s]; 0 at the start of the run
+        # The share of the step that has passed at each time, from 0 to 1, shape (k, 1); 1 at the start of the run.
+        elapsed = times - self.times[before]
+        shares = np.divide(elapsed, width, out=np.ones_like(times), where=width > 0)
+        part = shares[:, np.newaxis]
+        low = self.continuous[before]
+        high = self.continuous[after]
         states = np.where(part == 1, high, low + part * (high - low))
         if plant is not None and rates is not None:
-            knots = slice(None), plant.positions
-            rows, place = np.unique([before, after], return_inverse=True)
-            slopes = rates(self.continuous[rows])[place.reshape(2, -1)] * width[:, np.newaxis]
-            states[knots] = _hermite(part, low[knots], high[knots], *slopes)
+            columns = plant.positions
+            # Many times share a step, and computing rates is slow: compute the rates of each row once.
+            rows, indices = np.unique([before, after], return_inverse=True)
+            index_before, index_after = indices.reshape(2, -1)
+            rates_of_rows = rates(self.continuous[rows])
+            # Slopes are changes over a whole step.
+            low_slopes = rates_of_rows[index_before] * width[:, np.newaxis]
+            high_slopes = rates_of_rows[index_after] * width[:, np.newaxis]
+            states[:, columns] = _hermite(part, low[:, columns], high[:, columns], low_slopes, high_slopes)
         return StateHistory(times, states, [group[after] for group in self.discrete], self._values_at(after))
 
     def steps(self, times: Vector, *, begins_in_motion: bool = False) -> "StateHistory":
@@ -231,32 +329,45 @@ class StateHistory:
         return StateHistory(begin, self.continuous[end], discrete, self._values_at(end))
 
     def _values_at(self, rows: npt.NDArray[np.intp]) -> list[list[AbstractValue]]:
+        """Abstract values of some rows; empty if the diagram has no abstract values."""
         return [self.abstract[row] for row in rows] if self.abstract else []
 
     def _after(self, times: Vector) -> npt.NDArray[np.intp]:
-        """Return the places of the first states that are not before ``times``; of the last one after the end."""
+        """Row of the first state that is not before each of the times; the last row for a time after the end."""
         return np.clip(np.searchsorted(self.times, times, side="left"), 0, len(self.times) - 1)
 
     def put(self, row: int, context: Context) -> None:
-        """Set a context of the same diagram to the state of a row."""
+        """Set the time and the state of a context to those of a row.
+
+        Args:
+            row: index of the row.
+            context: context of a diagram with the same states. It is changed.
+        """
         context.SetTime(self.times[row])
         if self.continuous.shape[1]:
             context.SetContinuousState(self.continuous[row])
         if self.discrete:
-            values = context.get_mutable_discrete_state()  # at once: to set one notes all that depends on it
+            # All groups in one call: each call invalidates everything that depends on the discrete state.
+            values = context.get_mutable_discrete_state()
             for index, group in enumerate(self.discrete):
                 values.set_value(index, group[row])
-        for index, value in enumerate(self.abstract[row] if self.abstract else []):
-            context.get_mutable_abstract_state(index).SetFrom(value)
+        if self.abstract:
+            for index, value in enumerate(self.abstract[row]):
+                context.get_mutable_abstract_state(index).SetFrom(value)
 
     def joined(self, later: "StateHistory") -> "StateHistory":
-        """Return these states, as far as they come before the first of ``later``, and those after them."""
+        """Replace the end of this history by a later one.
+
+        Returns:
+            the states of this history before the first time of ``later``, then all states of ``later``.
+        """
         kept = self.times < later.times[0]
+        discrete = [np.vstack([group[kept], end]) for group, end in zip(self.discrete, later.discrete, strict=True)]
         return StateHistory(
-            np.append(self.times[kept], later.times),
-            np.vstack([self.continuous[kept], later.continuous]),
-            [np.vstack([group[kept], end]) for group, end in zip(self.discrete, later.discrete, strict=True)],
-            [*self.abstract[: int(kept.sum())], *later.abstract],
+            times=np.append(self.times[kept], later.times),
+            continuous=np.vstack([self.continuous[kept], later.continuous]),
+            discrete=discrete,
+            abstract=[*self.abstract[: int(kept.sum())], *later.abstract],
         )
 
     def last(self, count: int = 1) -> "StateHistory":
@@ -273,16 +384,28 @@ class StateHistory:
 
 
 def _hermite(part: Vector, low: Vector, high: Vector, low_slope: Vector, high_slope: Vector) -> Vector:
-    """Return the cubic between two values with two slopes (per interval), at ``part`` from 0 to 1."""
+    """Evaluate cubics between two values, with given slopes at both ends.
+
+    Args:
+        part: position between the ends, from 0 to 1, shape (k, 1).
+        low: values at 0, shape (k, n).
+        high: values at 1, shape (k, n).
+        low_slope: derivatives by ``part`` at 0, shape (k, n).
+        high_slope: derivatives by ``part`` at 1, shape (k, n).
+    """
     left = 1 - part
     return np.asarray(
         left**2 * ((1 + 2 * part) * low + part * low_slope) + part**2 * ((3 - 2 * part) * high - left * high_slope)
     )
 
 
-_PART = 1000
+_PART = 1000  # rows that are evaluated at once
 
 
 def parts(count: int) -> list[slice]:
-    """Cut rows into parts of a thousand, so that what is computed of each takes little memory at once."""
+    """Divide rows into parts of a thousand, so that intermediate results of each part need little memory.
+
+    Args:
+        count: count of the rows.
+    """
     return [slice(first, first + _PART) for first in range(0, count, _PART)]

@@ -1,4 +1,8 @@
-"""What touches the free pieces of a station, and with what force, at evenly spaced samples of a run."""
+"""Contacts of the free pieces of a station, at evenly spaced samples of a run.
+
+A *free piece* is a body that only contacts and gravity hold, such as a workpiece on a table. The samples of a run are
+the times at which its signals are recorded. Contacts are evaluated at some of these samples only, since this is slow.
+"""
 
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
@@ -8,82 +12,105 @@ from pydrake.geometry import GeometryId
 from pydrake.multibody.plant import ContactResults
 
 from simrob_drake.blocks.contacts import Contacts
-from simrob_drake.frames import Vector
+from simrob_drake.frames import Indices, Vector
 from simrob_drake.parts.site import StationPlant
 from simrob_drake.parts.targets import owner_and_robot
 
-LOOK_RATE = 50.0
-"""How often contacts are evaluated [Hz]."""
+EVALUATION_RATE = 50.0
+"""How often contacts are evaluated, in simulated time [Hz]."""
 
-MOST_LOOKS = 500
-"""Most evaluations of contacts in a run: one takes up to a millisecond."""
+MOST_EVALUATIONS = 500
+"""Largest count of evaluations in a run: one takes up to a millisecond."""
 
 
-class Look(NamedTuple):
-    """What touches a piece at one moment.
+class ContactSample(NamedTuple):
+    """Contacts of one piece at one sample of a run.
 
     Attributes:
-        row: the place of the moment among the samples of the run.
+        sample: index of the sample.
         force: sum of all contact forces on the piece, in the world's axes, shape (3,) [N].
-        partners: the owners of the shapes that press on it.
-        normal: mean direction in which they push it, shape (3,); zero if nothing touches it.
-        friction: largest static friction coefficient of the touching pairs; 0 if nothing touches it.
+        partners: names of the bodies that touch the piece: pieces, links of robots, the floor.
+        normal: mean of the unit vectors that point from the other bodies into the piece, normal to the touching
+            surfaces, in the world's axes, shape (3,); zero if nothing touches the piece.
+        friction: largest static friction coefficient of the touching pairs of shapes; 0 if nothing touches the piece.
     """
 
-    row: int
+    sample: int
     force: Vector
     partners: frozenset[str]
     normal: Vector
     friction: float
 
 
-def looks_at_pieces(
+def sample_piece_contacts(
     station: StationPlant, times: Vector, contacts_at: Callable[[Vector], Iterator[ContactResults]]
-) -> dict[str, list[Look]]:
+) -> dict[str, list[ContactSample]]:
     """Evaluate the contacts of each free piece at some of the samples of a run.
 
     Args:
         station: the plant of the run.
-        times: of the samples, shape (m,) [s].
-        contacts_at: yields contact results at times (k,) of the run.
+        times: times of all samples, shape (m,) [s].
+        contacts_at: yields Drake's contact results at times (k,) [s] of the run.
+
+    Returns:
+        for each free piece, by its name, its contacts in the order of time.
     """
-    shapes = {
-        piece: set(station.plant.GetCollisionGeometriesForBody(body)) for piece, body in station.free_pieces.items()
-    }
-    looks: dict[str, list[Look]] = {piece: [] for piece in shapes}
-    rows = _rows(times)
-    for row, results in zip(rows.tolist(), contacts_at(times[rows]), strict=True):
+    plant = station.plant
+    shapes_of_pieces = {}
+    for piece, body in station.free_pieces.items():
+        shapes_of_pieces[piece] = set(plant.GetCollisionGeometriesForBody(body))
+
+    found: dict[str, list[ContactSample]] = {piece: [] for piece in shapes_of_pieces}
+    samples = _evaluated_samples(times)
+    results_at_samples = contacts_at(times[samples])
+    for sample, results in zip(samples.tolist(), results_at_samples, strict=True):
         contacts = Contacts.of(results)
-        for piece, own in shapes.items():
-            looks[piece].append(_look(station, row, contacts, own))
-    return looks
+        for piece, shapes in shapes_of_pieces.items():
+            found[piece].append(_contact_sample(station, sample, contacts, shapes))
+    return found
 
 
-def _rows(times: Vector) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-    """Select samples that are evenly spaced: LOOK_RATE a second, MOST_LOOKS in all."""
-    looks = min(LOOK_RATE * float(times[-1]), float(MOST_LOOKS))
-    step = max(int(np.ceil(len(times) / max(looks, 1.0))), 1)
-    return np.arange(0, len(times), step)
+def _evaluated_samples(times: Vector) -> Indices:
+    """Indices of the samples at which contacts are evaluated: every k-th sample, beginning with the first.
+
+    Args:
+        times: times of all samples, shape (m,) [s].
+    """
+    duration = float(times[-1])
+    evaluations = min(EVALUATION_RATE * duration, float(MOST_EVALUATIONS))
+    step = int(np.ceil(len(times) / max(evaluations, 1.0)))
+    return np.arange(0, len(times), max(step, 1))
 
 
-def _look(station: StationPlant, row: int, contacts: Contacts, own: set[GeometryId]) -> Look:
-    """Collect the contacts of one piece, of which ``own`` are the shapes."""
+def _contact_sample(station: StationPlant, sample: int, contacts: Contacts, own: set[GeometryId]) -> ContactSample:
+    """Select the contacts of one piece, and sum their forces.
+
+    Args:
+        station: the plant of the run.
+        sample: index of the sample.
+        contacts: all contacts at this sample.
+        own: collision shapes of the piece.
+    """
     nothing = np.zeros(3)
-    touching = [place for place, pair in enumerate(contacts.pairs) if own.intersection(pair)]
+    touching = [index for index, pair in enumerate(contacts.pairs) if own.intersection(pair)]
     if not touching:
-        return Look(row=row, force=nothing, partners=frozenset(), normal=nothing, friction=0.0)
-    senses = np.array([1.0 if contacts.pairs[place][0] in own else -1.0 for place in touching])
-    forces = senses[:, np.newaxis] * contacts.forces[touching]
-    normals = senses[:, np.newaxis] * contacts.normals[touching]
+        return ContactSample(sample=sample, force=nothing, partners=frozenset(), normal=nothing, friction=0.0)
+    # Forces and normals of a contact are those on the first shape of its pair; on the second they have the other sign.
+    signs = []
     partners = set()
     frictions = []
-    for place in touching:
-        first, second = contacts.pairs[place]
-        other = second if first in own else first
-        partners.add(owner_and_robot(station, other)[0])
+    for index in touching:
+        first, second = contacts.pairs[index]
+        is_first = first in own
+        signs.append(1.0 if is_first else -1.0)
+        partner, _ = owner_and_robot(station, second if is_first else first)
+        partners.add(partner)
         frictions.append(_friction(station, first, second))
-    return Look(
-        row=row,
+    factors = np.array(signs)[:, np.newaxis]
+    forces = factors * contacts.forces[touching]
+    normals = factors * contacts.normals[touching]
+    return ContactSample(
+        sample=sample,
         force=forces.sum(axis=0),
         partners=frozenset(partners),
         normal=normals.mean(axis=0),
@@ -92,11 +119,15 @@ def _look(station: StationPlant, row: int, contacts: Contacts, own: set[Geometry
 
 
 def _friction(station: StationPlant, first: GeometryId, second: GeometryId) -> float:
-    """Static friction coefficient between two shapes, 2 m1 m2 / (m1 + m2) as in Drake."""
+    """Static friction coefficient between two shapes.
+
+    Drake combines the coefficients of two surfaces as m = 2 m1 m2 / (m1 + m2); 0 if both are 0.
+    """
     inspector = station.scene_graph.model_inspector()
     coefficients = []
     for shape in (first, second):
         properties = inspector.GetProximityProperties(shape)
-        coefficients.append(float(properties.GetProperty("material", "coulomb_friction").static_friction()))
+        friction = properties.GetProperty("material", "coulomb_friction")
+        coefficients.append(float(friction.static_friction()))
     total = sum(coefficients)
     return 2 * coefficients[0] * coefficients[1] / total if total > 0 else 0.0

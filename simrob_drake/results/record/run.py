@@ -1,4 +1,9 @@
-"""What was recorded of a run: signals, how it ended and how fast it was, and what happened in it when."""
+"""Records of runs: signals, how a run ended, how fast it was stepped, and the events in it.
+
+A *run* is one simulation of a station. A *program* is a sequence of runs that follow each other; it is recorded as one
+run, whose parts are the runs. Signals are recorded as named *columns*, such as ``q.joint_2``, at m *samples* in time.
+An *event* is a pair of a time [s] and a short text.
+"""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -13,45 +18,69 @@ from simrob_drake.blocks.references import Reference, Samples
 from simrob_drake.errors import one_of
 from simrob_drake.frames import VELOCITY_NAMES, XYZ_QUATERNION_NAMES, Vector
 from simrob_drake.parts.site import StationPlant, StationRobot, named
-from simrob_drake.results.record.piece_contacts import Look, looks_at_pieces
+from simrob_drake.results.record.piece_contacts import ContactSample, sample_piece_contacts
 from simrob_drake.results.record.state import State
 from simrob_drake.results.record.touch import Event, Touch, onsets
 from simrob_drake.signals import Panel, Signal
 from simrob_drake.stations.config import StationConfig
 
 Ending = Literal["completed", "monitor", "diverged", "interrupted", "failed"]
-DIVERGED, INTERRUPTED, FAILED = "diverged", "interrupted", "failed"
-"""What stands for a monitor's name where none ended the run; of a block that failed that is the block's name."""
+"""How a run ended: at its full duration, by a monitor, by divergence, by the user, or because a block failed."""
+
+DIVERGED = "diverged"
+INTERRUPTED = "interrupted"
+FAILED = "failed"
 
 
 class Approach(NamedTuple):
-    """The smallest distance between bodies along a motion."""
+    """The smallest distance between two bodies along a motion.
 
-    distance: float  # [m]; negative if they overlap, infinite if there are none
-    bodies: str  # the two bodies, such as "pencil to table"; empty if there are none
+    Attributes:
+        distance: the distance [m]. It is negative if the bodies overlap, and infinite if there was no pair of bodies to
+            measure.
+        bodies: names of the two bodies, such as "pencil to table"; empty if there was no pair.
+    """
+
+    distance: float
+    bodies: str
 
 
 class Approaches(NamedTuple):
-    """The smallest distances of a robot, with what it carries, along a motion."""
+    """The smallest distances of a robot, with what it carries, along a motion.
 
-    to_others: Approach  # to anything else
-    to_itself: Approach  # of its bodies to each other
+    Attributes:
+        to_others: distance to any other body.
+        to_itself: distance between two bodies of the robot.
+    """
+
+    to_others: Approach
+    to_itself: Approach
 
 
 @dataclass(frozen=True, eq=False)
 class AskedMove:
-    """A move of an arm that a run was asked for, from the start of the run."""
+    """A planned move of an arm, which begins at the start of a run.
 
-    kind: str  # of move, such as ``move_l``; empty where no file can say it
-    robot: str  # whose it is
-    duration: float  # that it takes [s]
-    end: Vector  # the posture that it leads to, shape (n,) [rad or m]
-    tool: Callable[[Vector], Vector]  # gives the poses (k, 4, 4) of the tool in postures (k, n)
-    # gives the smallest distances along positions (k, nq) of the plant
+    Attributes:
+        kind: kind of the move, such as ``move_l``. It is empty if the move cannot be written in a program's file.
+        robot: name of the robot that moves.
+        duration: planned duration [s].
+        end: planned final posture, shape (n,) [rad or m].
+        tool: computes the poses of the tool, shape (k, 4, 4), in postures (k, n).
+        approaches: computes the smallest distances along positions of the plant, shape (k, nq).
+        speed: planned speed of the tool [m/s]; None if none was asked for.
+        place: name of the move in its program, such as ``move 3``.
+        search: segments of the paths that a search for the move tried, shape (k, 2, 3) [m]. Recordings show them.
+    """
+
+    kind: str
+    robot: str
+    duration: float
+    end: Vector
+    tool: Callable[[Vector], Vector]
     approaches: Callable[[Vector], Approaches]
-    speed: float | None = None  # that was asked of the tool [m/s]; None if none was
-    place: str = "the move"  # what its program calls it, such as ``move 3``
-    # ways of the tool that a search for it tried and the recording shows, shape (k, 2, 3) [m]
+    speed: float | None = None
+    place: str = "the move"
     search: Vector = field(default_factory=lambda: np.zeros((0, 2, 3)))
 
 
@@ -60,35 +89,36 @@ class RecordedRun:
     """A run: its signals, how it ended and how fast it was.
 
     Attributes:
-        config: the station as it was run.
-        plant: the station's plant, for its robots' figures.
-        ending: ``completed``, ``monitor``, ``diverged``, ``interrupted`` or ``failed``.
-        stopped_by: the name of the monitor that ended the run, or of the block of the user's own that failed,
-            "diverged", "interrupted" (by the user), or None.
+        config: configuration of the station in this run.
+        plant: the station's plant with its robots.
+        ending: how the run ended.
+        stopped_by: name of the monitor that ended the run, or of the user's block that failed; "diverged" or
+            "interrupted" (by the user) if that ended the run; None if the run was completed.
         message: how the run ended, in words.
-        names: the columns of ``values``.
-        signals: what the columns are, as the parts of the station declare them.
-        notes: of what kind sensors and controllers are, and how they were computed, by their names.
-        times: of the samples, shape (m,) [s]; evenly spaced, with the end of the run last.
-        values: the signals, shape (m, k), SI units and radians.
-        step_times: ends of the accepted steps [s].
-        positions_at: positions of the whole plant at any times of the run: (k,) to (k, nq); others are refused.
-        stepping_time, signal_time: wall-clock seconds spent on each.
-        solver_warnings: why servos and solver may have made the result wrong though the run went to its end, in words.
-        final_state: where the station was at the end, for another run to begin there.
-        start: where it began; None at the configuration's initial posture.
-        contacts_at: Drake's contact results at any times of the run; None in a station without contact.
-        context: gives a context of a diagram in which the plant stands with its shapes, to be put anywhere; None where
-            it stands in none.
-        shortened: how often the solver tried a step again, shorter; None where all steps are of one length.
-        references: what was given to simulate() in place of the configuration's references, by robot.
-        did: what was done in it, in a few words, such as ``move_l of left``.
-        moves: of arms that it was asked for, all from its start.
-        runs: of a program, the runs that follow each other in it; see :func:`simrob_drake.results.result.joined`.
-        begun: of a program, the station in which it began; None of a single run.
-        marks: of a program, when a run of it ended or a piece changed hands [s], and what that was in a few words.
-        program: of a program, the YAML that does it again; empty where none can say it.
-        commanded: the walks that somebody commanded meanwhile; their sections hold what was commanded.
+        names: names of the columns of ``values``.
+        signals: declarations of the columns by the parts of the station: units, plots.
+        notes: kind of each sensor and controller, and how it was computed, by its name.
+        times: times of the samples, shape (m,) [s]: evenly spaced, with the end of the run last.
+        values: the signals, shape (m, k), in SI units and radians.
+        step_times: ends of the accepted steps of the solver [s].
+        positions_at: computes positions of the whole plant (k, nq) at times (k,) [s] within the run.
+        stepping_time: wall-clock time that stepping took [s].
+        signal_time: wall-clock time that evaluating the signals took [s].
+        solver_warnings: reasons why the result may be wrong although the run was completed, in words.
+        final_state: state of the station at the end, from which another run can begin.
+        start: state at the start; None if the run began in the configuration's initial posture.
+        contacts_at: yields Drake's contact results at times (k,) [s] of the run; None if the station has no contact.
+        context: returns a context of a diagram with the plant and its shapes, whose positions may be changed; None if
+            the plant is not part of a diagram.
+        shortened: how often the solver tried a step again with a shorter length; None if all steps have one length.
+        references: references that were passed to simulate(), by robot; they replace those of the configuration.
+        did: what the run did, in a few words, such as ``move_l of left``.
+        moves: planned moves of arms, all of which begin at the start of the run.
+        runs: for a program, the runs that follow each other; see :func:`simrob_drake.results.result.joined`.
+        begun: for a program, the station in which it began; None for a single run.
+        marks: for a program, the time at which each of its runs ended or a piece was handed over [s], with a text.
+        program: for a program, the YAML text that repeats it; empty if it cannot be written as YAML.
+        commanded: names of walks that the user commanded during the run; their sections contain the commands.
     """
 
     config: StationConfig
@@ -121,175 +151,212 @@ class RecordedRun:
     commanded: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> Vector:
-        """Return a signal by its column's name, such as ``q.joint_2``, shape (m,)."""
-        return self.values[:, self._places[one_of("signal", name, self._places)]]
-
-    def axes(self, signal: str, robot: str | None = None) -> Vector:
-        """Return a signal of all axes of a robot, shape (m, n): ``q_ref``, ``q``, ``v`` or ``tau``.
-
-        Args:
-            signal: the column's name before the axis.
-            robot: needed where the station has several.
+        """Signal by the name of its column, such as ``q.joint_2``, shape (m,).
 
         Raises:
-            UnknownName: no such signal or robot.
-            InvalidParameter: no robot named, and the station has not just one.
+            UnknownName: there is no such column.
+        """
+        return self.values[:, self._indices[one_of("signal", name, self._indices)]]
+
+    def axes(self, signal: str, robot: str | None = None) -> Vector:
+        """Signal of all axes of a robot, shape (m, n).
+
+        Args:
+            signal: ``q_ref`` (desired position), ``q`` (position), ``v`` (velocity) or ``tau`` (torque or force).
+            robot: name of the robot; may be None if the station has only one.
+
+        Raises:
+            UnknownName: there is no such signal or robot.
+            InvalidParameter: the robot is None, and the station has several.
         """
         station_robot = self._robot(robot)
         return self._columns(f"{station_robot.prefix}{signal}", station_robot.axes)
 
     def pose(self, signal: str, robot: str | None = None) -> Vector:
-        """Return a pose signal, ``base`` or ``tcp``, shape (m, 7): x y z qw qx qy qz; names as in :meth:`axes`."""
+        """Pose signal ``base`` or ``tcp`` of a robot, shape (m, 7): x y z [m] qw qx qy qz, in the world.
+
+        The robot is given as in :meth:`axes`.
+        """
         station_robot = self._robot(robot)
         return self._columns(f"{station_robot.prefix}{signal}", XYZ_QUATERNION_NAMES)
 
     def piece_pose(self, piece: str) -> Vector:
-        """Return where a free piece was, shape (m, 7): x y z qw qx qy qz."""
+        """Pose of a free piece in the world, shape (m, 7): x y z [m] qw qx qy qz."""
         return self._columns(f"piece.{piece}", XYZ_QUATERNION_NAMES)
 
     def piece_velocity(self, piece: str) -> Vector:
-        """Return how a free piece moved, shape (m, 6): vx vy vz [m/s] wx wy wz [rad/s], in the world's axes."""
+        """Velocity of a free piece, shape (m, 6): vx vy vz [m/s] wx wy wz [rad/s], in the world's axes."""
         return self._columns(f"piece.{piece}", VELOCITY_NAMES)
 
     def vector(self, signal: str) -> Vector:
-        """Return a signal of three columns, such as ``force.<sensor>``, shape (m, 3)."""
+        """Signal with the three columns x, y and z, such as ``force.<sensor>``, shape (m, 3)."""
         return self._columns(signal, "xyz")
 
     @cached_property
     def touch(self) -> Touch:
-        """What touched what, at samples of the run."""
+        """Overlaps of bodies and slips of feet, evaluated at some times of the run."""
         return Touch.of(self.config, self.plant, self.times, self.positions_at, self.context)
 
     @cached_property
-    def piece_contacts(self) -> dict[str, list[Look]]:
-        """What touched each free piece, and with what force, at some samples; empty without contact."""
+    def piece_contacts(self) -> dict[str, list[ContactSample]]:
+        """Contacts of each free piece at some samples, by the name of the piece.
+
+        Empty if the station has no contact, or no free pieces.
+        """
         if self.contacts_at is None or not self.plant.free_pieces:
             return {}
-        return looks_at_pieces(self.plant, self.times, self.contacts_at)
+        return sample_piece_contacts(self.plant, self.times, self.contacts_at)
 
     @cached_property
     def onsets(self) -> list[Event]:
-        """When bodies began to touch that were apart, in words."""
+        """Events at which two bodies began to touch; empty if the station has no contact."""
         return [] if self.contacts_at is None else list(onsets(self.plant, self.step_times, self.contacts_at))
 
     @property
     def units(self) -> dict[str, str]:
-        """The units of the columns, by their names."""
-        known = {name: unit for signal in self.signals for name, unit in zip(signal.names, signal.units, strict=True)}
+        """Units of the columns, by the name of the column."""
+        known = dict[str, str]()
+        for signal in self.signals:
+            known.update(zip(signal.names, signal.units, strict=True))
         return {name: known[name] for name in self.names}
 
     @property
     def panels(self) -> list[Panel]:
-        """The plots that parts declare, of columns that there are."""
+        """Plots that the parts of the station declare. Plots with a column that was not recorded are left out."""
         declared = [signal.panel for signal in self.signals if signal.panel is not None]
         return [panel for panel in declared if set(panel.columns) <= set(self.names)]
 
     @property
     def cells(self) -> dict[str, list[float | None]]:
-        """When each cell of every sequencer was reached, since it began [s], by the controller; None: not reached."""
+        """Times at which the cells of each sequencer were reached, since its start [s], by the name of the sequencer.
+
+        A *sequencer* is a controller that goes through a list of cells (states). The time is None if the cell was not
+        reached.
+        """
         found = {}
         for name, section in self.config.controllers.items():
             block = self.final_state.blocks.get(f"controller.{name}")
             if section.kind == "sequencer" and block is not None:
+                # The block keeps the times at the end of its last discrete group; negative for "not reached".
                 times = block.discrete[-1][-len(section.cells) :].tolist()
                 found[name] = [round(time, 9) if time >= 0 else None for time in times]
         return found
 
     def numbered(self, number: int) -> Self:
-        """Return the run as that of a move of a program, counted from 0."""
+        """Copy the run, with its moves named after their index in a program (from 0), such as ``move 3``."""
         return replace(self, moves=tuple(replace(move, place=f"move {number}") for move in self.moves))
 
     @property
     def parts(self) -> tuple[Self, ...]:
-        """The runs of a program, in order; a single run itself."""
+        """Runs of a program, in order; for a single run, the run itself."""
         return self.runs or (self,)
 
     @property
     def stop_time(self) -> float:
-        """When the run ended, in simulated time [s]."""
+        """End of the run, in simulated time [s]."""
         return float(self.times[-1])
 
     @property
     def end_in_words(self) -> str:
-        """How the run ended, and which monitor ended it."""
+        """How the run ended, in words, with the name of the monitor if one ended it."""
         return f"stopped by {self.stopped_by}: {self.message}" if self.ending == "monitor" else self.message
 
     @property
     def wall_time(self) -> float:
-        """Wall-clock seconds of stepping and signals."""
+        """Wall-clock time of stepping and evaluating signals [s]."""
         return self.stepping_time + self.signal_time
 
     @property
     def pace(self) -> str:
-        """How fast it was stepped, and in how many steps, in words."""
-        rate, steps = self.realtime_rate, f"{len(self.step_times) - 1} steps"
+        """Speed of the run and its count of steps, in words."""
+        rate = self.realtime_rate
+        steps = f"{len(self.step_times) - 1} steps"
         if not rate:
-            return steps  # it ended where it began
-        digits = max(1 - int(np.floor(np.log10(rate))), 0)
-        return f"{rate:.{digits}f} × real time, {steps}"
+            return steps  # the run ended at its start
+        # Two significant digits: the decimals that a rate of this size needs.
+        decimals = max(1 - int(np.floor(np.log10(rate))), 0)
+        return f"{rate:.{decimals}f} × real time, {steps}"
 
     @property
     def realtime_rate(self) -> float:
-        """Simulated over wall-clock time of stepping and signals."""
+        """Simulated time divided by wall-clock time; 0 if no wall-clock time was measured."""
         return self.stop_time / self.wall_time if self.wall_time > 0 else 0.0
 
     @cached_property
-    def _places(self) -> dict[str, int]:
-        return {name: place for place, name in enumerate(self.names)}
+    def _indices(self) -> dict[str, int]:
+        """Index of each column, by its name."""
+        return {name: index for index, name in enumerate(self.names)}
 
     def _columns(self, signal: str, parts: Iterable[str]) -> Vector:
-        """Return columns of a signal, shape (m, k)."""
-        names, known = [f"{signal}.{part}" for part in parts], self._places
-        places = [known[name] if name in known else known[one_of("signal", name, known)] for name in names]
-        return np.take(self.values, places, axis=1)
+        """Columns of a signal, shape (m, k): one for each part, such as an axis, with the name ``<signal>.<part>``."""
+        known = self._indices
+        indices = []
+        for part in parts:
+            name = f"{signal}.{part}"
+            if name not in known:
+                one_of("signal", name, known)  # raises UnknownName, with the nearest name
+            indices.append(known[name])
+        return np.take(self.values, indices, axis=1)
 
     def _robot(self, name: str | None) -> StationRobot:
+        """Robot by its name, or the only robot if the name is None."""
         return self.plant.robots[named(name, list(self.plant.robots))]
 
 
 def begins_of(*runs: RecordedRun) -> Vector:
-    """Return when runs that follow each other begin, and when the last one ends [s], shape (k + 1,)."""
+    """Times at which runs that follow each other begin, and the end of the last run [s], shape (k + 1,)."""
     return np.cumsum([0.0, *(run.stop_time for run in runs)])
 
 
 def fallen(result: RecordedRun) -> str | None:
-    """Return the robot whose fall ended a run, as its monitor saw; None if none did."""
-    from simrob_drake.parts.monitors.sections import Fall  # as all kinds, where one is named
+    """Name of the robot whose fall ended a run, or None if the run did not end by a fall."""
+    # Imported here: the kinds of monitors are loaded only if they are needed.
+    from simrob_drake.parts.monitors.sections import Fall
 
     monitor = result.config.monitors.get(result.stopped_by or "")
     return monitor.faller(result.config.only_robot) if isinstance(monitor, Fall) else None
 
 
-_TOGETHER = 0.01  # part of the whole time in which two events are one
-_MOST = 24  # of those that a picture has room for
+_LEAST_GAP = 0.01  # events that are closer together are shown as one, as a share of the duration
+_MOST_EVENTS = 24  # count of events for which a picture has space
 
 
 def all_events(result: RecordedRun) -> list[Event]:
-    """Return what happens in a run: its start, contacts that begin and its end; in a program, what is between, too.
+    """Events of a run, in order: its start, contacts that begin, and its end.
 
-    That is the ends of its runs, and what is attached and let go after them.
+    In a program, the ends of its runs and the pieces that are attached and released between them are events, too.
     """
-    found = [(0.0, "start"), *result.marks]
+    events = [(0.0, "start"), *result.marks]
     for begin, run in zip(begins_of(*result.parts), result.parts, strict=False):
-        found += [(float(begin + time), text) for time, text in run.onsets]
-    stopped = f"stopped: {result.stopped_by}" if result.ending == "monitor" else "end"
-    return [*sorted(found, key=lambda event: event[0]), (result.stop_time, stopped)]
+        events += [(float(begin + time), text) for time, text in run.onsets]
+    events.sort(key=lambda event: event[0])
+    end = f"stopped: {result.stopped_by}" if result.ending == "monitor" else "end"
+    return [*events, (result.stop_time, end)]
 
 
 def events_of(result: RecordedRun) -> list[Event]:
-    """Return the events of :func:`all_events` that pictures can show apart, two dozen at most."""
-    everything, end, together = all_events(result), result.stop_time, _TOGETHER
-    while len(events := _apart(everything, together * end)) > _MOST:
-        together *= 1.5
+    """Select the most important events of :func:`all_events`, at most two dozen, far enough apart for a picture."""
+    everything = all_events(result)
+    share = _LEAST_GAP
+    events = _events_apart(everything, share * result.stop_time)
+    while len(events) > _MOST_EVENTS:
+        share *= 1.5
+        events = _events_apart(everything, share * result.stop_time)
     return events
 
 
-def _apart(everything: list[Event], gap: float) -> list[Event]:
-    """Return the first of the events within each gap [s], but rather a hand-over, as "rook to gripper", and the end."""
+def _events_apart(everything: list[Event], gap: float) -> list[Event]:
+    """Select events that are more than a gap [s] apart.
+
+    Of events that are closer together the first is kept, unless a later one is more important: a piece that is handed
+    over, such as "rook to gripper", or the end of the run.
+    """
+    end = everything[-1][0]
     events: list[Event] = []
     for time, text in everything:
+        is_hand_over = " to " in text
         if not events or time - events[-1][0] > gap:
             events.append((time, text))
-        elif time == everything[-1][0] or (" to " in text and len(events) > 1):
+        elif time == end or (is_hand_over and len(events) > 1):  # the start of the run is never replaced
             events[-1] = (time, text)
     return events

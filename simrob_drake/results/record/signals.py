@@ -1,7 +1,11 @@
-"""Signals of a run: the ports of its station, evaluated from the recorded states; and its monitors, asked about them.
+"""Signals and monitors of a run, evaluated from its recorded states.
 
-So no monitor stands in the diagram that is stepped. It changes nothing, so it may look a few steps late: the run is
-then cut where it would have ended, between the steps at which the monitor looked.
+While a run is stepped, only its states are recorded, see `StateHistory`. A `Sampler` evaluates output ports of the
+station at any time of the run: it sets a context of the diagram to a recorded state, or to one between two of them.
+
+A *monitor* is a condition that ends a run, such as the fall of a robot. It changes nothing, so it is not part of the
+diagram that is stepped. A `Watch` evaluates the monitors from the recorded states every few steps. A run that ends is
+then cut at the time at which the condition was met, see `cut_at_stop`.
 """
 
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -22,7 +26,12 @@ from simrob_drake.results.record.history import PlantSlice, StateHistory, parts,
 
 
 class Sampler:
-    """Evaluate ports of a diagram that holds a station at any time of a recorded run."""
+    """Evaluates output ports of a station at any time of a recorded run.
+
+    Attributes:
+        diagram: the diagram that contains the station.
+        memo: results that users of the sampler keep; emptied when the history changes.
+    """
 
     def __init__(
         self,
@@ -58,9 +67,13 @@ class Sampler:
         self._plant = site.plant.plant
         self._context = diagram.CreateDefaultContext()
         self._plant_slice = plant_slice(diagram, self._plant, self._context)
-        rules = {port: site.from_state(name) for name, port in site.outputs.items()}
-        self._of_state = {port: rule for port, rule in rules.items() if rule is not None}
-        self._recorded = _recorded(diagram, self._context)
+        # Outputs that are a function of the plant's state alone, with this function: they need no context.
+        self._of_state = dict[OutputPort, Callable[[Vector], Vector]]()
+        for name, port in site.outputs.items():
+            function = site.from_state(name)
+            if function is not None:
+                self._of_state[port] = function
+        self._recorded = _recorded_groups(diagram, self._context)
         self.history = history
 
     @property
@@ -70,6 +83,7 @@ class Sampler:
 
     @history.setter
     def history(self, history: StateHistory) -> None:
+        """Replace the recorded states, and forget what was computed from the former ones."""
         self._history = history
         self.memo: dict[Any, Any] = {}
 
@@ -97,40 +111,67 @@ class Sampler:
         return [values[port] for port in ports]
 
     def evaluate(self, ports: Sequence[OutputPort], states: StateHistory) -> dict[OutputPort, Any]:
-        """Return the values of ports at states (k rows), as :meth:`sample` does."""
-        state_port, where = self._site.state, self._plant_slice
+        """Evaluate ports at given states, in the cheapest way for each port.
+
+        Args:
+            ports: output ports of the diagram.
+            states: the states, k rows.
+
+        Returns:
+            the values of each port: an array (k, size), or a list of k values of an abstract port.
+        """
+        state_port = self._site.state  # positions and velocities of the plant
+        needs_state = [port for port in ports if port == state_port or port in self._of_state]
+        others = [port for port in ports if port not in needs_state]
         known: dict[OutputPort, Any] = {}
-        linear = [port for port in ports if port == state_port or port in self._of_state]
-        if linear and where is not None:  # the state was recorded
-            known[state_port] = states.continuous[:, where.positions.start : where.velocities.stop]
-        needed = dict.fromkeys([*(port for port in ports if port not in linear), *([state_port] if linear else [])])
-        known |= {port: states.discrete[self._recorded[port]] for port in needed if port in self._recorded}
-        known |= self._evaluated([port for port in needed if port not in known], states)
-        known |= {port: self._of_state[port](known[state_port]) for port in linear if port != state_port}
+        if needs_state:
+            plant = self._plant_slice
+            if plant is None:
+                others.append(state_port)
+            else:  # the state itself was recorded
+                known[state_port] = states.continuous[:, plant.positions.start : plant.velocities.stop]
+
+        # An output that hands on a discrete group was recorded as well. All others are evaluated by Drake.
+        needed = dict.fromkeys(others)
+        for port in needed:
+            if port in self._recorded:
+                known[port] = states.discrete[self._recorded[port]]
+        known |= self._evaluate_with_drake([port for port in needed if port not in known], states)
+        for port in needs_state:
+            if port != state_port:
+                known[port] = self._of_state[port](known[state_port])
         return {port: known[port] for port in ports}
 
-    def _evaluated(self, ports: Sequence[OutputPort], states: StateHistory) -> dict[OutputPort, Any]:
-        """Evaluate ports at recorded states, one row for each state, by setting the context to these states."""
+    def _evaluate_with_drake(self, ports: Sequence[OutputPort], states: StateHistory) -> dict[OutputPort, Any]:
+        """Evaluate ports with Drake, by setting the context to each of the states. Results as of :meth:`evaluate`."""
         if not ports:
             return {}
         if self._prepare is not None:
             self._prepare()
-        count, values = len(states.times), dict[OutputPort, Any]()
+        count = len(states.times)
+        values = dict[OutputPort, Any]()
+        contexts = dict[OutputPort, Context]()
         for port in ports:
             is_vector = port.get_data_type() == PortDataType.kVectorValued
             values[port] = np.empty((count, port.size())) if is_vector else [None] * count
-        targets = [(port, port.get_system().GetMyContextFromRoot(self._context), values[port]) for port in ports]
+            contexts[port] = port.get_system().GetMyContextFromRoot(self._context)
         for row in range(count):
             states.put(row, self._context)
-            for port, context, rows in targets:
-                rows[row] = self._value(port, context)
+            for port in ports:
+                values[port][row] = self._value(port, contexts[port])
         return values
 
     def _value(self, port: OutputPort, context: Context) -> Any:
-        """Evaluate one port. Returns NaN if the block fails and the sampler is tolerant."""
+        """Evaluate one port. Returns NaN if the block fails and the sampler is tolerant.
+
+        Args:
+            port: the port.
+            context: context of the port's system.
+        """
         try:
             value = port.Eval(context)
-            return value if isinstance(value, np.ndarray) else copy(value)  # which is the cache's own, and changes
+            # An abstract value is an object in Drake's cache, which the next evaluation changes. Arrays are copies.
+            return value if isinstance(value, np.ndarray) else copy(value)
         except Exception:
             if not self._tolerant:
                 raise
@@ -138,67 +179,110 @@ class Sampler:
 
     @property
     def looked_at(self) -> Context:
-        """The diagram's context as it was looked at last."""
+        """The diagram's context, with the state that was evaluated last."""
         return self._context
 
     def cut(self, time: float) -> None:
-        """End the run at a time at which all was well [s]; what cannot be evaluated there is no number."""
-        self.history, self._tolerant = self._history.joined(self._at(np.array([time]))), True
+        """Remove the states after a time [s] from the history, and make the sampler tolerant."""
+        end = self._at(np.array([time]))
+        self.history = self._history.joined(end)
+        self._tolerant = True
 
     def contact_results(self, times: Vector) -> Iterator[ContactResults]:
-        """Yield the plant's contact results at times (k,) of the run."""
+        """Yield the plant's contact results at times (k,) [s] of the run."""
         yield from self.sample([self._site.plant.stepped.get_contact_results_output_port()], times)[0]
 
     def context_at(self, time: float) -> Context:
-        """Return the diagram's context at a time of the run; the next call changes it."""
+        """The diagram's context at a time of the run [s]. The next evaluation changes it."""
         if self._prepare is not None:
             self._prepare()
         self._at(np.array([time])).put(0, self._context)
         return self._context
 
     def _at(self, times: Vector) -> StateHistory:
-        where = self._plant_slice
-        return self._history.at(times, where, None if where is None else partial(self._rates, where))
+        """States at times (k,) [s] of the run, interpolated between the recorded ones."""
+        plant = self._plant_slice
+        rates = None if plant is None else partial(self._rates, plant)
+        return self._history.at(times, plant, rates)
 
-    def _rates(self, where: PlantSlice, states: Vector) -> Vector:
-        """Return the time derivatives (k, nq) of the plant's positions at continuous states (k, nx)."""
+    def _rates(self, part: PlantSlice, states: Vector) -> Vector:
+        """Time derivatives of the plant's positions, shape (k, nq).
+
+        They differ from the velocities for free bodies, whose orientations are quaternions.
+
+        Args:
+            part: positions and velocities of the plant in the continuous states.
+            states: continuous states of the diagram, shape (k, nx).
+        """
         plant = self._plant
         if plant.IsVelocityEqualToQDot():
-            return states[:, where.velocities]
+            return states[:, part.velocities]
         context = plant.CreateDefaultContext()
         rates = np.empty((len(states), plant.num_positions()))
         for row, state in enumerate(states):
-            plant.SetPositions(context, state[where.positions])
-            rates[row] = plant.MapVelocityToQDot(context, state[where.velocities])
+            plant.SetPositions(context, state[part.positions])
+            rates[row] = plant.MapVelocityToQDot(context, state[part.velocities])
         return rates
 
 
-def _recorded(diagram: Diagram, root: Context) -> dict[OutputPort, int]:
-    """Return which discrete group of a diagram each output is that hands on what a block remembers."""
-    found, groups = dict[OutputPort, int](), 0
+def _recorded_groups(diagram: Diagram, root: Context) -> dict[OutputPort, int]:
+    """Find the output ports whose value is a discrete group, so that it was recorded.
+
+    Args:
+        diagram: a diagram, whose subdiagrams are searched, too.
+        root: a context of the root diagram.
+
+    Returns:
+        for each such port the index of the group among the discrete groups of the diagram.
+    """
+    found = dict[OutputPort, int]()
+    first_group = (
+        0  # index of the first group of the system; the groups of a diagram are those of its systems, in order
+    )
     for system in diagram.GetSystems():
-        own = _recorded(system, root) if isinstance(system, Diagram) else {}
+        own = dict[OutputPort, int]()
+        if isinstance(system, Diagram):
+            own = _recorded_groups(system, root)
         if isinstance(system, SampledBlock) or system.get_name() == "plant":
-            groups_of = getattr(system, "outputs", {})  # Drake's own plant has none
-            own = {system.GetOutputPort(name): group for name, group in groups_of.items()}
-        found |= {port: groups + group for port, group in own.items()}
-        groups += system.GetMyContextFromRoot(root).num_discrete_state_groups()
+            # The attribute has the group of each output by its name. Drake's own plant has no such attribute.
+            group_of_output: dict[str, int] = getattr(system, "outputs", {})
+            own = {system.GetOutputPort(name): group for name, group in group_of_output.items()}
+        for port, group in own.items():
+            found[port] = first_group + group
+        first_group += system.GetMyContextFromRoot(root).num_discrete_state_groups()
     return found
 
 
-def sampled(sampler: Sampler, site: Site, times: Vector) -> Vector:
-    """Return a station's signals at times of a run (m,): the values of their k columns, shape (m, k)."""
+def sample_signals(sampler: Sampler, site: Site, times: Vector) -> Vector:
+    """Evaluate all signals of a station.
+
+    Args:
+        sampler: evaluates the station's ports.
+        site: the station, which declares the signals.
+        times: times of the run, shape (m,) [s].
+
+    Returns:
+        the columns of all signals, in the order in which the station declares them, shape (m, k).
+    """
+    columns_of_signals = []
+    column_count = 0
+    for signal in site.signals:
+        columns = slice(column_count, column_count + len(signal.names))
+        columns_of_signals.append((signal, columns))
+        column_count = columns.stop
+    values = np.empty((len(times), column_count))
+
+    # Most signals are values of an output port. Some times at once, to save memory.
     ports = {signal.output: site.outputs[signal.output] for signal in site.signals if signal.output}
-    ends = np.cumsum([len(signal.names) for signal in site.signals], dtype=int).tolist()
-    placed = [(signal, slice(end - len(signal.names), end)) for signal, end in zip(site.signals, ends, strict=True)]
-    values = np.empty((len(times), ends[-1] if ends else 0))
     for part in parts(len(times)):
-        known = dict(zip(ports, sampler.sample(list(ports.values()), times[part]), strict=True))
-        for signal, columns in placed:
+        values_of_ports = sampler.sample(list(ports.values()), times[part])
+        known = dict(zip(ports, values_of_ports, strict=True))
+        for signal, columns in columns_of_signals:
             if signal.compute is None:
                 whole = known[signal.output]
                 values[part, columns] = whole if signal.entries is None else whole[:, signal.entries]
-    for signal, columns in placed:
+    # The others need the whole run.
+    for signal, columns in columns_of_signals:
         if signal.compute is not None:
             values[:, columns] = signal.compute(sampler, times)
         elif signal.adjust is not None:
@@ -206,25 +290,39 @@ def sampled(sampler: Sampler, site: Site, times: Vector) -> Vector:
     return values
 
 
-TOLERANCE = 1e-4  # how narrowly the moment is found [s]
+TOLERANCE = 1e-4
+"""Accuracy with which the end of a run is determined [s]."""
 
-Holds = Callable[[Sampler, float], bool]  # whether the condition holds at a time [s] of a sampler's run
+Holds = Callable[[Sampler, float], bool]
+"""Evaluates the condition of a monitor at a time [s] of the run of a sampler."""
+
 Step = Callable[[StateHistory, float], StateHistory]
 """Steps from the last state of a history before a time to that time [s], and returns the state there."""
 
 
 @dataclass(frozen=True)
 class Stop:
-    """Why a run ends."""
+    """The end of a run by a monitor.
 
-    name: str  # of the monitor
-    count: int  # how many steps were recorded until it ended the run
-    onset: float  # since when the condition held [s]
-    why: str  # in words
+    Attributes:
+        name: name of the monitor.
+        count: count of records up to the end of the run.
+        onset: the condition has been met since this time [s].
+        why: the reason, in words.
+    """
+
+    name: str
+    count: int
+    onset: float
+    why: str
 
 
 class Watch:
-    """Asks the monitors of a station about each recorded step, in their order."""
+    """Evaluates the monitors of a station at the recorded steps.
+
+    Attributes:
+        stop: how a monitor ended the run; None as long as none did.
+    """
 
     def __init__(
         self, site: Site, sampler: Sampler, *, held: Collection[OutputPort] = (), begins_in_motion: bool = False
@@ -241,10 +339,11 @@ class Watch:
         self._sampler = sampler
         self._held = held
         self._begins_in_motion = begins_in_motion
+        # Since when the condition of each monitor is met [s]; NOT_YET if it is not.
         self._onsets = dict.fromkeys(site.monitors, NOT_YET)
-        self._count = 0
+        self._count = 0  # count of records that were evaluated
         self._before: StateHistory | None = None  # the last two states of the previous call; None before the first
-        self.stop: Stop | None = None  # why the run ends; None as long as it does not
+        self.stop: Stop | None = None
 
     def look(self, steps: StateHistory) -> bool:
         """Evaluate the monitors at the steps since the last call. Returns True if one of these steps ends the run.
@@ -252,14 +351,17 @@ class Watch:
         Args:
             steps: states at the ends of these steps.
         """
-        ports = {name: self._ports(name) for name in self._site.monitors}
-        values = self._values({port for own in ports.values() for port in own}, steps)
+        ports_of_monitors = {name: self._ports(name) for name in self._site.monitors}
+        all_ports = set[OutputPort]().union(*ports_of_monitors.values())
+        values = self._values(all_ports, steps)
         for row, time in enumerate(steps.times.tolist()):
             for name, trigger in self._site.monitors.items():
-                seen = [values[port][row] for port in ports[name]]
-                onset = self._onsets[name] = trigger.since(self._onsets[name], time, seen)
+                signals = [values[port][row] for port in ports_of_monitors[name]]
+                onset = trigger.since(self._onsets[name], time, signals)
+                self._onsets[name] = onset
                 if trigger.ends(onset, time):
-                    self.stop = Stop(name, self._count + row + 1, onset, trigger.condition.why(*seen))
+                    reason = trigger.condition.why(*signals)
+                    self.stop = Stop(name, count=self._count + row + 1, onset=onset, why=reason)
                     return True
         self._count += len(steps.times)
         return False
@@ -280,60 +382,97 @@ class Watch:
         if held:
             # The first of these steps begins at a state of the previous call, so that the last states are kept.
             known = steps if self._before is None else self._before.joined(steps)
-            own = known.steps(steps.times, begins_in_motion=self._begins_in_motion)
-            values |= self._sampler.evaluate(held, own)
+            states_of_steps = known.steps(steps.times, begins_in_motion=self._begins_in_motion)
+            values |= self._sampler.evaluate(held, states_of_steps)
             # The second last state gives the time at which the last step began.
             self._before = known.last(2)
         return values
 
     def holds(self, name: str, sampler: Sampler, time: float) -> bool:
-        """Tell whether a monitor's condition holds at a time of a sampler's run [s]."""
+        """Whether a monitor's condition is met.
+
+        Args:
+            name: name of the monitor.
+            sampler: evaluates the ports in a run.
+            time: a time of this run [s].
+        """
         values = [rows[0] for rows in sampler.sample(self._ports(name), np.array([time]))]
         return self._site.monitors[name].holds(time, values)
 
     def _ports(self, name: str) -> list[OutputPort]:
+        """Output ports that a monitor's condition needs, in the order of its arguments."""
         return [self._site.outputs[output] for output in self._site.monitors[name].condition.watched]
 
 
 def cut_at_stop(sampler: Sampler, holds: Holds, step: Step, *, onset: float, hold: float) -> None:
-    """Let a recorded run end at the moment at which its monitor would have ended it, had it looked all the time.
+    """Shorten the history of a sampler to the time at which its monitor ends the run.
 
-    The moment is guessed between two recorded states and the motion stepped again up to there, until the two states
-    around it are near enough: a state in the middle of a step is not to be trusted where that step holds an impact.
-    Where the motion cannot be stepped again, as after a divergence, the run stays as it was recorded. The condition
-    ``holds`` since ``onset`` [s], and must do so for ``hold`` [s].
+    The monitor was evaluated at the ends of steps only. The time at which its condition is met is estimated between
+    two recorded states, and the motion is stepped again up to there. This is repeated until the states before and after
+    are close together, since a state interpolated within a step is wrong if the step contains an impact. If the motion
+    cannot be stepped again, as after a divergence, the history stays as it is.
+
+    Args:
+        sampler: the run, whose history is changed.
+        holds: evaluates the condition of the monitor.
+        step: steps the motion again.
+        onset: recorded time since which the condition is met [s].
+        hold: how long the condition must be met before it ends the run [s].
     """
     recorded = sampler.history
+    if len(recorded.times) < 2:  # the condition was met at the start
+        return
     try:
-        if len(recorded.times) < 2:  # it held at the start
-            return
         if hold > 0:
-            stop = _crossing(sampler, holds, min(onset, recorded.end)) + hold
-            if stop < recorded.end:
-                sampler.history = recorded.joined(step(recorded, stop))
+            _cut_after_hold(sampler, holds, step, onset, hold)
         else:
-            while sampler.history.end - sampler.history.times[-2] > TOLERANCE:
-                end = sampler.history.last()
-                between = step(sampler.history, _crossing(sampler, holds, end.end))
-                shorter = sampler.history.joined(between)
-                sampler.history = shorter
-                if not holds(sampler, between.end):
-                    sampler.history = shorter.joined(end)
+            _cut_at_onset(sampler, holds, step)
     except (RuntimeError, SystemExit):  # Drake's failed assertions come as SystemExit
         sampler.history = recorded
 
 
+def _cut_after_hold(sampler: Sampler, holds: Holds, step: Step, onset: float, hold: float) -> None:
+    """Shorten the history so that it ends when the condition has been met for the time ``hold`` [s]."""
+    recorded = sampler.history
+    stop = _crossing(sampler, holds, min(onset, recorded.end)) + hold
+    if stop < recorded.end:
+        sampler.history = recorded.joined(step(recorded, stop))
+
+
+def _cut_at_onset(sampler: Sampler, holds: Holds, step: Step) -> None:
+    """Shorten the last step of the history until it is short and the condition is met only at its end."""
+    while sampler.history.end - sampler.history.times[-2] > TOLERANCE:
+        end = sampler.history.last()
+        between = step(sampler.history, _crossing(sampler, holds, end.end))
+        shorter = sampler.history.joined(between)
+        sampler.history = shorter
+        if not holds(sampler, between.end):
+            # The condition is met between the new state and the old end.
+            sampler.history = shorter.joined(end)
+
+
 def _crossing(sampler: Sampler, holds: Holds, seen: float) -> float:
-    """Return a time inside of the step that ends at ``seen``, where the condition begins to hold on its way."""
+    """Estimate, by bisection of interpolated states, when the condition of a monitor was met within a step.
+
+    Args:
+        sampler: the run.
+        holds: evaluates the condition.
+        seen: end of the step, at which the condition is met [s].
+
+    Returns:
+        the time [s], strictly inside of the step, so that a new state can be inserted there. It is ``seen`` if the
+        step is as short as the tolerance.
+    """
     times = sampler.history.times
-    low = float(times[np.searchsorted(times, seen) - 1])
-    inside, high = (low + TOLERANCE / 2, seen - TOLERANCE / 2), seen
-    if seen - low <= TOLERANCE:
+    begin = float(times[np.searchsorted(times, seen) - 1])
+    if seen - begin <= TOLERANCE:
         return seen
+    low = begin  # the condition is not met
+    high = seen  # the condition is met
     while high - low > TOLERANCE / 4:
         middle = (low + high) / 2
         if holds(sampler, middle):
             high = middle
         else:
             low = middle
-    return float(np.clip(high, *inside))
+    return float(np.clip(high, begin + TOLERANCE / 2, seen - TOLERANCE / 2))

@@ -1,119 +1,175 @@
-"""Whether the contact forces of a run are possible: those on bodies at rest, and friction on bodies that slide.
+"""Measures of a run's verdict that show whether its contact forces are possible.
 
-A run can end without an error while its contacts are wrong, as when a flat body touches at a single point that jumps.
-Two laws show it, whatever the solver and the contact model:
+A run can end without an error while its contacts are wrong, for instance if a flat body touches at a single point that
+jumps from corner to corner. Two laws show it, whatever the solver and the contact model. Both are checked for the *free
+pieces* of a station, the bodies that only contacts and gravity hold:
 
-* On a body at rest, the contacts press upward with its weight less the forces that are applied to it.
-* Two bodies give each other at most the friction coefficient times the normal force along their surface.
+* On a piece at rest, the contact forces and the applied forces balance the weight.
+* Two bodies exert on each other, along their surface, at most the friction coefficient times the normal force.
+
+The signals of a run are recorded at its *samples*. Contacts are evaluated at some of them only: see `ContactSample`.
 """
 
 from collections.abc import Iterator
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
 from simrob_drake.frames import Vector, transform_from_xyz_quaternion
 from simrob_drake.parts.couplings import Between
-from simrob_drake.results.record.piece_contacts import Look
+from simrob_drake.results.record.piece_contacts import ContactSample
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.verdict.verdict import Measured
 
 REST_SPEED = 1e-3
-"""A body slower than this is at rest [m/s, and rad/s]."""
+"""A body is slow if each component of its velocity is below this [m/s, and rad/s]."""
 
 REST_TIME = 0.5
-"""A body is at rest once it has been so slow for this time [s]."""
+"""A body is at rest after it has been slow for this time [s]."""
 
 WINDOW = 0.2
 """Time over which momentum is balanced to find the friction on a piece [s]: some hundred steps of a solver, so that
-what trembles averages out."""
+a force that trembles averages out."""
 
-LEAST_LOOKS = 3
-"""Looks at the contacts that a window needs, to tell that nothing else touches the piece."""
+LEAST_CONTACT_SAMPLES = 3
+"""Count of contact samples that a window needs, so that no other body touches the piece between them unnoticed."""
 
 LEAST_LOAD = 0.2
-"""Friction is compared with normal forces of at least this share of a piece's weight."""
+"""Friction is judged only if the normal force is at least this share of the piece's weight."""
 
 STEADY_NORMAL = np.cos(np.deg2rad(2.0))
-"""The normals of several contacts agree if the cosine of their angles to the mean is at least this, or if the length of
-their mean is."""
+"""Several unit vectors count as parallel if their mean has at least this length, or if the cosine of each angle between
+a vector and the mean is at least this."""
+
+
+class SampleRange(NamedTuple):
+    """A part of a run, by indices of samples."""
+
+    first: int
+    last: int  # belongs to the range
+
+
+class ContactWindow(NamedTuple):
+    """A short part of a run with enough contact samples of a piece."""
+
+    first: int  # index of the first sample
+    last: int  # index of the last sample
+    contacts: list[ContactSample]
+
+
+class SteadyContact(NamedTuple):
+    """A contact between a piece and one other body that does not change during a window."""
+
+    partner: str  # name of the other body
+    normal: Vector  # unit vector from the other body into the piece, in the world's axes, shape (3,)
+    friction: float  # static friction coefficient
+
+
+class Observation(NamedTuple):
+    """A measured value in a part of a run."""
+
+    subject: str  # what the value belongs to: a piece, or a pair of bodies
+    value: float
+    time: float  # start of the part [s]
 
 
 def measure_resting_force(run: RecordedRun) -> Measured | None:
-    """Measure by which share of its weight the contact force on each resting piece is off, on average of a rest."""
-    names, errors, times = [], [], []
+    """Measure the error of the contact force on each piece at rest, as a share of the piece's weight.
+
+    The forces are averaged over each rest. Their sum, contact + applied + weight, is zero if they are right; the error
+    is its component along one direction, see :func:`_judged_direction`. The largest error of each piece counts.
+
+    Returns:
+        the errors, or None if no piece was at rest in contact.
+    """
+    observations = []
     for piece in _judged_pieces(run):
         weight = _weight(run, piece)
-        for first, last in _rests(run, piece):
-            looks = [look for look in run.piece_contacts[piece] if first <= look.row <= last]
-            direction = _judged_direction(run, looks)
+        for rest in _rests(run, piece):
+            contacts = [contact for contact in run.piece_contacts[piece] if rest.first <= contact.sample <= rest.last]
+            direction = _judged_direction(run, contacts)
             if direction is None:
                 continue
-            contact = np.mean([look.force for look in looks], axis=0)
-            applied = _applied_force(run, piece)[first : last + 1].mean(axis=0)
-            unbalanced = contact + applied - np.array([0.0, 0.0, weight])
-            names.append(piece)
-            errors.append(abs(float(unbalanced @ direction)) / weight)
-            times.append(float(run.times[first]))
-    return _worst_of_each(names, errors, times)
+            contact_force = np.mean([contact.force for contact in contacts], axis=0)
+            applied_force = _applied_force(run, piece)[rest.first : rest.last + 1].mean(axis=0)
+            unbalanced = contact_force + applied_force - np.array([0.0, 0.0, weight])
+            error = abs(float(unbalanced @ direction)) / weight
+            observations.append(Observation(piece, error, time=float(run.times[rest.first])))
+    return _largest_of_each(observations)
 
 
-def _judged_direction(run: RecordedRun, looks: list[Look]) -> Vector | None:
+def _judged_direction(run: RecordedRun, contacts: list[ContactSample]) -> Vector | None:
     """Choose the unit vector (3,) along which the forces on a resting piece are compared.
 
     If all contacts have nearly the same normal, it is this normal: friction has no component along it. Otherwise, as
     for a piece between two fingers, it is the vertical, and friction counts.
 
     Returns:
-        the direction. None if no contacts were looked at, or if friction counts and the scheme is cenic, whose
+        the direction. None if there are no contact samples, or if friction counts and the scheme is cenic, whose
         friction forces are wrong.
     """
-    if not looks:
+    if not contacts:
         return None
-    normal = np.mean([look.normal for look in looks], axis=0)
-    length = float(np.linalg.norm(normal))
+    mean_normal = np.mean([contact.normal for contact in contacts], axis=0)
+    length = float(np.linalg.norm(mean_normal))
     # The mean of unit vectors is nearly 1 long only if they point in nearly the same direction.
     if length > STEADY_NORMAL:
-        return np.asarray(normal / length)
-    return None if run.config.solver.scheme == "cenic" else np.array([0.0, 0.0, 1.0])
+        return np.asarray(mean_normal / length)
+    if run.config.solver.scheme == "cenic":
+        return None
+    return np.array([0.0, 0.0, 1.0])
 
 
 def measure_friction_share(run: RecordedRun) -> Measured | None:
-    """Measure the largest share of the possible friction that each piece got from the body it lay on.
+    """Measure the largest friction on each piece, as a share of the largest possible friction.
 
-    The force comes from the momentum balance, F = m (dv/dt - g) - applied, so that it is right under schemes whose
-    contact forces along the surface are not.
+    The contact force F follows from the piece's momentum, not from the contact results, since some solvers report wrong
+    friction forces. With the normal n and the friction coefficient mu, the normal force is N = F n, and the share is
+    |F - N n| / (mu N).
+
+    Returns:
+        the shares, one for each pair of a piece and the body that it lies on. None if no piece has a steady contact.
     """
-    names, shares, times = [], [], []
+    observations = []
     for piece in _judged_pieces(run):
-        for first, last, looks in _windows(run, piece):
-            partner, normal, friction = _steady_contact(looks)
-            if not partner or friction == 0.0:
+        least_normal_force = LEAST_LOAD * _weight(run, piece)
+        for window in _windows(run, piece):
+            contact = _steady_contact(window.contacts)
+            if contact is None or contact.friction == 0.0:
                 continue
-            force = _mean_contact_force(run, piece, first, last)
-            pressing = float(force @ normal)
-            if pressing < LEAST_LOAD * _weight(run, piece):
+            force = _mean_contact_force(run, piece, window)
+            normal_force = float(force @ contact.normal)
+            if normal_force < least_normal_force:
                 continue
-            along = float(np.linalg.norm(force - pressing * normal))
-            names.append(f"{piece} and {partner}")
-            shares.append(along / (friction * pressing))
-            times.append(float(run.times[first]))
-    return _worst_of_each(names, shares, times)
+            friction_force = float(np.linalg.norm(force - normal_force * contact.normal))
+            share = friction_force / (contact.friction * normal_force)
+            subject = f"{piece} and {contact.partner}"
+            observations.append(Observation(subject, share, time=float(run.times[window.first])))
+    return _largest_of_each(observations)
 
 
-def _worst_of_each(names: list[str], values: list[float], times: list[float]) -> Measured | None:
-    """Keep the largest value of each name. Returns None if there are no values."""
-    worst: dict[str, tuple[float, float]] = {}
-    for name, value, time in zip(names, values, times, strict=True):
-        worst[name] = max(worst.get(name, (value, time)), (value, time))
-    if not worst:
+def _largest_of_each(observations: list[Observation]) -> Measured | None:
+    """Keep the observation with the largest value of each subject. Returns None if there are no observations."""
+    largest: dict[str, Observation] = {}
+    for new in observations:
+        known = largest.get(new.subject)
+        # Of equal values, the latest is kept.
+        if known is None or (new.value, new.time) > (known.value, known.time):
+            largest[new.subject] = new
+    if not largest:
         return None
-    found = np.array([*worst.values()])
-    return Measured([*worst], found[:, 0], found[:, 1])
+    values = np.array([observation.value for observation in largest.values()])
+    times = np.array([observation.time for observation in largest.values()])
+    return Measured(list(largest), values, times)
 
 
 def _judged_pieces(run: RecordedRun) -> list[str]:
-    """List the free pieces on which gravity, contacts and known forces alone act: no coupling holds them."""
+    """Names of the free pieces on which only gravity, contacts and the station's forces act.
+
+    Pieces that a coupling holds, such as a spring, are left out: its force is not known. The list is empty if the
+    station has no contact, or no gravity that pulls down.
+    """
     if run.contacts_at is None or run.config.gravity <= 0:
         return []
     coupled = set[str]()
@@ -128,73 +184,101 @@ def _weight(run: RecordedRun, piece: str) -> float:
     return float(run.plant.free_pieces[piece].default_mass() * run.config.gravity)
 
 
-def _rests(run: RecordedRun, piece: str) -> Iterator[tuple[int, int]]:
-    """Yield the first and the last sample of each time in which a piece rests, without its first 0.5 s."""
-    slow = (np.abs(run.piece_velocity(piece)) < REST_SPEED).all(axis=1)
-    changes = np.flatnonzero(np.diff(np.concatenate([[False], slow, [False]])))
+def _rests(run: RecordedRun, piece: str) -> Iterator[SampleRange]:
+    """Yield each part of the run in which a piece rests, without the 0.5 s after which it counts as resting."""
+    is_slow = (np.abs(run.piece_velocity(piece)) < REST_SPEED).all(axis=1)
+    # Indices at which the piece becomes slow, and at which it becomes fast again, in turn.
+    with_ends = np.concatenate([[False], is_slow, [False]])
+    changes = np.flatnonzero(np.diff(with_ends))
     for begin, end in zip(changes[::2], changes[1::2], strict=True):
         settled = int(np.searchsorted(run.times, run.times[begin] + REST_TIME))
         if settled < end:
-            yield settled, int(end) - 1
+            yield SampleRange(first=settled, last=int(end) - 1)
 
 
-def _windows(run: RecordedRun, piece: str) -> Iterator[tuple[int, int, list[Look]]]:
-    """Yield windows of samples, first and last, with the looks in each of them."""
-    looks = run.piece_contacts[piece]
-    if len(looks) < LEAST_LOOKS:
+def _windows(run: RecordedRun, piece: str) -> Iterator[ContactWindow]:
+    """Cut a run into windows of equal length, and yield those with enough contact samples of a piece."""
+    contacts = run.piece_contacts[piece]
+    if len(contacts) < LEAST_CONTACT_SAMPLES:
         return
-    time_between = float(run.times[looks[1].row] - run.times[looks[0].row])
-    window = max(WINDOW, (LEAST_LOOKS + 1) * time_between)
-    bounds = np.searchsorted(run.times, np.arange(0.0, run.stop_time, window)).tolist()
+    # In a long run contacts are evaluated rarely: then windows are longer, to contain enough contact samples.
+    interval = float(run.times[contacts[1].sample] - run.times[contacts[0].sample])
+    duration = max(WINDOW, (LEAST_CONTACT_SAMPLES + 1) * interval)
+    begins = np.arange(0.0, run.stop_time, duration)
+    bounds = np.searchsorted(run.times, begins).tolist()  # the first sample of each window
     for first, last in pairwise(bounds):
-        inside = [look for look in looks if first <= look.row <= last]
-        if len(inside) >= LEAST_LOOKS:
-            yield first, last, inside
+        inside = [contact for contact in contacts if first <= contact.sample <= last]
+        if len(inside) >= LEAST_CONTACT_SAMPLES:
+            yield ContactWindow(first, last, inside)
 
 
-def _steady_contact(looks: list[Look]) -> tuple[str, Vector, float]:
-    """Find the one body that touches a piece at all looks, the normal and the friction coefficient.
+def _steady_contact(contacts: list[ContactSample]) -> SteadyContact | None:
+    """Find the one body that touches a piece during a window.
 
-    Returns an empty name if nothing touches it, if several bodies do, or if the normal changes.
+    Returns None if nothing or several bodies touch the piece, if the body changes, or if the normal does.
+
+    Args:
+        contacts: the contact samples of the window, at least one.
     """
-    nothing = "", np.zeros(3), 0.0
-    partners = looks[0].partners
-    if len(partners) != 1 or any(look.partners != partners for look in looks):
-        return nothing
-    mean = np.mean([look.normal for look in looks], axis=0)
-    length = float(np.linalg.norm(mean))
-    if length == 0.0 or any(look.normal @ mean < STEADY_NORMAL * length for look in looks):
-        return nothing
-    return next(iter(partners)), mean / length, min(look.friction for look in looks)
+    partners = contacts[0].partners
+    is_same_body = all(contact.partners == partners for contact in contacts)
+    if len(partners) != 1 or not is_same_body:
+        return None
+    mean_normal = np.mean([contact.normal for contact in contacts], axis=0)
+    length = float(np.linalg.norm(mean_normal))
+    if length == 0.0:
+        return None
+    # The normal of a sample is at most 1 long, so that this bounds its angle to the mean.
+    if any(contact.normal @ mean_normal < STEADY_NORMAL * length for contact in contacts):
+        return None
+    (partner,) = partners
+    return SteadyContact(partner, mean_normal / length, friction=min(contact.friction for contact in contacts))
 
 
-def _mean_contact_force(run: RecordedRun, piece: str, first: int, last: int) -> Vector:
-    """Compute the mean contact force on a piece between two samples from its momentum, shape (3,) [N]."""
+def _mean_contact_force(run: RecordedRun, piece: str, window: ContactWindow) -> Vector:
+    """Mean contact force on a piece during a window, in the world's axes, shape (3,) [N].
+
+    The momentum of the piece changes by all forces on it: m dv/dt = F + m g + applied. So the contact force is
+    F = m (dv/dt - g) - applied.
+    """
     mass = float(run.plant.free_pieces[piece].default_mass())
     velocity = _velocity_of_centre(run, piece)
-    duration = run.times[last] - run.times[first]
-    acceleration = (velocity[last] - velocity[first]) / duration
+    duration = run.times[window.last] - run.times[window.first]
+    acceleration = (velocity[window.last] - velocity[window.first]) / duration
     gravity = np.array([0.0, 0.0, -run.config.gravity])
-    applied = _applied_force(run, piece)[first:last].mean(axis=0)
-    return np.asarray(mass * (acceleration - gravity) - applied)
+    applied_force = _applied_force(run, piece)[window.first : window.last].mean(axis=0)
+    return np.asarray(mass * (acceleration - gravity) - applied_force)
 
 
 def _velocity_of_centre(run: RecordedRun, piece: str) -> Vector:
-    """Velocity of a piece's centre of mass, shape (m, 3) [m/s]: v + omega x r."""
+    """Velocity of a piece's centre of mass at all m samples, in the world's axes, shape (m, 3) [m/s].
+
+    It is v + omega x r, with the velocity v of the piece's origin and the vector r from the origin to the centre of
+    mass.
+    """
     motion = run.piece_velocity(piece)
-    com = run.plant.free_pieces[piece].default_com()
-    if not com.any():
-        return motion[:, :3]
-    arms = np.array([transform_from_xyz_quaternion(pose).rotation() @ com for pose in run.piece_pose(piece)])
-    return motion[:, :3] + np.cross(motion[:, 3:], arms)
+    velocity = motion[:, :3]
+    angular_velocity = motion[:, 3:]
+    centre = run.plant.free_pieces[piece].default_com()  # in the axes of the piece
+    if not centre.any():
+        return velocity
+    arms = [transform_from_xyz_quaternion(pose).rotation() @ centre for pose in run.piece_pose(piece)]
+    return velocity + np.cross(angular_velocity, np.array(arms))
 
 
 def _applied_force(run: RecordedRun, piece: str) -> Vector:
-    """Compute the sum of the station's forces on a piece at all m samples, in the world's axes, shape (m, 3) [N]."""
+    """Sum of the forces in the station's section ``forces`` that act on a piece.
+
+    Returns:
+        the sum at all m samples, in the world's axes, shape (m, 3) [N].
+    """
     total = np.zeros((len(run.times), 3))
     for name, force in run.config.forces.items():
-        if force.at == piece:
-            # Forces are recorded in the axes of what they act on.
-            rotations = [transform_from_xyz_quaternion(pose).rotation().matrix() for pose in run.piece_pose(piece)]
-            total += np.einsum("mij,mj->mi", np.array(rotations), run.vector(f"applied_force.{name}"))
+        if force.at != piece:
+            continue
+        # The recorded components are in the axes of the piece, so each is rotated by the piece's pose.
+        poses = run.piece_pose(piece)
+        rotations = np.array([transform_from_xyz_quaternion(pose).rotation().matrix() for pose in poses])
+        recorded = run.vector(f"applied_force.{name}")
+        total += np.einsum("mij,mj->mi", rotations, recorded)
     return total

@@ -1,10 +1,15 @@
-"""The criteria by which runs are judged, of axes and of all else: a further one is an entry here.
+"""The criteria by which runs are judged. A further criterion is one more entry of `CRITERIA`.
 
-Its bound stands in ``VerdictConfig``.
+A *criterion* measures one quantity of a run, such as the final error, for several *subjects*: axes of robots, tools,
+feet, pairs of bodies. The result is a `Measured`: the worst value of each subject, and when it occurred. A measuring
+function returns None if the run has nothing to measure. The bound of a criterion is a key of ``VerdictConfig``.
+
+The signals of a run are recorded at m samples. A robot has n axes, with units rad and N·m, or m and N for prismatic
+axes.
 """
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,191 +21,272 @@ from simrob_drake.results.verdict.contact_forces import measure_friction_share, 
 from simrob_drake.results.verdict.verdict import NOTHING_LEFT_OUT, Criterion, Measured, Verdict
 from simrob_drake.robots.motors import rated_torques
 
-if TYPE_CHECKING:
-    from simrob_drake.results.record.run import RecordedRun
+AT_LIMIT = 0.999
+"""An axis is at its torque limit if its torque is at least this share of the limit."""
 
-AT_LIMIT = 0.999  # from which part of it on an axis is at its limit of torque
-_LOOKS = 40  # in a run, at its couplings
+_COUPLING_SAMPLES = 40  # count of times at which the gaps of couplings are measured
 _PRESSES = "a finger, which presses on what it holds as hard as it may"
 _IDLE = "no motor drives it"
-_WENT_ON = "completed", "monitor"  # how runs end at whose end axes should be where they are asked to be
+_REGULAR_ENDINGS = ("completed", "monitor")  # endings of a run after which axes should be at their reference
 
 
-class _Axes(NamedTuple):
-    """What was measured of the axes of a robot: values (n,), their times (n,) or None, and the limits of shares."""
+class AxisValues(NamedTuple):
+    """Values that were measured for the n axes of one robot."""
 
-    values: Vector
-    times: Vector | None = None
-    limits: Vector = np.zeros(0)
-    limit_units: tuple[str, ...] = ()
-    left_out: Mapping[int, str] = NOTHING_LEFT_OUT  # axes that are not judged, each with the reason; their values are 0
+    values: Vector  # the worst value of each axis, shape (n,)
+    times: Vector | None = None  # when it occurred, shape (n,) [s]; None if it belongs to the whole run
+    limits: Vector | None = None  # what the values are shares of, shape (n,); None if they are no shares
+    limit_units: tuple[str, ...] = ()  # units of the limits
+    left_out: Mapping[int, str] = NOTHING_LEFT_OUT  # by index, the reason why an axis is not judged; its value is 0
 
 
-def _of_each_robot(
-    measure: Callable[[RecordedRun, StationRobot], _Axes | None],
-) -> Callable[[RecordedRun], Measured | None]:
-    """Return what measures the axes of all robots."""
+class LargestValues(NamedTuple):
+    """Largest values of k signals."""
+
+    values: Vector  # shape (k,), in the unit of the signal
+    times: Vector  # when each occurred first, shape (k,) [s]
+
+
+MeasureOfRun = Callable[[RecordedRun], Measured | None]
+"""Measures a run; returns None if there is nothing to measure."""
+
+MeasureOfRobot = Callable[[RecordedRun, StationRobot], AxisValues | None]
+"""Measures the axes of one robot in a run; returns None if there is nothing to measure."""
+
+
+def _of_each_robot(measure: MeasureOfRobot) -> MeasureOfRun:
+    """Decorator: extend a measure of one robot to all robots of a run. The subjects are the axes of all robots."""
 
     def of_run(run: RecordedRun) -> Measured | None:
-        found = [(robot, measure(run, robot)) for robot in run.plant.robots.values()]
-        known = [(robot, axes) for robot, axes in found if axes is not None]
-        if not known:
+        names = list[str]()
+        values = []
+        times = []
+        slides = list[bool]()
+        limits = []
+        limit_units = list[str]()
+        left_out = dict[str, str]()
+        for robot in run.plant.robots.values():
+            axes = measure(run, robot)
+            if axes is None:
+                continue
+            own_names = [f"{robot.prefix}{axis}" for axis in robot.axes]
+            names += own_names
+            values.append(axes.values)
+            if axes.times is not None:
+                times.append(axes.times)
+            slides += list(robot.model.prismatic)
+            if axes.limits is not None:
+                limits.append(axes.limits)
+            limit_units += axes.limit_units
+            for index, reason in axes.left_out.items():
+                left_out[own_names[index]] = reason
+        if not values:
             return None
-        times, limits = ([getattr(axes, key) for _, axes in known] for key in ("times", "limits"))
-        left_out = {
-            f"{robot.prefix}{robot.axes[axis]}": reason
-            for robot, axes in known
-            for axis, reason in axes.left_out.items()
-        }
         return Measured(
-            [f"{robot.prefix}{axis}" for robot, _ in known for axis in robot.axes],
-            np.concatenate([axes.values for _, axes in known]),
-            None if times[0] is None else np.concatenate(times),
-            [slides for robot, _ in known for slides in robot.model.prismatic],
-            (np.concatenate(limits), [unit for _, axes in known for unit in axes.limit_units]),
-            left_out,
+            subjects=names,
+            values=np.concatenate(values),
+            times=np.concatenate(times) if times else None,
+            slides=slides,
+            limits=np.concatenate(limits) if limits else None,
+            limit_units=limit_units,
+            left_out=left_out,
         )
 
     return of_run
 
 
-def largest(values: Vector, times: Vector) -> tuple[Vector, Vector]:
-    """Return the largest of each column of values (m, k), and when it was so: (k,) each. What is no number is none."""
+def largest(values: Vector, times: Vector) -> LargestValues:
+    """Find the largest value of each signal, and when it occurred first. NaN is ignored.
+
+    Args:
+        values: k signals at m samples, shape (m, k).
+        times: times of the samples, shape (m,) [s].
+    """
     found = np.fmax.reduce(values, axis=0)
-    return found, times[(values == found).argmax(axis=0)]
+    first_rows = (values == found).argmax(axis=0)
+    return LargestValues(found, times[first_rows])
 
 
 def _errors(run: RecordedRun, robot: StationRobot) -> Vector | None:
-    """Return how far the axes of a robot were from their reference, shape (m, n) [rad or m].
+    """Distances of a robot's axes from their reference at all samples, shape (m, n) [rad or m].
 
-    Axes that are left out have errors of 0. Returns None for a kinematic run, in which axes are where they should be.
+    The distances of axes that are not judged are 0. Returns None for a kinematic run, in which axes are always at their
+    reference.
     """
     if run.config.mode == "kinematic":
         return None
     errors = np.abs(run.axes("q_ref", robot.name) - run.axes("q", robot.name))
-    errors[:, list(_without_error(run, robot))] = 0.0
+    not_judged = list(_without_error(run, robot))
+    errors[:, not_judged] = 0.0
     return errors
 
 
 def _without_error(run: RecordedRun, robot: StationRobot) -> dict[int, str]:
-    """Return the axes of a robot that nobody expects at their reference, by index, each with the reason."""
+    """Axes of a robot that are not expected at their reference, by index, each with the reason.
+
+    These are fingers, and axes without a motor.
+    """
     left_out = _fingers(robot)
-    idle = (robot.gains.kp == 0) & ~run.axes("tau", robot.name).any(axis=0)
+    has_torque = run.axes("tau", robot.name).any(axis=0)
+    idle = (robot.gains.kp == 0) & ~has_torque
     if not idle.all():  # a robot without any motor is judged as a whole
         left_out |= dict.fromkeys(np.flatnonzero(idle).tolist(), _IDLE)
     return left_out
 
 
 def _fingers(robot: StationRobot) -> dict[int, str]:
-    """Return the fingers of a robot by index, each with the reason why it is not judged."""
+    """Fingers of a robot's gripper, by the index of the axis, each with the reason why it is not judged."""
     return dict.fromkeys(robot.model.fingers, _PRESSES)
 
 
-def _of_arm(robot: StationRobot, values: Vector) -> Vector:
-    """Return values (m, n) with 0 for fingers, which press on what they hold as hard as they may."""
-    values[:, list(robot.model.fingers)] = 0.0
-    return values
-
-
 @_of_each_robot
-def _final_error(run: RecordedRun, robot: StationRobot) -> _Axes | None:
-    """Measure how far axes are from their reference at the end."""
+def _final_error(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
+    """Measure the distance of each axis from its reference at the end of a run that ended regularly [rad or m]."""
     errors = _errors(run, robot)
-    if errors is None or run.ending not in _WENT_ON:
+    if errors is None or run.ending not in _REGULAR_ENDINGS:
         return None
-    return _Axes(errors[-1], left_out=_without_error(run, robot))
+    return AxisValues(errors[-1], left_out=_without_error(run, robot))
 
 
 @_of_each_robot
-def _largest_error(run: RecordedRun, robot: StationRobot) -> _Axes | None:
-    """Measure how far axes were from their reference at most."""
+def _largest_error(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
+    """Measure the largest distance of each axis from its reference [rad or m]."""
     errors = _errors(run, robot)
-    return None if errors is None else _Axes(*largest(errors, run.times), left_out=_without_error(run, robot))
+    if errors is None:
+        return None
+    worst = largest(errors, run.times)
+    return AxisValues(worst.values, worst.times, left_out=_without_error(run, robot))
 
 
 @_of_each_robot
-def _beyond_stop(run: RecordedRun, robot: StationRobot) -> _Axes:
+def _beyond_stop(run: RecordedRun, robot: StationRobot) -> AxisValues:
+    """Measure how far each axis was beyond an end of its range [rad or m]; negative if it stayed within."""
     lower, upper = robot.model.axis_limits
     position = run.axes("q", robot.name)
-    return _Axes(*largest(np.maximum(lower - position, position - upper), run.times))
+    excess = np.maximum(lower - position, position - upper)
+    worst = largest(excess, run.times)
+    return AxisValues(worst.values, worst.times)
 
 
 def torque_shares(run: RecordedRun, robot: StationRobot) -> Vector:
-    """Return the parts of their limits that the torques of a robot's axes were, shape (m, n); of fingers nought."""
-    torque, limit, line = run.axes("tau", robot.name), robot.gains.torque_limit, robot.gains.line
+    """Torques of a robot's axes as shares of what their motors can give, at all samples, shape (m, n).
+
+    The motor of a dynamic station may have a torque that falls with its speed; otherwise the limit of the servo counts.
+    The shares of fingers are 0: fingers press on what they hold as hard as they may.
+    """
+    torque = run.axes("tau", robot.name)
+    limit = robot.gains.torque_limit
+    line = robot.gains.line  # how torques fall with speed; None if they do not
     if line is None or run.config.mode == "kinematic":
-        return _of_arm(robot, np.abs(torque) / limit)
-    return _of_arm(robot, line.share(torque, run.axes("v", robot.name), limit))
+        shares = np.abs(torque) / limit
+    else:
+        shares = line.share(torque, run.axes("v", robot.name), limit)
+    shares[:, list(robot.model.fingers)] = 0.0
+    return shares
 
 
 @_of_each_robot
-def _torque_share(run: RecordedRun, robot: StationRobot) -> _Axes:
-    units = tuple(robot.model.effort_units)
-    shares = largest(torque_shares(run, robot), run.times)
-    return _Axes(*shares, robot.gains.torque_limit, units, _fingers(robot))
+def _torque_share(run: RecordedRun, robot: StationRobot) -> AxisValues:
+    """Measure the largest torque of each axis, as a share of its limit. Fingers are not judged."""
+    worst = largest(torque_shares(run, robot), run.times)
+    return AxisValues(
+        worst.values,
+        worst.times,
+        limits=robot.gains.torque_limit,
+        limit_units=tuple(robot.model.effort_units),
+        left_out=_fingers(robot),
+    )
 
 
 @_of_each_robot
-def _torque_time(run: RecordedRun, robot: StationRobot) -> _Axes:
-    return _Axes((torque_shares(run, robot) > AT_LIMIT).mean(axis=0), left_out=_fingers(robot))
+def _torque_time(run: RecordedRun, robot: StationRobot) -> AxisValues:
+    """Measure the share of the run in which each axis was at its torque limit. Fingers are not judged."""
+    is_at_limit = torque_shares(run, robot) > AT_LIMIT
+    return AxisValues(is_at_limit.mean(axis=0), left_out=_fingers(robot))
 
 
 def _speed_shares(run: RecordedRun, robot: StationRobot) -> Vector:
+    """Speeds of a robot's axes as shares of their limits, at all samples, shape (m, n)."""
     return np.asarray(np.abs(run.axes("v", robot.name)) / robot.speed_limits)
 
 
 @_of_each_robot
-def _speed_share(run: RecordedRun, robot: StationRobot) -> _Axes:
+def _speed_share(run: RecordedRun, robot: StationRobot) -> AxisValues:
+    """Measure the largest speed of each axis, as a share of its limit."""
+    worst = largest(_speed_shares(run, robot), run.times)
     units = tuple(f"{unit.si}/s" for unit in robot.model.units)
-    return _Axes(*largest(_speed_shares(run, robot), run.times), robot.speed_limits, units)
+    return AxisValues(worst.values, worst.times, limits=robot.speed_limits, limit_units=units)
 
 
 @_of_each_robot
-def _speed_time(run: RecordedRun, robot: StationRobot) -> _Axes:
-    return _Axes((_speed_shares(run, robot) > 1.0).mean(axis=0))
+def _speed_time(run: RecordedRun, robot: StationRobot) -> AxisValues:
+    """Measure the share of the run in which each axis was faster than its limit."""
+    is_too_fast = _speed_shares(run, robot) > 1.0
+    return AxisValues(is_too_fast.mean(axis=0))
 
 
 def _payload(run: RecordedRun) -> Measured | None:
-    found = {
-        robot.name: (robot.load, robot.model.payload)
-        for robot in run.plant.robots.values()
-        if robot.model.payload is not None
-    }
-    if not found:
+    """Measure the mass that each robot carries, as a share of its rated payload."""
+    names = []
+    loads = []
+    rated_payloads = []
+    for robot in run.plant.robots.values():
+        if robot.model.payload is not None:
+            names.append(robot.name)
+            loads.append(robot.load)
+            rated_payloads.append(robot.model.payload)
+    if not names:
         return None
-    loads, rated = np.array([*found.values()]).T
-    return Measured([*found], loads / rated, limits=(rated, ["kg"] * len(found)))
+    rated = np.array(rated_payloads)
+    return Measured(names, np.array(loads) / rated, limits=rated, limit_units=["kg"] * len(names))
 
 
 def _tcp_speed(run: RecordedRun) -> Measured | None:
+    """Measure the largest speed of each robot's tool centre point, as a share of its rated speed."""
     robots = [robot for robot in run.plant.robots.values() if robot.tcp and robot.model.tcp_speed is not None]
     if not robots or len(run.times) < 2:
         return None
-    places = [np.column_stack([run[f"{robot.prefix}tcp.{axis}"] for axis in "xyz"]) for robot in robots]
-    speeds = [np.linalg.norm(np.gradient(place, run.times, axis=0), axis=1) for place in places]
+    speeds = []
+    for robot in robots:
+        position = np.column_stack([run[f"{robot.prefix}tcp.{axis}"] for axis in "xyz"])
+        velocity = np.gradient(position, run.times, axis=0)
+        speeds.append(np.linalg.norm(velocity, axis=1))
     rated = np.array([robot.model.tcp_speed for robot in robots])
-    names, units = [f"tool of {robot.name}" for robot in robots], ["m/s"] * len(robots)
-    return Measured(names, *largest(np.column_stack(speeds) / rated, run.times), limits=(rated, units))
+    worst = largest(np.column_stack(speeds) / rated, run.times)
+    names = [f"tool of {robot.name}" for robot in robots]
+    return Measured(names, worst.values, worst.times, limits=rated, limit_units=["m/s"] * len(robots))
 
 
 @_of_each_robot
-def _rated_time(run: RecordedRun, robot: StationRobot) -> _Axes | None:
-    rated = rated_torques(robot.motors)
-    return _Axes((np.abs(run.axes("tau", robot.name)) > rated).mean(axis=0)) if np.isfinite(rated).any() else None
-
-
-@_of_each_robot
-def _heat(run: RecordedRun, robot: StationRobot) -> _Axes | None:
-    """Measure how warm motors got: T θ' = (τ / τ_n)² - θ; 1 is as warm as the rated torque makes them."""
-    rated = rated_torques(robot.motors)
+def _rated_time(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
+    """Measure the share of the run in which each motor gave more than its continuous torque."""
+    rated = rated_torques(robot.motors)  # infinite if it is not known
     if not np.isfinite(rated).any():
         return None
-    steps, load = np.diff(run.times, prepend=run.times[0]), (run.axes("tau", robot.name) / rated) ** 2
-    times = np.array([1.0 if motor is None else motor.thermal_time for motor in robot.motors])
+    is_beyond = np.abs(run.axes("tau", robot.name)) > rated
+    return AxisValues(is_beyond.mean(axis=0))
+
+
+@_of_each_robot
+def _heat(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
+    """Measure how warm each motor got; 1 is the final temperature with the continuous torque.
+
+    With the thermal time constant T, the torque tau and the continuous torque tau_n, the temperature theta follows
+    T dtheta/dt = (tau / tau_n)² - theta, from theta = 0 at the start.
+    """
+    rated = rated_torques(robot.motors)  # infinite if it is not known: such a motor stays cold
+    if not np.isfinite(rated).any():
+        return None
+    load = (run.axes("tau", robot.name) / rated) ** 2
+    steps = np.diff(run.times, prepend=run.times[0])
+    time_constants = np.array([1.0 if motor is None else motor.thermal_time for motor in robot.motors])
     heat = np.zeros_like(load)
-    for look in range(1, len(load)):
-        heat[look] = heat[look - 1] - np.expm1(-steps[look] / times) * (load[look] - heat[look - 1])
-    return _Axes(*largest(heat, run.times))
+    for row in range(1, len(load)):
+        # Exact for a constant load over the step: theta approaches the load by the share 1 - exp(-step / T).
+        share = -np.expm1(-steps[row] / time_constants)
+        heat[row] = heat[row - 1] + share * (load[row] - heat[row - 1])
+    worst = largest(heat, run.times)
+    return AxisValues(worst.values, worst.times)
 
 
 MOTION = (
@@ -223,67 +309,92 @@ MOTION = (
     ),
     Criterion("heat", "1", "heat", "the motor of {of} got {value} as warm as its rated torque makes it{when}", _heat),
 )  # fmt: skip
-"""The criteria of axes."""
+"""Criteria of axes."""
 
 
 def _below_floor(run: RecordedRun) -> Measured | None:
-    """Measure how deep tools in use, floating bases and free pieces were below the ground, negative above it."""
+    """Measure how deep tools in use, floating bases and free pieces were below the ground [m]; negative above it."""
     if run.config.floor is None:
         return None
-    robots = run.plant.robots.values()
-    poses = {f"tool {robot.prefix}{robot.tcp}": f"{robot.prefix}tcp" for robot in robots if robot.tcp}
-    poses |= {f"{robot.prefix}base": f"{robot.prefix}base" for robot in robots if robot.floats}
-    poses |= {piece: f"piece.{piece}" for piece in run.config.free_pieces}
-    points = [np.column_stack([run[f"{pose}.{part}"] for part in "xyz"]) for pose in poses.values()]
+    signals = dict[str, str]()  # by subject, the name of the signal of its pose
+    for robot in run.plant.robots.values():
+        if robot.tcp:
+            signals[f"tool {robot.prefix}{robot.tcp}"] = f"{robot.prefix}tcp"
+    for robot in run.plant.robots.values():
+        if robot.floats:
+            signals[f"{robot.prefix}base"] = f"{robot.prefix}base"
+    for piece in run.config.free_pieces:
+        signals[piece] = f"piece.{piece}"
+    if not signals:
+        return None
     ground = run.plant.ground
-    depths = [-places[:, 2] if ground.plain else ground.beneath(places) - places[:, 2] for places in points]
-    return Measured(list(poses), *largest(np.column_stack(depths), run.times)) if depths else None
+    depths = []
+    for signal in signals.values():
+        position = np.column_stack([run[f"{signal}.{axis}"] for axis in "xyz"])
+        height = position[:, 2]
+        is_level = ground.plain  # the ground is the plane z = 0
+        depths.append(-height if is_level else ground.beneath(position) - height)
+    worst = largest(np.column_stack(depths), run.times)
+    return Measured(list(signals), worst.values, worst.times)
 
 
 def _distance(run: RecordedRun) -> Measured | None:
-    felt = [signal for signal in run.signals if signal.role == "distance" and set(signal.names) <= set(run.names)]
-    if not felt:
+    """Measure the smallest distance that each distance sensor measured [m]."""
+    columns = set(run.names)
+    signals = [signal for signal in run.signals if signal.role == "distance" and columns.issuperset(signal.names)]
+    if not signals:
         return None
-    nearest, times = largest(-np.column_stack([run[signal.names[0]] for signal in felt]), run.times)
-    return Measured([signal.part for signal in felt], -nearest, times)
+    distances = np.column_stack([run[signal.names[0]] for signal in signals])
+    nearest = largest(-distances, run.times)
+    return Measured([signal.part for signal in signals], -nearest.values, nearest.times)
 
 
 def _penetration(run: RecordedRun) -> Measured | None:
-    found = run.touch.depths
-    if not found:
+    """Measure the largest depth to which each pair of bodies overlapped [m]."""
+    depths = run.touch.depths  # by pair of bodies, the depth [m] and the time [s]
+    if not depths:
         return None
-    values, times = np.array(list(found.values())).T
-    return Measured([f"{first} and {second}" for first, second in found], values, times)
+    values, times = np.array(list(depths.values())).T
+    return Measured([f"{first} and {second}" for first, second in depths], values, times)
 
 
 def _foot_slip(run: RecordedRun) -> Measured | None:
-    found = run.touch.slides
-    longest = [slide.longest for slide in found.values()]
-    names = [f"{run.plant.robots[robot].prefix}{link}" for robot, link in found]
-    times = run.touch.times[[look for _, look in longest]] if longest else np.zeros(0)
-    return Measured(names, np.array([way for way, _ in longest]), times)
+    """Measure the longest distance that each foot slid over the ground before it was lifted again [m]."""
+    names = []
+    distances = []
+    times = []
+    for (robot, link), slide in run.touch.slides.items():
+        distance, row = slide.longest
+        names.append(f"{run.plant.robots[robot].prefix}{link}")
+        distances.append(distance)
+        times.append(run.touch.times[row])
+    return Measured(names, np.array(distances), np.array(times))
 
 
 def _shortened_steps(run: RecordedRun) -> Measured | None:
+    """Measure how often the solver tried a step again with a shorter length, as a share of its steps."""
     if run.shortened is None or len(run.step_times) < 2:
         return None
     steps = np.array([len(run.step_times) - 1.0])
-    return Measured(["the solver"], run.shortened / steps, limits=(steps, ["steps"]))
+    return Measured(["the solver"], run.shortened / steps, limits=steps, limit_units=["steps"])
 
 
 def _coupling_gap(run: RecordedRun) -> Measured | None:
-    """Measure how far what couplings hold together was apart, at some moments of the run."""
-    couplings = run.config.couplings.items()
-    held = {name: one for name, one in couplings if one.constrains and isinstance(one, Between)}
-    if not held:
+    """Measure the largest gap of each coupling between two bodies, at some times of the run [m or rad]."""
+    all_couplings = run.config.couplings.items()
+    couplings = {name: one for name, one in all_couplings if one.constrains and isinstance(one, Between)}
+    if not couplings:
         return None
-    plant, context = run.plant.plant, run.plant.plant.CreateDefaultContext()
-    times = run.times[np.unique(np.linspace(0, len(run.times) - 1, _LOOKS).astype(int))]
-    gaps = np.zeros((len(times), len(held)))
-    for look, positions in enumerate(run.positions_at(times)):
+    plant = run.plant.plant
+    context = plant.CreateDefaultContext()
+    rows = np.linspace(0, len(run.times) - 1, _COUPLING_SAMPLES).astype(int)
+    times = run.times[np.unique(rows)]
+    gaps = np.zeros((len(times), len(couplings)))
+    for row, positions in enumerate(run.positions_at(times)):
         plant.SetPositions(context, positions)
-        gaps[look] = [coupling.gap(run.plant, context) for coupling in held.values()]
-    return Measured([*held], *largest(gaps, times))
+        gaps[row] = [coupling.gap(run.plant, context) for coupling in couplings.values()]
+    worst = largest(gaps, times)
+    return Measured(list(couplings), worst.values, worst.times)
 
 
 CRITERIA = (
@@ -305,11 +416,15 @@ CRITERIA = (
     Criterion("foot_slip", "m", "slip", "{of} slid {value} before it was lifted again{when}", _foot_slip),
     Criterion("shortened_steps", "1", "shortened steps", "{of} shortened {amount}", _shortened_steps),
 )  # fmt: skip
-"""What runs are judged by, in the order in which it is told."""
+"""All criteria, in the order in which a verdict lists them."""
 
 
 def verdict_of(run: RecordedRun) -> Verdict:
-    """Return the verdict on a single run."""
-    measures = [measure for criterion in CRITERIA if (measure := criterion.of(run)) is not None]
-    touched = run.touch.depths or run.touch.slides
-    return Verdict(tuple(measures), run.config.sample_rate, run.touch.rate if touched else None)
+    """Judge a single run by all criteria."""
+    measures = []
+    for criterion in CRITERIA:
+        measure = criterion.of(run)
+        if measure is not None:
+            measures.append(measure)
+    has_touched = run.touch.depths or run.touch.slides
+    return Verdict(tuple(measures), run.config.sample_rate, run.touch.rate if has_touched else None)
