@@ -65,6 +65,12 @@ def check_plain(name: str) -> None:
         raise ValueError(f"'{shortened(name)}' is no plain name ({rule})")
 
 
+def plain_name(text: str) -> str:
+    """Make a name that :func:`check_plain` accepts from a text such as ``robot0:left_finger``, whose signs become _."""
+    name = re.sub(r"\W", "_", text)[:_LONGEST_PART]
+    return name if name.isidentifier() else f"_{name}"[:_LONGEST_PART]
+
+
 FileName = Annotated[str, AfterValidator(_file_name)]  # a name that folders may be called by: one segment of a path
 
 

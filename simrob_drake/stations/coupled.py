@@ -16,6 +16,7 @@ from simrob_drake.frames import Vector
 from simrob_drake.parts.couplings import Gear
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.coupled_axes import AxisCondition, ConditionViolation, CoupledAxes, Firmness
+from simrob_drake.sections import plain_name
 from simrob_drake.stations.config import RobotConfig, StationConfig
 from simrob_drake.stations.solver_config import FixedSteps
 
@@ -28,7 +29,12 @@ _ZERO_RATIO = 1e-9  # smaller ratios of a condition count as zero: they are roun
 
 def gear_name(config: StationConfig, robot: str, axis: str) -> str:
     """Key under ``couplings`` of the gear that makes an axis of a robot follow its leader."""
-    return f"{axis}_follows" if config.only_robot else f"{robot}_{axis}_follows"
+    return follower_key(axis) if config.only_robot else follower_key(f"{robot}_{axis}")
+
+
+def follower_key(axis: str) -> str:
+    """Key under ``couplings`` of the gear of an axis that follows another one. Names of joints may have any letters."""
+    return plain_name(f"{axis}_follows")
 
 
 def mimic_gears(config: StationConfig, models: Mapping[str, RobotModel]) -> dict[str, Gear]:

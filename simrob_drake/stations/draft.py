@@ -28,6 +28,7 @@ from simrob_drake.stations.clear_start import ClearStart
 from simrob_drake.stations.clearance import Clearance
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.coupled import follower_key
 from simrob_drake.stations.import_findings import import_findings
 from simrob_drake.stations.load import ONLY_ROBOT
 from simrob_drake.stations.loops import LoopsOfRobot
@@ -153,7 +154,7 @@ def _couplings(robot: RobotModel) -> dict[str, Any]:
     """Make the content of the section ``couplings``: a gear for each axis that follows another axis."""
     couplings = dict[str, Any]()
     for axis, follower in robot.followers.items():
-        couplings[f"{axis}_follows"] = {
+        couplings[follower_key(axis)] = {
             "kind": "gear",
             # Nine digits keep the file readable, and adding 0.0 turns -0.0 into 0.0.
             "ratios": {name: float(f"{ratio:.9g}") for name, ratio in follower.ratios(axis).items()},
@@ -272,7 +273,7 @@ def _complete_fingers(robot: RobotModel, content: dict[str, Any]) -> list[str]:
             continue
         # position - travel / (travel of the leader) * (position of the leader) stays constant.
         ratio = float(f"{-travels[index] / travels[leader]:.6g}")
-        couplings[f"{finger}_follows"] = {"kind": "gear", "ratios": {finger: 1.0, axes[leader]: ratio}}
+        couplings[follower_key(finger)] = {"kind": "gear", "ratios": {finger: 1.0, axes[leader]: ratio}}
     content |= _WITH_FINGERS
     return [_HOLDING.format(fingers=", ".join(axes[index] for index in robot.fingers))]
 
