@@ -68,20 +68,22 @@ def add_gears(spec: mujoco.MjSpec, station: ResolvedStation, plant: StationPlant
         equality = spec.add_equality(name=f"couplings.{name}", active=True)
         equality.solref = [_GEAR_STEPS * spec.option.timestep, 1.0]
         equality.solimp = [_GEAR_IMPEDANCE, _GEAR_IMPEDANCE, 1e-3, 0.5, 2.0]
-        levers, kept = gear.levers(plant), gear.kept(plant)
-        if len(levers) == 2:
-            (driven, ratio), (driver, other_ratio) = levers
+        coupled = gear.coupled_joints(plant)
+        total = gear.constant_sum(plant)
+        if len(coupled) == 2:
+            first, second = coupled
             equality.type = mujoco.mjtEq.mjEQ_JOINT
-            equality.name1, equality.name2 = names.joint(driven), names.joint(driver)
-            equality.data[:5] = [kept / ratio, -other_ratio / ratio, 0.0, 0.0, 0.0]
+            equality.name1 = names.joint(first.joint)
+            equality.name2 = names.joint(second.joint)
+            equality.data[:5] = [total / first.ratio, -second.ratio / first.ratio, 0.0, 0.0, 0.0]
             continue
         tendon = spec.add_tendon(name=f"couplings.{name}")
-        for joint, ratio in levers:
-            tendon.wrap_joint(names.joint(joint), ratio)
+        for entry in coupled:
+            tendon.wrap_joint(names.joint(entry.joint), entry.ratio)
         # MuJoCo measures the tendon's length from that in its own zero posture, where the sum is 0.
         equality.type = mujoco.mjtEq.mjEQ_TENDON
         equality.name1 = tendon.name
-        equality.data[:5] = [kept, 0.0, 0.0, 0.0, 0.0]
+        equality.data[:5] = [total, 0.0, 0.0, 0.0, 0.0]
 
 
 def _add_joint(onto: mujoco.MjsBody, station: StationPlant, joint: Joint, names: Names, armature: float) -> None:
