@@ -64,7 +64,7 @@ def repair_drives(robot: ET.Element, options: ImportOptions, report: ImportRepor
     movable = dict.fromkeys(movable_joints(robot))  # names in file order; a dict finds each of thousands at once
     driven = set[str]()  # names of the joints that have a motor
     for drive in list(robot.iterfind("transmission")):
-        driven |= _repair_transmission(robot, drive, movable, driven, report)
+        driven.update(_repair_transmission(robot, drive, movable, driven, report))
     idle = [joint for joint in movable if joint not in driven]
     for joint in idle:
         add_motor(robot, joint, drive=f"{joint}_drive")
