@@ -161,13 +161,13 @@ def _coefficients(reference: PiecewisePolynomial, start: float, inside: float) -
     piece = reference.get_segment_index(inside)
     piece_start = reference.start_time(piece)
     # Drake's polynomials count time from the start of their piece. A piece that starts at minus infinity is constant.
-    delay = start - piece_start if np.isfinite(piece_start) else 0.0
-    # With p(t) in Drake's time t, the result is p(delay + s) in the time s since `start`.
-    shifted_time = np.polynomial.Polynomial([delay, 1.0])
+    elapsed = start - piece_start if np.isfinite(piece_start) else 0.0
+    # With p(t) in Drake's time t, the result is p(elapsed + s) in the time s since `start`.
+    shifted_time = np.polynomial.Polynomial([elapsed, 1.0])
     found = list[Vector]()
     for index in range(reference.rows()):
         coefficients = reference.getPolynomial(piece, index, 0).GetCoefficients()
-        if delay != 0:
+        if elapsed != 0:
             coefficients = np.polynomial.Polynomial(coefficients)(shifted_time).coef
         found.append(np.asarray(coefficients, dtype=float))
     return found

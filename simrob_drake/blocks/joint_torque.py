@@ -61,7 +61,7 @@ class _MeasuredJoint(NamedTuple):
     Attributes:
         index: index of the joint in the plant, and so of its reaction force.
         is_prismatic: whether the joint slides.
-        axis: unit vector of the robot's axis in the joint's child frame, in which reaction forces are given, shape (3,).
+        axis: unit vector of the robot's axis, shape (3,), in the joint's child frame, as reaction forces are.
     """
 
     index: int
