@@ -53,14 +53,16 @@ def _combined_samples(references: Sequence[Reference], matrix: Vector, offset: V
         matrix: shape (k, n).
         offset: shape (k,) [rad or m].
     """
-    # Sines are excluded here for the type checker: they have no start and no end.
+    # Sines are excluded for the type checker: they have no start and no end.
     trajectories = [reference for reference in references if not isinstance(reference, SineReference)]
-    start = min(reference.start_time() for reference in trajectories)
-    end = max(reference.end_time() for reference in trajectories)
-    count = max(int((end - start) * _RATE), 1) + 1
-    times = np.linspace(start, end, count)
-    positions = np.hstack([reference_values(reference, times, 0) for reference in references])
-    velocities = np.hstack([reference_values(reference, times, 1) for reference in references])
+    start = min(trajectory.start_time() for trajectory in trajectories)
+    end = max(trajectory.end_time() for trajectory in trajectories)
+    interval_count = max(int((end - start) * _RATE), 1)
+    times = np.linspace(start, end, interval_count + 1)
+
+    # Samples of all n positions, shape (times, n).
+    positions = np.hstack([reference_values(trajectory, times, 0) for trajectory in trajectories])
+    velocities = np.hstack([reference_values(trajectory, times, 1) for trajectory in trajectories])
     return hermite(times, positions @ matrix.T + offset, velocities @ matrix.T)
 
 

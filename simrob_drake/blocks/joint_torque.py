@@ -36,7 +36,7 @@ class JointTorqueSensor(Block):
         # The block keeps no joint: a joint would keep the plant, and with it the whole diagram, in memory.
         self._joints = [
             _MeasuredJoint(
-                index=int(joint.index()),
+                number=int(joint.index()),
                 is_prismatic=isinstance(joint, PrismaticJoint),
                 axis=sign * _joint_axis(joint),
             )
@@ -50,21 +50,21 @@ class JointTorqueSensor(Block):
         """Compute the component of each joint's reaction force along the joint's axis."""
         forces = self._forces.Eval(context)
         for row, joint in enumerate(self._joints):
-            reaction = forces[joint.index]
+            reaction = forces[joint.number]
             vector = reaction.translational() if joint.is_prismatic else reaction.rotational()
             output.SetAtIndex(row, float(joint.axis @ vector))
 
 
 class _MeasuredJoint(NamedTuple):
-    """What the sensor needs of a joint.
+    """Properties of a joint that the sensor uses.
 
     Attributes:
-        index: index of the joint in the plant, and so of its reaction force.
+        number: index of the joint in the plant, and so of its reaction force.
         is_prismatic: whether the joint slides.
         axis: unit vector of the robot's axis, shape (3,), in the joint's child frame, as reaction forces are.
     """
 
-    index: int
+    number: int
     is_prismatic: bool
     axis: Vector
 

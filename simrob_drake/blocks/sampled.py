@@ -219,7 +219,7 @@ class SampledBlock(Block):
         return _DelayLine(queue=queue, output=self.DeclareDiscreteState(initial))
 
     @property
-    def remembered(self) -> list[str]:
+    def memory_names(self) -> list[str]:
         """Names of the parts of its memory, outputs first."""
         return [*self._output_memory, *self._slices]
 
@@ -229,7 +229,7 @@ class SampledBlock(Block):
         return {
             "period": self.period,
             "reads": {name: self.get_input_port(index).size() for name, index in self._ports.items()},
-            "memory": {name: memory[name] for name in self.remembered},
+            "memory": {name: memory[name] for name in self.memory_names},
             "gives": [*self._output_memory],
             "delay": self._delay,
             "at_once": self._stage is not None,

@@ -150,7 +150,7 @@ class RemoteBlock(SampledBlock):
         request = {
             "do": "sample",
             "number": self._number,
-            "memory": encode({name: memory[name] for name in self.remembered}),
+            "memory": encode({name: memory[name] for name in self.memory_names}),
             "read": encode({name: read[name] for name in self._read_names}),
         }
         changes: Changes = decode(self._answer.request(request)["value"])

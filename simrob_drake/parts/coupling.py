@@ -39,7 +39,7 @@ class SolverDescription(Protocol):
 
     @property
     def time_step(self) -> float:
-        """Step of a discrete solver [s]; 0 for other solvers."""
+        """Step of a discrete solver [s]. It is 0 if the solver is not discrete."""
 
 
 class CouplingSection(Strict, ABC):
@@ -95,7 +95,7 @@ class CouplingSection(Strict, ABC):
         return station.time_step > 0 or station.scheme in self.schemes
 
     def add_forces(self, builder: DiagramBuilder, site: Site, key: str) -> None:
-        """Add the forces that hold the coupling if the plant has no constraint for it. By default there are none.
+        """Add the forces that hold the coupling if the plant has no constraint for it: by default, no forces.
 
         Args:
             builder: builder of the station's diagram.

@@ -21,7 +21,7 @@ from simrob_drake.kinematics.every_branch import branches
 from simrob_drake.kinematics.numeric import random_postures
 from simrob_drake.programs.errors import PathCollision
 from simrob_drake.programs.model import StationModel
-from simrob_drake.programs.plan import check_collisions, shown
+from simrob_drake.programs.plan import axis_text, check_collisions
 from simrob_drake.programs.segments import PathPoint
 from simrob_drake.results.record.run import Approach, Approaches
 from simrob_drake.stations.collisions import OTHER_TOLERANCE
@@ -109,7 +109,7 @@ class Branch:
 
 @dataclass(frozen=True, eq=False)
 class Branches:
-    """All postures of an arm for a pose, the usable ones first.
+    """Postures of an arm for a pose, the usable postures first.
 
     As text it is a table, in which a star marks the usable postures.
 
@@ -184,9 +184,9 @@ class Branches:
         positions = branch.posture + 0.0  # makes 0 of -0
         star = "*" if branch.usable else ""
         load = f"{100 * branch.load.value:.0f} % {branch.load.axis}"
-        room = f"{shown(branch.room.value, is_revolute[branch.room.axis])} {branch.room.axis}"
+        room = f"{axis_text(branch.room.value, is_revolute[branch.room.axis])} {branch.room.axis}"
         gap = f"{1e3 * branch.gap.distance:.0f} mm {branch.gap.body} to {branch.gap.other}" if branch.gap.other else ""
-        return [star, *map(shown, positions, is_revolute.values()), load, room, gap, branch.collision]
+        return [star, *map(axis_text, positions, is_revolute.values()), load, room, gap, branch.collision]
 
 
 _LOOKS = 6  # count of random postures that show which distances change

@@ -231,8 +231,8 @@ def check_rates(
     duration = factor * float(times[-1])
     is_revolute = bool(chain.revolute[axis])
     per_second = "/s²" if order == 2 else "/s"
-    rate = f"{shown(rates[row, axis], is_revolute)}{per_second}"
-    limit = f"{shown(limits[axis], is_revolute)}{per_second}"
+    rate = f"{axis_text(rates[row, axis], is_revolute)}{per_second}"
+    limit = f"{axis_text(limits[axis], is_revolute)}{per_second}"
     error_class = AccelerationLimitExceeded if order == 2 else SpeedLimitExceeded
     raise error_class(
         point.name,
@@ -294,7 +294,7 @@ def _rates(trajectory: Trajectory, times: Vector, order: int) -> Vector:
     return rates
 
 
-def shown(value: float, is_revolute: bool) -> str:
+def axis_text(value: float, is_revolute: bool) -> str:
     """Position of an axis as messages show it: in degrees for a revolute axis [rad], otherwise in metres [m]."""
     return f"{np.rad2deg(value):.1f} deg" if is_revolute else f"{value:.3f} m"
 

@@ -1,4 +1,4 @@
-"""Changes that happen to a station while a program runs: new settings, pushes, drags, and walks driven by hand.
+"""Changes that happen to a station while a program runs: new settings, pushes, drags, and commands to walks.
 
 The changes of a program are on a timeline, which has a grid: equally spaced moments, at which changes happen. A run is
 cut into pieces at each change of settings or forces, and restarts its solver at each moment of the grid. So it can be
@@ -65,7 +65,7 @@ class DragNow(Strict):
 
 
 class DriveNow(Strict):
-    """A walk that is driven by hand, in place of the commands of its section; without effect if no robot walks."""
+    """Commands to a walk in place of those of its section; without effect if no robot walks."""
 
     at: str | None = None
     """The robot that walks; the only robot unless given."""
@@ -86,7 +86,7 @@ class Change(Strict):
     drag: DragNow | None = None
     """A drag."""
     drive: DriveNow | None = None
-    """A walk that is driven by hand."""
+    """Commands to a walk."""
 
     @model_validator(mode="after")
     def _one_thing(self) -> Self:
@@ -235,7 +235,9 @@ class Timeline:
         return forces
 
     def hands(self, config: StationConfig) -> dict[str, Driver]:
-        """Functions that drive the walks of a station by hand in a run that begins now, by the name of the controller.
+        """Functions that give the commands of changes to the walks of a station, by the name of the walk's controller.
+
+        They are made for a run that begins now.
 
         ``Runner.run`` takes them as its commands. There are none if no change drives a walk.
         """
@@ -277,7 +279,7 @@ class Timeline:
 
 @contextmanager
 def following(holder: Any, grid: float | None, changes: Sequence[Change], *, strict: bool = False) -> Iterator[None]:
-    """Let a station follow the timeline of a program within a ``with`` block.
+    """Give a station the timeline of a program within a ``with`` block.
 
     A station that follows a timeline with a grid already keeps it: a program that another program runs has no timeline
     of its own.

@@ -141,7 +141,7 @@ def _missing_block_end(problem: Any, stack: Sequence[Node], end: int, text: str)
 
 
 def _expected_block_end(problem: Any) -> str | None:
-    """Word by which the parser would end the innermost open block; None if it expects none.
+    """Word by which the parser would end the innermost open block. Returns None if no word can end one.
 
     The word at which the parser stopped does not count, as it is not what is missing.
     """
@@ -191,7 +191,10 @@ def _tokens_of(stack: Sequence[Node], *types: str) -> list[Node]:
 
 
 def _end_of_last(stack: Sequence[Node]) -> int | None:
-    """Index in the text at which the last token or tree on the parser's stack ends; None if none has a place."""
+    """Index in the text at which the last token or tree on the parser's stack ends.
+
+    Returns None if nothing on the stack has a place in the text.
+    """
     for node in reversed(stack):
         end = _end_of(node)
         if end is not None:
@@ -200,7 +203,10 @@ def _end_of_last(stack: Sequence[Node]) -> int | None:
 
 
 def _end_of(node: Node) -> int | None:
-    """Index in the text at which a token or a tree of the parser's stack ends; None for an empty tree."""
+    """Index in the text at which a token or a tree of the parser's stack ends.
+
+    Returns None for an empty tree, which has no place in the text.
+    """
     end: int | None = getattr(node, "end_pos", None)
     if end is None and hasattr(node, "meta"):
         end = getattr(node.meta, "end_pos", None)

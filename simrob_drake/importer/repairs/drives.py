@@ -225,7 +225,7 @@ def _repair_speeds(joints: Sequence[ET.Element], speed: float, unit: str, report
 
 
 class _Load(NamedTuple):
-    """What hangs on a link, with the link itself, in the posture in which all is stretched out in one line.
+    """Load on a joint: the link behind it and all that hangs on this link, in one stretched line.
 
     Attributes:
         mass: mass [kg].

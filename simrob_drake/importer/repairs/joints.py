@@ -216,7 +216,10 @@ def _fix_still_followers(robot: ET.Element, report: ImportReport) -> None:
 
 
 def _find_still_follower(joints: Mapping[str, ET.Element]) -> ET.Element | None:
-    """Find the first follower of a joint that does not move, or with a multiplier of 0; None if there is none."""
+    """Find the first follower of a joint that does not move, or with a multiplier of 0.
+
+    Returns None if there is no such follower.
+    """
     for joint in joints.values():
         follows = joint.find(FOLLOWS)
         if follows is None:

@@ -98,7 +98,7 @@ def mend_numbers(robot: ET.Element, report: ImportReport) -> None:
 
 
 def number(element: ET.Element | None, key: str) -> float | None:
-    """Read a number that is repaired already; None if the element or its attribute is missing."""
+    """Read a number that is repaired already. Returns None if the element or its attribute is missing."""
     text = None if element is None else element.get(key)
     return None if text is None else float(text)
 
@@ -185,7 +185,7 @@ def _understand_numbers(text: str, counts: tuple[int, ...], unit: str) -> list[s
 
 
 def _without_unit(word: str, unit: str) -> str:
-    """Remove the unit after a number, or the suffix f of a floating-point number; other words stay as they are."""
+    """Remove the unit or the suffix f from a number, such as 1.5m or 1.5f; other text is returned as it is."""
     for suffix in (unit, "f", "F"):
         rest = word.removesuffix(suffix)
         if word.endswith(suffix) and NUMBER.fullmatch(rest):

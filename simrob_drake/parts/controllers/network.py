@@ -272,7 +272,7 @@ def _count_expanded_nodes(graph: Any, functions: Mapping[_FunctionName, Any]) ->
     counts: dict[_FunctionName, int] = {}
 
     def count(called: _FunctionName) -> int:
-        """Count the nodes that replace a call; 1 for an operator, which stays as it is."""
+        """Count the nodes that replace a call. A call of an operator is a single node, which stays as it is."""
         if called not in functions:
             return 1
         if called not in counts:

@@ -77,7 +77,7 @@ class MoveFree(ArmMotion):
         return self
 
     def posture(self, planning: Planning) -> npt.ArrayLike | str | None:
-        """Target posture in SI units, or its name; None if the target is a pose or a piece."""
+        """Target posture in SI units, or its name. It is None if the target is a pose or a piece."""
         # Degrees for a wrong count of axes cannot be converted: the planner refuses them with a message.
         if self.joints_deg is None or len(self.joints_deg) != planning.chain.size:
             return self.joints or self.joints_deg
@@ -250,7 +250,7 @@ def _posture_goal(planning: Planning, joints: npt.ArrayLike | str) -> Vector:
 
 
 def _check_single(targets: Vector) -> None:
-    """Check that there is a single target: a pose (1, 4, 4) or a posture (1, n)."""
+    """Check that an array contains a single target: a pose (1, 4, 4) or a posture (1, n)."""
     if len(targets) != 1:
         raise InvalidParameter("targets", f"{len(targets)} of them", "one: a move around obstacles has one target")
 
