@@ -29,6 +29,7 @@ def main() -> None:
     replies = take_over_output()
     job = json.loads(sys.stdin.readline())
     apply_limits(int(job["memory"]), int(job["seconds"]))
+    # The limits hold before any code of the answer runs.
     answer = ServedAnswer(Path(job["answer"]))
     for line in sys.stdin:
         reply = answer.reply(json.loads(line))
@@ -68,6 +69,7 @@ class ServedAnswer:
             return {"failed": "run ends", "problem": str(reason)}
         except BlockFails as problem:
             return {"failed": "block", "block": problem.block, "problem": str(problem)}
+        # An answer that calls sys.exit() ends neither this process nor the measurement.
         except (Exception, SystemExit) as problem:
             return {"failed": "error", "problem": self._describe(problem)}
 

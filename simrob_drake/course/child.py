@@ -30,6 +30,7 @@ def main() -> None:
     job = json.loads(sys.stdin.readline())
     replies = take_over_output()
     apply_limits(int(job["memory"]), int(job["seconds"]))
+    # Each reply is written at once, so that points that are measured count even if a later one ends the process.
     try:
         for reply in _measure_points(job):
             replies.write(json.dumps(reply) + "\n")

@@ -37,6 +37,7 @@ def encode(value: Any, depth: int = 0) -> Any:
     """
     if depth > MOST_NESTED:
         raise NotPlain("values nested so deeply cannot be passed on")
+    # A single number of NumPy becomes a number of Python.
     if isinstance(value, np.generic):
         value = value.item()
     if value is None or isinstance(value, bool | int | float | str):
@@ -70,6 +71,7 @@ def _tagged_list(value: Any) -> _TaggedList:
     # Booleans, integers and floats. Arrays of objects are refused: they cannot pass without pickle.
     if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
         return _TaggedList("array", [value.dtype.str, list(value.shape), value.ravel().tolist()])
+    # Keys of any kind are allowed, so a mapping is a list of pairs.
     if isinstance(value, Mapping):
         return _TaggedList("mapping", [[key, part] for key, part in value.items()])
     if isinstance(value, tuple):

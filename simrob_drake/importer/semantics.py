@@ -62,6 +62,7 @@ def srdf_of(source: Path) -> Path | None:
 
     It has the name of the robot's file, and lies next to it, or in a folder ``srdf`` or ``config`` next to its folder.
     """
+    # Also "arm.srdf" for "arm.urdf.xacro".
     stem = source.name.partition(".")[0]
     for folder, suffix in product(_FOLDERS, _SUFFIXES):
         file = source.parent / folder / f"{stem}{suffix}"
@@ -251,6 +252,7 @@ def described_by(semantics: Semantics, robot: RobotModel, report: ImportReport) 
         return entries
     swapped = _swapped_fingers(robot.gripper.axes, postures, semantics)
     if swapped:
+        # The two positions of every finger are exchanged, as fingers move together.
         axes = {axis: (opened, closed) for axis, (closed, opened) in robot.gripper.axes.items()}
         gripper = robot.gripper.model_copy(update={"axes": axes})
         entries["gripper"] = gripper.model_dump(mode="json", exclude_none=True)

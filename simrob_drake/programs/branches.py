@@ -318,6 +318,7 @@ def _nearest_approach(
     nothing = Approach(np.inf, "")
     if not distances.pairs:
         return nothing
+    # Distances of all pairs at every fourth posture, shape (postures, pairs).
     sparse = _distances_along(model, distances, rows[::_SPARSE])
     counts = np.ptp(sparse, axis=0) > _SAME
     if ignores_first_contacts:
@@ -327,6 +328,7 @@ def _nearest_approach(
     nearest_pairs = [distances.pairs[index] for index in order if np.isfinite(least[index])]
     if not nearest_pairs:
         return nothing
+    # The few nearest pairs, evaluated at every posture. The object may sort its pairs in another order.
     nearest = for_pairs(nearest_pairs)
     smallest = _distances_along(model, nearest, rows).min(axis=0)
     pair = nearest.pairs[int(smallest.argmin())]

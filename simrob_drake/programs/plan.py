@@ -331,6 +331,7 @@ def check_collisions(
     depths_at_start: dict[Bodies, float] = {}
     for index, time in enumerate(times):
         model.place_robots({name: postures[index] for name, postures in robots.items()})
+        # The start itself is not judged: it only shows what touches already.
         if index == 0:
             depths_at_start = model.policy.allowed_from_start(movers)
             continue
@@ -362,6 +363,7 @@ def check_moves(model: StationModel, plans: Sequence[Plan]) -> None:
     """
     for plan in plans:
         instance(plan, "plan", Plan, "made by arm.plan, such as arm.plan.move_l(...)")
+    # Messages name the point of the longest move, which is still under way at any time.
     longest = max(plans, key=lambda plan: plan.duration)
     times = np.unique(np.concatenate([plan.looks for plan in plans]))
     # A robot whose move ends earlier stays at its end.

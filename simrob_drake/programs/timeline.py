@@ -378,6 +378,7 @@ def run_timed(cell: Timed, references: Mapping[str, ReferenceLike], duration: fl
             part = line.time_to_next_change(end)
             station = line.station(cell.config, part)
             runner = cell.runner_of(station)
+            # Only settings of references matter here, such as `reference.duration`.
             settings = {key: value for key, value in line.settings().items() if "reference" in key.split(".")}
             if settings != reference_settings:
                 made_references = runner.references(references, state)

@@ -72,6 +72,7 @@ def find_missing_end(problem: Any, text: str) -> Repair | None:
     end = _end_of_last(stack)
     if end is None:
         return None
+    # A semicolon is tried first: where it is allowed, the parser has just read a statement.
     if "SEMICOLON" in problem.accepts:
         repair = _missing_semicolon(problem.token, stack, end, text)
         if repair is not None:
@@ -100,6 +101,7 @@ def _missing_semicolon(token: Node, stack: Sequence[Node], end: int, text: str) 
     block_line = _BLOCK_LINE.match(text, line_begin)
     if block_line is not None:
         return _misplaced_word(block_line, stack, text)
+    # A token in the same line is a fault within the statement, which a semicolon would not repair.
     line = text.count("\n", 0, end) + 1
     is_next_line = token.type == "$END" or token.line > line
     if not is_next_line or text[end - 1] == ";":
@@ -132,6 +134,7 @@ def _missing_block_end(problem: Any, stack: Sequence[Node], end: int, text: str)
     found = "the end of the file" if token.type == "$END" else f"'{token}' in line {token.line}"
     # A module that is not ended is complete without its end: nothing after it can be read.
     repaired = "" if missing_end == "ENDMODULE" else f"{text[:end]} {missing_end} {text[end:]}"
+    # The parser may have completed a part of the block, with the token that begins it.
     begin_tokens = _tokens_of(stack, _BLOCKS[missing_end])
     if not begin_tokens:
         line = text.count("\n", 0, end) + 1
@@ -165,6 +168,7 @@ def _misplaced_word(block_line: re.Match[str], stack: Sequence[Node], text: str)
     line = text.count("\n", 0, block_line.start(1)) + 1
     routines = _tokens_of(stack, *_ROUTINES)
     if word.upper() in _ROUTINES and routines:
+        # RAPID has no routines within routines, so the outer one was not ended.
         outer = routines[-1]
         repaired = f"{text[: block_line.start()]} END{outer.type} {text[block_line.start() :]}"
         problem = f"the {outer.type} of line {outer.line} has no END{outer.type} before line {line}"
@@ -181,6 +185,7 @@ def _needless_word(word: str, line: int, begin: int, text: str) -> Repair:
         begin: index of its first letter in the text.
         text: the whole text.
     """
+    # Blanks keep the places of all that follows, for later messages.
     repaired = text[:begin] + " " * len(word) + text[begin + len(word) :]
     return Repair(line, f"{word} ends nothing that was begun", repaired)
 

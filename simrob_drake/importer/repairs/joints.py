@@ -74,6 +74,7 @@ def repair_joints(robot: ET.Element, options: ImportOptions, report: ImportRepor
     _fix_still_followers(robot, report)
     _report_followers(robot, report)
     _widen_followers(robot, report)
+    # Joints may have been fixed above, so this check comes late.
     if not movable_joints(robot):
         raise report.refusal("", "has no joint that moves, so no motor could; a rigid thing is a piece, not a robot")
     drop_lost_frames(robot, report)

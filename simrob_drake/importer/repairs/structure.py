@@ -244,11 +244,12 @@ def repair_structure(robot: ET.Element, options: ImportOptions, report: ImportRe
         InvalidModel: a defect has no repair.
     """
     check_size(robot, report.refusal)
+    # Loops come first: the next step would remove their elements as unknown ones.
     closings = _take_out_loops(robot, options, report)
     _keep_known_elements(robot, report)
     repair_names(robot, report)  # before the next step: of two joints that are equal, one is removed here
     closings += _closings_of_second_parents(robot, options, report)
-    mend_numbers(robot, report)
+    mend_numbers(robot, report)  # only of elements that are left
     if not names(robot, "link"):
         raise report.refusal("", "has no link")
     dropped_joints = _drop_dangling_joints(robot, report)
@@ -271,6 +272,7 @@ def _closings_of_second_parents(
     """
     for joint in list(second_parents(robot)):
         child = link_of(joint, "child")
+        # The first joint keeps the link as its child.
         first = next(other for other in robot.iterfind("joint") if link_of(other, "child") == child)
         where = f"link '{child}'"
         problem = f"is the child of two joints, '{name_of(first)}' and '{name_of(joint)}'; a URDF is a tree"
@@ -374,6 +376,7 @@ def _remove_repeated(robot: ET.Element, report: ImportReport) -> None:
         if top.tag not in ("link", "joint", "material"):
             continue
         for element in top.iter():
+            # A list of tags, since elements are removed from what is iterated.
             for tag in [child.tag for child in element if child.tag not in _REPEATED]:
                 for repeated in element.findall(tag)[1:]:
                     element.remove(repeated)
@@ -416,6 +419,7 @@ def _drop_lost_groups(robot: ET.Element, links: set[str], taken_names: set[str],
         members = {member.get("link", "") for member in group.iterfind(f"{DRAKE}member")}
         name = f"collision filter group '{name_of(group)}'"
         has_free_name = bool(name_of(group)) and name not in taken_names
+        # A link that is welded to another one may be merged with it later in the import.
         has_known_members = bool(members) and members <= links - welded_links
         if not has_free_name or not has_known_members:
             robot.remove(group)
@@ -460,6 +464,7 @@ def _drop_dangling_joints(robot: ET.Element, report: ImportReport) -> list[_Drop
             element = joint.find(end)
             if link in links:
                 continue
+            # If two links differ in case only, the intended one is not known.
             intended = link_in_any_case.get(link.lower())
             if element is not None and intended is not None and is_case_unique:
                 element.set("link", intended)
@@ -503,6 +508,7 @@ def _keep_one_tree(
             raise report.refusal(joint.where, f"{joint.problem}; without it the robot falls apart")
         ends = moving or roots
         raise report.refusal("", f"has {len(ends)} root links ({listed(ends, 6)}); join them to one tree by joints")
+    # What is left is a robot with loose links, such as those of a scene, or rigid trees of different sizes.
     kept = moving[0] if moving else largest
     for root in roots:
         if root != kept:

@@ -59,12 +59,14 @@ def shape_of(value: Any) -> Shape:
     """
     if isinstance(value, str | list | dict):
         return Shape(1, len(value))
+    # Plain numbers have the empty shape in NumPy.
     shape = np.shape(value)
     return Shape(math.prod(shape[:-1]), shape[-1]) if shape else Shape(1, 1)
 
 
 def _elementwise(shapes: Sequence[Shape]) -> CallSize:
     """Bound a function of each element. A row and a column are repeated to a matrix, as in their sum."""
+    # The longest sides would not show that the result is empty.
     if any(shape.size == 0 for shape in shapes):
         return CallSize(0)
     rows = max(shape.rows for shape in shapes)
@@ -134,6 +136,7 @@ def check_growth(name: str, values: Sequence[Any]) -> int:
     Raises:
         NotUnderstood: the call exceeds a bound; the message gives the counts.
     """
+    # The bound on the products stops calls whose result is small but takes long, such as an inverse.
     rule = _RULES.get(name, _elementwise)
     call_size = rule([shape_of(value) for value in values] or [Shape(1, 1)])
     if call_size.elements > LARGEST:
@@ -163,6 +166,7 @@ def count_entries(value: Any) -> int:
     Raises:
         NotUnderstood: there are more than `LARGEST` entries.
     """
+    # A list of what is left, not a recursion: structures may be nested deeper than Python can call functions.
     values_left = [value]
     count = 0
     while values_left:
