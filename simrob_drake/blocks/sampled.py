@@ -117,7 +117,7 @@ class _Inputs(dict[str, Vector]):
         return value
 
 
-class Snapshot(NamedTuple):
+class MemoryAndInputs(NamedTuple):
     """Memory and inputs of a block at one moment.
 
     Attributes:
@@ -248,9 +248,9 @@ class SampledBlock(Block):
             BlockFails: the block cannot go on.
         """
 
-    def now(self, context: Context) -> Snapshot:
+    def now(self, context: Context) -> MemoryAndInputs:
         """Memory and inputs of the block in a context of the block. They are read when a name is looked up."""
-        return Snapshot(
+        return MemoryAndInputs(
             memory=_Memory(context.get_discrete_state(), self._output_memory, self._rest_group, self._slices),
             read=_Inputs(self, context, self._ports),
         )
@@ -275,13 +275,13 @@ class SampledBlock(Block):
             discrete.set_value(self._stage, np.array([_RUNNING]))
             if stage == _SAMPLED_EARLY:  # the sample of this moment was taken before the run began
                 return None
-        snapshot = self.now(context)
+        present = self.now(context)
         try:
-            changes = self.sample(snapshot.memory, snapshot.read)
+            changes = self.sample(present.memory, present.read)
         except RunEnds as reason:
             return EventStatus.ReachedTermination(self, str(reason))
         if changes or self._delay_lines:
-            self._apply(changes, snapshot.memory, context, discrete)
+            self._apply(changes, present.memory, context, discrete)
         return None
 
     def _apply(self, changes: Changes, memory: Named, context: Context, discrete: DiscreteValues) -> None:

@@ -35,7 +35,7 @@ _LOOKS_PER_POINT = 4  # count of times at which a plan is checked, for each of i
 _LEAST_POINTS = 10  # a plan is checked as if it had at least this count of points
 
 
-class Motion(NamedTuple):
+class PlannedMotion(NamedTuple):
     """Motion of n axes at m times.
 
     Attributes:
@@ -120,12 +120,12 @@ class Plan:
         """Postures (m, n) at times (m,) [s]."""
         return np.asarray(self.trajectory.vector_values(times.tolist())).T
 
-    def motion(self, times: Vector) -> Motion:
+    def motion(self, times: Vector) -> PlannedMotion:
         """Positions, velocities and accelerations at times (m,) [s], as methods of the dynamics take them."""
         velocity = self.trajectory.MakeDerivative(1)
         acceleration = self.trajectory.MakeDerivative(2)
         samples = times.tolist()
-        return Motion(
+        return PlannedMotion(
             positions=np.array(self.trajectory.vector_values(samples)).T,
             velocities=np.array(velocity.vector_values(samples)).T,
             accelerations=np.array(acceleration.vector_values(samples)).T,

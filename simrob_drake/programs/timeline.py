@@ -91,8 +91,8 @@ class Change(Strict):
     @model_validator(mode="after")
     def _one_thing(self) -> Self:
         """Check that exactly one kind of change is given."""
-        given = [thing for thing in (self.set, self.push, self.drag, self.drive) if thing is not None]
-        if len(given) != 1:
+        kinds = [thing for thing in (self.set, self.push, self.drag, self.drive) if thing is not None]
+        if len(kinds) != 1:
             raise ValueError("a change is one of set, push, drag and drive")
         return self
 

@@ -71,8 +71,8 @@ class MoveFree(ArmMotion):
     def _one_unit(self) -> Self:
         """Check that the target is given by exactly one key."""
         targets = [self.targets, self.targets_deg, self.piece, self.joints, self.joints_deg]
-        given = [target for target in targets if target is not None]
-        if len(given) != 1:
+        requests = [target for target in targets if target is not None]
+        if len(requests) != 1:
             raise ValueError("where to is given by one of targets, targets_deg, piece, joints and joints_deg")
         return self
 

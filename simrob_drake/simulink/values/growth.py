@@ -23,7 +23,7 @@ MOST_ELEMENTS = 100_000_000
 """Largest count of elements of all results of one evaluation together."""
 
 
-class Shape(NamedTuple):
+class MatrixShape(NamedTuple):
     """Counts of rows and columns of a matrix."""
 
     rows: int
@@ -52,19 +52,19 @@ class CallSize(NamedTuple):
     products: int = 0
 
 
-def shape_of(value: Any) -> Shape:
+def shape_of(value: Any) -> MatrixShape:
     """Shape of a value in MATLAB. Texts, cell arrays and structures are rows, a single number is a 1-by-1 matrix.
 
     The columns of an array with more than two dimensions are its last dimension.
     """
     if isinstance(value, str | list | dict):
-        return Shape(1, len(value))
+        return MatrixShape(1, len(value))
     # Plain numbers have the empty shape in NumPy.
     shape = np.shape(value)
-    return Shape(math.prod(shape[:-1]), shape[-1]) if shape else Shape(1, 1)
+    return MatrixShape(math.prod(shape[:-1]), shape[-1]) if shape else MatrixShape(1, 1)
 
 
-def _elementwise(shapes: Sequence[Shape]) -> CallSize:
+def _elementwise(shapes: Sequence[MatrixShape]) -> CallSize:
     """Bound a function of each element. A row and a column are repeated to a matrix, as in their sum."""
     # The longest sides would not show that the result is empty.
     if any(shape.size == 0 for shape in shapes):
@@ -74,24 +74,24 @@ def _elementwise(shapes: Sequence[Shape]) -> CallSize:
     return CallSize(rows * columns)
 
 
-def _diagonal(shapes: Sequence[Shape]) -> CallSize:
+def _diagonal(shapes: Sequence[MatrixShape]) -> CallSize:
     """Bound ``diag``: a square matrix with a vector as its diagonal, or the diagonal of a matrix."""
     longest = max(shapes[0])
     return CallSize(longest**2 if shapes[0].is_vector else longest)
 
 
-def _pairwise(shapes: Sequence[Shape]) -> CallSize:
+def _pairwise(shapes: Sequence[MatrixShape]) -> CallSize:
     """Bound a function that multiplies each element of one argument with each element of the other."""
     pairs = math.prod(shape.size for shape in shapes)
     return CallSize(pairs, pairs)
 
 
-def _polynomial(shapes: Sequence[Shape]) -> CallSize:
+def _polynomial(shapes: Sequence[MatrixShape]) -> CallSize:
     """Bound ``polyval(coefficients, points)``: one multiplication for each coefficient at each point."""
     return CallSize(shapes[-1].size, math.prod(shape.size for shape in shapes))
 
 
-def _matrix_product(shapes: Sequence[Shape]) -> CallSize:
+def _matrix_product(shapes: Sequence[MatrixShape]) -> CallSize:
     """Bound a product of two matrices. A single number multiplies every element of the other."""
     first, second = shapes
     if first.size == 1 or second.size == 1:
@@ -99,7 +99,7 @@ def _matrix_product(shapes: Sequence[Shape]) -> CallSize:
     return CallSize(first.rows * second.columns, first.rows * first.columns * second.columns)
 
 
-def _cubic(shapes: Sequence[Shape]) -> CallSize:
+def _cubic(shapes: Sequence[MatrixShape]) -> CallSize:
     """Bound an inverse, a determinant, a quotient or a power of matrices: the cube of the longest side.
 
     For numbers and vectors these are computed element by element.
@@ -110,12 +110,12 @@ def _cubic(shapes: Sequence[Shape]) -> CallSize:
     return CallSize(longest**2, longest**3)
 
 
-def _concatenation(shapes: Sequence[Shape]) -> CallSize:
+def _concatenation(shapes: Sequence[MatrixShape]) -> CallSize:
     """Bound a matrix or structure that consists of all arguments."""
     return CallSize(sum(shape.size for shape in shapes))
 
 
-_RULES: dict[str, Callable[[Sequence[Shape]], CallSize]] = {
+_RULES: dict[str, Callable[[Sequence[MatrixShape]], CallSize]] = {
     "diag": _diagonal,
     "kron": _pairwise,
     "polyval": _polynomial,
@@ -138,7 +138,7 @@ def check_growth(name: str, values: Sequence[Any]) -> int:
     """
     # The bound on the products stops calls whose result is small but takes long, such as an inverse.
     rule = _RULES.get(name, _elementwise)
-    call_size = rule([shape_of(value) for value in values] or [Shape(1, 1)])
+    call_size = rule([shape_of(value) for value in values] or [MatrixShape(1, 1)])
     if call_size.elements > LARGEST:
         raise NotUnderstood(f"makes {call_size.elements:.3g} elements by '{name}'; at most {LARGEST} can be")
     if call_size.products > MOST_PRODUCTS:
