@@ -1,4 +1,9 @@
-"""Linear combinations of references: of polynomials and of sines exactly, of others by samples."""
+"""Linear combinations of references: of polynomials and of sines exactly, of others by samples.
+
+A reference gives the desired positions of axes as a function of time: a trajectory of Drake, or a sine (its centre,
+amplitude, frequency and phase for each axis). Axes that a coupling ties together, such as those of a gear, need a
+combination of the references of other axes.
+"""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -13,7 +18,7 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import Vector
 
 _RATE = 1000.0  # sampling rate of references that are neither polynomials nor sines [Hz]
-_REAL = 1e-9  # an imaginary part below this share of its complex amplitude is rounding
+_IMAGINARY_ROUNDING = 1e-9  # imaginary part that is due to rounding, as a fraction of the complex amplitude
 
 
 def combine_references(references: Sequence[Reference], matrix: Vector, offset: Vector) -> Reference:
@@ -37,18 +42,34 @@ def combine_references(references: Sequence[Reference], matrix: Vector, offset: 
         return _combined_sines(references, matrix, offset)
     if all(isinstance(reference, PiecewisePolynomial) for reference in references):
         return _combined_polynomials(references, matrix, offset)
+    return _combined_samples(references, matrix, offset)
+
+
+def _combined_samples(references: Sequence[Reference], matrix: Vector, offset: Vector) -> PiecewisePolynomial:
+    """Combine references of any kind but sines by samples, which cubic polynomials join.
+
+    Args:
+        references: references with n positions in all.
+        matrix: shape (k, n).
+        offset: shape (k,) [rad or m].
+    """
+    # Sines are excluded for the type checker: they have no start and no end.
     trajectories = [reference for reference in references if not isinstance(reference, SineReference)]
-    start = min(reference.start_time() for reference in trajectories)
-    end = max(reference.end_time() for reference in trajectories)
-    count = max(int((end - start) * _RATE), 1) + 1
-    times = np.linspace(start, end, count)
-    values = np.hstack([reference_values(reference, times, 0) for reference in references])
-    rates = np.hstack([reference_values(reference, times, 1) for reference in references])
-    return hermite(times, values @ matrix.T + offset, rates @ matrix.T)
+    start = min(trajectory.start_time() for trajectory in trajectories)
+    end = max(trajectory.end_time() for trajectory in trajectories)
+    interval_count = max(int((end - start) * _RATE), 1)
+    times = np.linspace(start, end, interval_count + 1)
+
+    # Samples of all n positions, shape (times, n).
+    positions = np.hstack([reference_values(trajectory, times, 0) for trajectory in trajectories])
+    velocities = np.hstack([reference_values(trajectory, times, 1) for trajectory in trajectories])
+    return hermite(times, positions @ matrix.T + offset, velocities @ matrix.T)
 
 
 def _combined_sines(references: Sequence[Reference], matrix: Vector, offset: Vector) -> SineReference:
-    """Combine sines of one frequency, and trajectories that stand still, by adding their complex amplitudes.
+    r"""Combine sines of one frequency, and trajectories that stand still, by adding their complex amplitudes.
+
+    The sine :math:`a \sin(\omega t + \varphi)` has the complex amplitude :math:`a e^{i \varphi}`.
 
     Args:
         references: references with n positions in all, at least one of them a sine.
@@ -62,26 +83,27 @@ def _combined_sines(references: Sequence[Reference], matrix: Vector, offset: Vec
     expected = "of one frequency, or at rest: a coupling ties their axes together"
     if len(frequencies) > 1:
         raise InvalidParameter("reference", f"sines of {sorted(frequencies)} Hz", expected)
-    centres, amplitudes = [], []
+    centres = []
+    amplitudes = []
     for reference in references:
         if isinstance(reference, SineReference):
             centres.append(reference.centre)
             amplitudes.append(reference.amplitude * np.exp(1j * reference.phase))
             continue
         # A trajectory must stand still to be combined with a sine: then it is a sine without amplitude.
-        ends = reference_values(reference, np.array([reference.start_time(), reference.end_time()]))
-        if np.ptp(ends, axis=0).any():
+        end_positions = reference_values(reference, np.array([reference.start_time(), reference.end_time()]))
+        if np.ptp(end_positions, axis=0).any():
             raise InvalidParameter("reference", "a sine and another motion", expected)
-        centres.append(ends[0])
-        amplitudes.append(np.zeros(len(ends[0]), dtype=complex))
-    combined = matrix @ np.concatenate(amplitudes)
+        centres.append(end_positions[0])
+        amplitudes.append(np.zeros(len(end_positions[0]), dtype=complex))
+    amplitude = matrix @ np.concatenate(amplitudes)
     # A real amplitude keeps its sign, with phase 0: a negative one would otherwise become positive with phase pi.
-    is_real = np.abs(combined.imag) <= _REAL * np.abs(combined)
+    is_real = np.abs(amplitude.imag) <= _IMAGINARY_ROUNDING * np.abs(amplitude)
     return SineReference(
         centre=matrix @ np.concatenate(centres) + offset,
-        amplitude=np.where(is_real, combined.real, np.abs(combined)),
+        amplitude=np.where(is_real, amplitude.real, np.abs(amplitude)),
         frequency=frequencies.pop(),
-        phase=np.where(is_real, 0.0, np.angle(combined)),
+        phase=np.where(is_real, 0.0, np.angle(amplitude)),
     )
 
 
@@ -96,30 +118,32 @@ def _combined_polynomials(
         offset: shape (k,) [rad or m].
     """
     breaks = np.unique(np.concatenate([reference.get_segment_times() for reference in references]))
-    # The breaks of a reference that stands still are infinite; they divide nothing.
-    breaks = breaks[np.isfinite(breaks)]
+    # The breaks of a reference that stands still are infinite; no piece begins there.
+    finite_breaks = breaks[np.isfinite(breaks)]
     # Of breaks that are closer than the shortest piece, the last one is kept. If there are no breaks, the mask [True]
     # is cut to no entries.
-    is_kept = np.append(np.diff(breaks) >= SHORTEST, True)[: len(breaks)]
-    breaks = breaks[is_kept]
-    if len(breaks) < 2:
+    is_kept = np.append(np.diff(finite_breaks) >= SHORTEST, True)[: len(finite_breaks)]
+    piece_breaks = finite_breaks[is_kept]
+    if len(piece_breaks) < 2:
         positions = np.concatenate([reference.value(0.0)[:, 0] for reference in references])
         return PiecewisePolynomial((matrix @ positions + offset)[:, np.newaxis])
     pieces = []
-    for start, end in pairwise(breaks.tolist()):
+    for start, end in pairwise(piece_breaks.tolist()):
         middle = (start + end) / 2
-        polynomials = [polynomial for reference in references for polynomial in _polynomials(reference, start, middle)]
+        polynomials = []
+        for reference in references:
+            polynomials += _coefficients(reference, start, middle)
         # One row of coefficients for each position, filled up with zeros to the highest degree.
         size = max(len(polynomial) for polynomial in polynomials)
-        coefficients = np.array([np.pad(polynomial, (0, size - len(polynomial))) for polynomial in polynomials])
-        combination = matrix @ coefficients
+        rows = np.array([np.pad(polynomial, (0, size - len(polynomial))) for polynomial in polynomials])
+        combination = matrix @ rows
         combination[:, 0] += offset
-        pieces.append(np.array([[Polynomial(row)] for row in combination]))
-    return PiecewisePolynomial(pieces, breaks)
+        pieces.append(np.array([[Polynomial(coefficients)] for coefficients in combination]))
+    return PiecewisePolynomial(pieces, piece_breaks)
 
 
-def _polynomials(reference: PiecewisePolynomial, start: float, inside: float) -> list[Vector]:
-    """Read the polynomials of one piece of a reference, in the time since ``start``.
+def _coefficients(reference: PiecewisePolynomial, start: float, inside: float) -> list[Vector]:
+    """Coefficients of the polynomials of one piece of a reference, as functions of the time since ``start``.
 
     Before its first piece and after its last piece, a reference stands still.
 
@@ -131,17 +155,21 @@ def _polynomials(reference: PiecewisePolynomial, start: float, inside: float) ->
     Returns:
         coefficients for each position of the reference, in ascending powers.
     """
-    rows = range(reference.rows())
-    if not reference.start_time() < inside < reference.end_time():
-        still = reference.value(float(np.clip(inside, reference.start_time(), reference.end_time())))
-        return [still[row] for row in rows]
+    begins = reference.start_time()
+    ends = reference.end_time()
+    if not begins < inside < ends:
+        positions = reference.value(float(np.clip(inside, begins, ends)))
+        return [positions[index] for index in range(reference.rows())]
     piece = reference.get_segment_index(inside)
-    begin = reference.start_time(piece)
+    piece_start = reference.start_time(piece)
     # Drake's polynomials count time from the start of their piece. A piece that starts at minus infinity is constant.
-    passed = start - begin if np.isfinite(begin) else 0.0
-    shift = np.polynomial.Polynomial([passed, 1.0])
+    elapsed = start - piece_start if np.isfinite(piece_start) else 0.0
+    # With p(t) in Drake's time t, the result is p(elapsed + s) in the time s since `start`.
+    shifted_time = np.polynomial.Polynomial([elapsed, 1.0])
     found = list[Vector]()
-    for row in rows:
-        own = reference.getPolynomial(piece, row, 0).GetCoefficients()
-        found.append(np.asarray(own if passed == 0 else np.polynomial.Polynomial(own)(shift).coef, dtype=float))
+    for index in range(reference.rows()):
+        coefficients = reference.getPolynomial(piece, index, 0).GetCoefficients()
+        if elapsed != 0:
+            coefficients = np.polynomial.Polynomial(coefficients)(shifted_time).coef
+        found.append(np.asarray(coefficients, dtype=float))
     return found

@@ -1,6 +1,7 @@
 """Sensor of the torques that joints transmit to their links, computed from Drake's reaction forces."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from pydrake.common.value import Value
@@ -32,23 +33,44 @@ class JointTorqueSensor(Block):
             signs: sign of the robot's axis along each joint's axis, 1 or -1, shape (n,).
         """
         super().__init__()
+        # The block keeps no joint: a joint would keep the plant, and with it the whole diagram, in memory.
         self._joints = [
-            (int(joint.index()), isinstance(joint, PrismaticJoint), sign * _axis(joint))
+            _MeasuredJoint(
+                number=int(joint.index()),
+                is_prismatic=isinstance(joint, PrismaticJoint),
+                axis=sign * _joint_axis(joint),
+            )
             for joint, sign in zip(joints, signs, strict=True)
         ]
         self._forces = self.DeclareAbstractInputPort("reaction_forces", Value[list[SpatialForce]]())
+        # Drake keeps the callback of a port. It gets a weak reference, as the block would otherwise never be freed.
         self.DeclareVectorOutputPort("torque", len(joints), weakly(self._calc_torque))
 
     def _calc_torque(self, context: Context, output: BasicVector) -> None:
         """Compute the component of each joint's reaction force along the joint's axis."""
         forces = self._forces.Eval(context)
-        for row, (index, is_prismatic, axis) in enumerate(self._joints):
-            force = forces[index]
-            part = force.translational() if is_prismatic else force.rotational()
-            output.SetAtIndex(row, float(axis @ part))
+        for row, joint in enumerate(self._joints):
+            reaction = forces[joint.number]
+            vector = reaction.translational() if joint.is_prismatic else reaction.rotational()
+            output.SetAtIndex(row, float(joint.axis @ vector))
 
 
-def _axis(joint: Joint) -> Vector:
+class _MeasuredJoint(NamedTuple):
+    """Properties of a joint that the sensor uses.
+
+    Attributes:
+        number: index of the joint in the plant, and so of its reaction force.
+        is_prismatic: whether the joint slides.
+        axis: unit vector of the robot's axis, shape (3,), in the joint's child frame, as reaction forces are.
+    """
+
+    number: int
+    is_prismatic: bool
+    axis: Vector
+
+
+def _joint_axis(joint: Joint) -> Vector:
     """Unit vector of a joint's axis, shape (3,). Its components are the same in the joint's parent and child frame."""
-    is_prismatic = isinstance(joint, PrismaticJoint)
-    return np.asarray(joint.translation_axis() if is_prismatic else joint.revolute_axis())
+    if isinstance(joint, PrismaticJoint):
+        return np.asarray(joint.translation_axis())
+    return np.asarray(joint.revolute_axis())

@@ -1,38 +1,44 @@
-"""A block that looks around once a sample: what it remembers, by name, is discrete state; outputs are parts of it."""
+"""Blocks that take samples: at every period they read their inputs and change their memory.
+
+A sampled block has named vectors in its memory. Its outputs are some of these vectors, perhaps as they were some
+samples ago. A subclass states what is read and remembered, and implements `SampledBlock.sample`: the changes at a
+sample.
+"""
 
 import math
 from abc import abstractmethod
 from collections.abc import Collection, Mapping, Sequence
-from itertools import pairwise
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from pydrake.systems.framework import Context, DiscreteValues, EventStatus
+from pydrake.systems.framework import Context, DiscreteStateIndex, DiscreteValues, EventStatus
 
 from simrob_drake.blocks.block import Block
 from simrob_drake.frames import Vector
 
 Named = Mapping[str, Vector]
-"""Vectors by name: what a block remembers, reads or gives."""
+"""Vectors by name: the memory of a block, or what it reads."""
 Changes = Mapping[str, Vector | float]
-"""What changes in a block's memory, by name; a number is a vector of one."""
+"""New values of parts of a block's memory, by name; a number is a vector with one entry. Other parts do not change."""
 TIME = "time"
-"""What every block reads beside its inputs: since the run began, a vector of one [s]."""
+"""Name of the time since the run began, a vector with one entry [s]. Every block reads it in addition to its inputs."""
 
-_ASLEEP, _SAMPLED, _AWAKE = 0.0, 1.0, 2.0
-"""Before the first sample; after one that was taken before the run began; afterwards."""
+# Stages of a block that takes its first sample before the run begins.
+_NO_SAMPLE = 0.0  # no sample was taken yet
+_SAMPLED_EARLY = 1.0  # the first sample was taken before the run began
+_RUNNING = 2.0  # the first period has passed
 
 
 class RunEnds(Exception):
-    """What a sampled block raises to end the run, with the reason."""
+    """Raised by a sampled block to end the run; the text is the reason."""
 
 
 class BlockFails(Exception):
-    """What a sampled block raises that cannot go on: the run ends as one that failed.
+    """Raised by a sampled block that cannot go on: the run ends as one that failed.
 
     Attributes:
-        block: its name.
+        block: name of the block.
     """
 
     def __init__(self, block: str, why: str) -> None:
@@ -40,54 +46,115 @@ class BlockFails(Exception):
         self.block = block
 
 
-class _Remembered(dict[str, Vector]):
-    """What a block remembers by name, looked at when it is needed: looking is most of what a sample costs.
+class _Memory(dict[str, Vector]):
+    """The memory of a block by name, which is read from Drake's context when a name is first looked up.
 
-    All are copies, which a block may keep: a view would hold on to a context that is Drake's, and is gone with the run.
+    Reading the context is most of the time that a sample takes. The vectors are copies, which a block may keep: a view
+    would refer to a context that belongs to Drake, and is gone after the run.
     """
 
-    def __init__(self, values: DiscreteValues, own: Mapping[str, int], group: int, kept: Mapping[str, slice]) -> None:
-        self._values, self._own, self._group, self._kept = values, own, group, kept
+    def __init__(
+        self,
+        values: DiscreteValues,
+        outputs: Mapping[str, DiscreteStateIndex],
+        group: DiscreteStateIndex,
+        slices: Mapping[str, slice],
+    ) -> None:
+        """Remember where the vectors are.
+
+        Args:
+            values: the discrete state of the block, which consists of groups.
+            outputs: group of each vector that is an output, by name.
+            group: group with all other vectors, one after the other.
+            slices: entries of each other vector in that group, by name.
+        """
+        self._values = values
+        self._outputs = outputs
+        self._group = group
+        self._slices = slices
 
     def __missing__(self, name: str) -> Vector:
-        if name in self._own:
-            known: dict[str, Vector] = {name: self._values.value(self._own[name]).copy()}
+        """Read a vector that was not looked up before, and keep it. All vectors of the common group are read at once.
+
+        Raises:
+            KeyError: there is no such vector.
+        """
+        if name in self._outputs:
+            vectors: dict[str, Vector] = {name: self._values.value(self._outputs[name]).copy()}
         else:
-            whole = self._values.value(self._group).copy()
-            known = {name: whole[part] for name, part in self._kept.items()}
-        self.update(known)
-        return known[name]
+            group_values = self._values.value(self._group).copy()
+            vectors = {other: group_values[entries] for other, entries in self._slices.items()}
+        self.update(vectors)
+        return vectors[name]
 
 
-class _Read(dict[str, Vector]):
-    """What a block reads by name, likewise."""
+class _Inputs(dict[str, Vector]):
+    """The vectors that a block reads, by name, which are evaluated when a name is first looked up; all are copies."""
 
-    def __init__(self, block: Block, context: Context, inputs: Mapping[str, int]) -> None:
-        self._block, self._context, self._inputs = block, context, inputs
+    def __init__(self, block: Block, context: Context, ports: Mapping[str, int]) -> None:
+        """Remember where the vectors are.
+
+        Args:
+            block: the block.
+            context: context of the block.
+            ports: index of each input port, by name.
+        """
+        self._block = block
+        self._context = context
+        self._ports = ports
 
     def __missing__(self, name: str) -> Vector:
+        """Evaluate an input that was not looked up before, or the time, and keep it.
+
+        Raises:
+            KeyError: there is no such input.
+        """
         if name == TIME:
             value: Vector = np.array([self._context.get_time()])
         else:
-            value = self._block.EvalVectorInput(self._context, self._inputs[name]).value().copy()
+            value = self._block.EvalVectorInput(self._context, self._ports[name]).value().copy()
         self[name] = value
         return value
 
 
-class SampledBlock(Block):
-    """What sensors that sample and loops share.
+class MemoryAndInputs(NamedTuple):
+    """Memory and inputs of a block at one moment.
 
-    Between the samples nothing is asked: Drake hands the outputs on by itself.
+    Attributes:
+        memory: the memory, by name.
+        read: the inputs and the time, by name.
+    """
+
+    memory: Named
+    read: Named
+
+
+class _DelayLine(NamedTuple):
+    """Groups of the discrete state that delay one output.
+
+    Attributes:
+        queue: values that wait, the oldest first, one after the other.
+        output: the value that the output port gives.
+    """
+
+    queue: DiscreteStateIndex
+    output: DiscreteStateIndex
+
+
+class SampledBlock(Block):
+    """Base class of blocks that take samples, such as sensors with a sampling rate and controllers.
+
+    Between the samples nothing is computed: the outputs are discrete state of Drake.
 
     Ports:
-        in  as the block says; each has the name of what it reads.
+        in  the vectors that the block reads, each by its name.
         out the parts of its memory that the block names, perhaps as they were some samples ago.
     """
 
     units: Mapping[str, str] = MappingProxyType({})
-    """The unit of each output that is a signal; ``1`` unless named."""
+    """Unit of each output that is a signal, by name; an output without an entry has the unit ``1``."""
     components: Mapping[str, Sequence[str]] = MappingProxyType({})
-    """What the numbers of an output are called in pictures, where they are not one for each axis."""
+    """Names of the entries of an output in pictures, by the output's name, if there is not one entry for each axis."""
 
     def __init__(
         self,
@@ -99,105 +166,145 @@ class SampledBlock(Block):
         delay: int = 0,
         at_once: bool = False,
     ) -> None:
-        """Make the block.
+        """Declare the ports and the state of the block.
 
         Args:
-            period: between samples [s].
-            reads: the sizes of its inputs, by name.
-            memory: what it remembers at the start, by name.
-            gives: the parts of its memory that are outputs.
-            delay: by how many samples the outputs are late; until then they are those of the first sample.
-            at_once: take the first sample before the run begins, so that others can read it in their own first one.
+            period: time between two samples [s].
+            reads: sizes of its inputs, by name.
+            memory: initial values of its memory, by name.
+            gives: names of the parts of its memory that are outputs.
+            delay: delay of the outputs, in samples. Until then they have the values of the first sample.
+            at_once: take the first sample before the run begins, so that other blocks can read it in their own first
+                sample.
         """
         super().__init__()
-        self.period, self._delay = period, delay
-        self._inputs = {name: self.DeclareVectorInputPort(name, size).get_index() for name, size in reads.items()}
-        values = {name: np.atleast_1d(value) for name, value in memory.items()}
-        self._reported, self._late = {name: self.DeclareDiscreteState(values.pop(name)) for name in gives}, {}
-        for name, group in self._reported.items():
+        self.period = period
+        self._delay = delay
+        self._ports = {name: self.DeclareVectorInputPort(name, size).get_index() for name, size in reads.items()}
+        initial = {name: np.atleast_1d(value) for name, value in memory.items()}
+
+        # Each output has a group of the discrete state. A delayed output has two groups more.
+        self._output_memory = {name: self.DeclareDiscreteState(initial[name]) for name in gives}
+        self._delay_lines = dict[str, _DelayLine]()
+        self.outputs = dict[str, int]()
+        """Index of the group of the discrete state that each output port gives, by the output's name."""
+        for name, memory_group in self._output_memory.items():
+            port_group = memory_group
             if delay:
-                value = np.atleast_1d(memory[name])
-                waiting = self.DeclareDiscreteState(np.full(delay * len(value), np.inf))
-                self._late[name] = waiting, self.DeclareDiscreteState(value)
-            self.DeclareStateOutputPort(name, self._late[name][1] if delay else group)
-        self.outputs = {name: int(self._late[name][1] if delay else group) for name, group in self._reported.items()}
-        """The discrete group of its own that each output hands on, by the output's name."""
-        ends = np.cumsum([0, *map(len, values.values())]).tolist()
-        self._kept = {name: slice(*part) for name, part in zip(values, pairwise(ends), strict=True)}
-        self._group = self.DeclareDiscreteState(np.concatenate([[], *values.values()]))  # one, for each takes time
+                self._delay_lines[name] = self._declare_delay_line(initial[name])
+                port_group = self._delay_lines[name].output
+            self.DeclareStateOutputPort(name, port_group)
+            self.outputs[name] = int(port_group)
+
+        # The rest of the memory is in one group, since each group takes time.
+        rest = {name: value for name, value in initial.items() if name not in self._output_memory}
+        self._slices = dict[str, slice]()
+        begin = 0
+        for name, value in rest.items():
+            self._slices[name] = slice(begin, begin + len(value))
+            begin += len(value)
+        self._rest_group = self.DeclareDiscreteState(np.concatenate([[], *rest.values()]))
+
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
-        self._stage = self.DeclareDiscreteState(np.array([_ASLEEP])) if at_once else None
+        self._stage = self.DeclareDiscreteState(np.array([_NO_SAMPLE])) if at_once else None
         if at_once:
-            self.DeclareInitializationDiscreteUpdateEvent(self._begin)
+            self.DeclareInitializationDiscreteUpdateEvent(self._sample_early)
+
+    def _declare_delay_line(self, initial: Vector) -> _DelayLine:
+        """Declare the groups of the discrete state that delay an output, with its initial value (n,).
+
+        The queue is infinite until the first sample, which fills it.
+        """
+        queue = self.DeclareDiscreteState(np.full(self._delay * len(initial), np.inf))
+        return _DelayLine(queue=queue, output=self.DeclareDiscreteState(initial))
 
     @property
-    def remembered(self) -> list[str]:
+    def memory_names(self) -> list[str]:
         """Names of the parts of its memory, outputs first."""
-        return [*self._reported, *self._kept]
+        return [*self._output_memory, *self._slices]
 
     def arguments(self) -> dict[str, Any]:
         """Arguments with which a block of the same ports, memory and timing can be made."""
-        memory = self.now(self.CreateDefaultContext())[0]
+        memory = self.now(self.CreateDefaultContext()).memory
         return {
             "period": self.period,
-            "reads": {name: self.get_input_port(index).size() for name, index in self._inputs.items()},
-            "memory": {name: memory[name] for name in self.remembered},
-            "gives": [*self._reported],
+            "reads": {name: self.get_input_port(index).size() for name, index in self._ports.items()},
+            "memory": {name: memory[name] for name in self.memory_names},
+            "gives": [*self._output_memory],
             "delay": self._delay,
             "at_once": self._stage is not None,
         }
 
     @abstractmethod
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Return what changes in the memory at a sample, by what is read; the equation of the block.
+        """Compute the changes of the memory at a sample: the equation of the block.
+
+        Args:
+            memory: the memory before the sample, by name.
+            read: the inputs and the time, by name.
 
         Raises:
-            RunEnds: the run is to end.
-            BlockFails: it cannot go on.
+            RunEnds: the run shall end.
+            BlockFails: the block cannot go on.
         """
 
-    def now(self, context: Context) -> tuple[Named, Named]:
-        """Return what the block remembers in a context of its own, and what it reads there, by name."""
-        memory = _Remembered(context.get_discrete_state(), self._reported, self._group, self._kept)
-        return memory, _Read(self, context, self._inputs)
+    def now(self, context: Context) -> MemoryAndInputs:
+        """Memory and inputs of the block in a context of the block. They are read when a name is looked up."""
+        return MemoryAndInputs(
+            memory=_Memory(context.get_discrete_state(), self._output_memory, self._rest_group, self._slices),
+            read=_Inputs(self, context, self._ports),
+        )
 
     def remember(self, context: Context, changes: Changes) -> None:
-        """Change what the block remembers in a context of its own, between its samples."""
-        self._set(changes, self.now(context)[0], context, context.get_mutable_discrete_state())
+        """Change the memory of the block in a context of the block, between its samples."""
+        self._apply(changes, self.now(context).memory, context, context.get_mutable_discrete_state())
 
-    def _begin(self, context: Context, discrete: DiscreteValues) -> EventStatus | None:
-        assert self._stage is not None  # only then is this asked
-        if context.get_discrete_state(self._stage).value()[0] != _ASLEEP:
-            return EventStatus.DidNothing()  # it goes on from another run, or in another diagram
+    def _sample_early(self, context: Context, discrete: DiscreteValues) -> EventStatus | None:
+        """Take the first sample before the run begins; writes the new state to `discrete`."""
+        assert self._stage is not None  # the event is declared with the stage only
+        if context.get_discrete_state(self._stage).value()[0] != _NO_SAMPLE:
+            return EventStatus.DidNothing()  # the run goes on from the state of another run
         status = self._update(context, discrete)
-        discrete.set_value(self._stage, np.array([_SAMPLED]))
+        discrete.set_value(self._stage, np.array([_SAMPLED_EARLY]))
         return status
 
     def _update(self, context: Context, discrete: DiscreteValues) -> EventStatus | None:
+        """Take a sample; writes the new state to `discrete`. A first sample that was taken early is not repeated."""
         if self._stage is not None:
             stage = context.get_discrete_state(self._stage).value()[0]
-            discrete.set_value(self._stage, np.array([_AWAKE]))
-            if stage == _SAMPLED:  # this very moment, before the run began
+            discrete.set_value(self._stage, np.array([_RUNNING]))
+            if stage == _SAMPLED_EARLY:  # the sample of this moment was taken before the run began
                 return None
-        memory, read = self.now(context)
+        present = self.now(context)
         try:
-            changed = self.sample(memory, read)
+            changes = self.sample(present.memory, present.read)
         except RunEnds as reason:
             return EventStatus.ReachedTermination(self, str(reason))
-        if changed or self._late:
-            self._set(changed, memory, context, discrete)
+        if changes or self._delay_lines:
+            self._apply(changes, present.memory, context, discrete)
         return None
 
-    def _set(self, changed: Changes, memory: Named, context: Context, discrete: DiscreteValues) -> None:
-        kept = discrete.get_mutable_value(self._group)
-        for name, value in changed.items():
-            if name in self._kept:
-                kept[self._kept[name]] = value
-            else:  # Drake takes a list ten times as long as an array
-                discrete.set_value(self._reported[name], value if isinstance(value, np.ndarray) else np.array([value]))
-        for name, (waiting, group) in self._late.items():
-            now = np.atleast_1d(changed[name] if name in changed else memory[name])
-            line = context.get_discrete_state(waiting).value()
-            line = np.tile(now, self._delay) if math.isinf(line[-1]) else line  # the first sample
-            discrete.set_value(waiting, np.concatenate([line[len(now) :], now]))
-            discrete.set_value(group, line[: len(now)])
+    def _apply(self, changes: Changes, memory: Named, context: Context, discrete: DiscreteValues) -> None:
+        """Write changes of the memory to a new state, and move delayed outputs on by one sample.
+
+        Args:
+            changes: new values of parts of the memory, by name.
+            memory: memory before the sample, by name.
+            context: context of the block, with the state before the sample.
+            discrete: the new state, which is written to.
+        """
+        rest = discrete.get_mutable_value(self._rest_group)
+        for name, value in changes.items():
+            if name in self._slices:
+                rest[self._slices[name]] = value
+            else:
+                # Drake takes an array in a tenth of the time of a list.
+                vector = value if isinstance(value, np.ndarray) else np.array([value])
+                discrete.set_value(self._output_memory[name], vector)
+        for name, line in self._delay_lines.items():
+            newest = np.atleast_1d(changes[name] if name in changes else memory[name])
+            queue = context.get_discrete_state(line.queue).value()
+            if math.isinf(queue[-1]):  # the first sample
+                queue = np.tile(newest, self._delay)
+            discrete.set_value(line.queue, np.concatenate([queue[len(newest) :], newest]))
+            discrete.set_value(line.output, queue[: len(newest)])

@@ -1,52 +1,48 @@
-"""The process in which an answer runs: it calls functions of the answer, and knows nothing of what is measured.
+"""The process in which a student's answer to an exercise runs: it calls functions of the answer.
 
-Requests and replies are lines of JSON. The first request names the file; each other one calls a function, makes a
-sampled block, or takes a sample of such a block. Whatever the answer prints is discarded.
+An answer is a Python file. The process that measures it sends requests here and gets replies, both as lines of JSON, so
+that the answer knows nothing of what is measured. The first line is the job: the file and the limits of the process.
+Each request after it loads the file, calls a function, reads a variable, or takes a sample of a sampled block (a Drake
+block with memory that is updated periodically) which a function has returned. Whatever the answer prints is discarded.
 """
 
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator
-from importlib.util import module_from_spec, spec_from_file_location
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from simrob_drake.blocks.sampled import BlockFails, RunEnds, SampledBlock
-from simrob_drake.course.limits import apply_limits
+from simrob_drake.course.process import apply_limits, error_text, load_module, take_over_output
 from simrob_drake.course.wire import decode, encode
-from simrob_drake.errors import shortened
 
-LONGEST_PROBLEM = 300
-"""Letters of an error that are passed on."""
+Request = dict[str, Any]
+"""A request: the key ``do`` names an action of `ServedAnswer`, and the other keys are its arguments."""
+Reply = dict[str, Any]
+"""A reply: the result of an action, or the key ``failed`` with the reason, and ``problem`` in words."""
 
 
 def main() -> None:
-    """Serve requests until there are no more."""
-    replies = os.fdopen(os.dup(1), "w", encoding="utf-8", buffering=1)
-    # Drake prints from C++ as well, so the file descriptor itself is redirected.
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    """Read the job and serve requests from the standard input until it is closed, and end the process."""
+    replies = take_over_output()
     job = json.loads(sys.stdin.readline())
     apply_limits(int(job["memory"]), int(job["seconds"]))
-    served = ServedAnswer(Path(job["answer"]))
-    for line in _lines():
-        replies.write(json.dumps(served.reply(line)) + "\n")
-    replies.flush()
-    os._exit(0)  # without waiting for threads that the answer has left
-
-
-def _lines() -> Iterator[dict[str, Any]]:
-    """Yield the requests."""
+    # The limits hold before any code of the answer runs.
+    answer = ServedAnswer(Path(job["answer"]))
     for line in sys.stdin:
-        yield json.loads(line)
+        reply = answer.reply(json.loads(line))
+        replies.write(json.dumps(reply) + "\n")
+    replies.flush()
+    os._exit(0)  # without waiting for threads that the answer has started
 
 
 class ServedAnswer:
-    """An answer and the blocks that it has made.
+    """An answer and the sampled blocks that its functions have returned.
 
     Attributes:
-        file: of the answer.
+        file: file of the answer.
     """
 
     def __init__(self, file: Path) -> None:
@@ -54,15 +50,15 @@ class ServedAnswer:
         self.file = file
         self._module: ModuleType | None = None
         self._blocks: list[SampledBlock] = []
-        self._actions: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
+        self._actions: dict[str, Callable[[Request], Reply]] = {
             "load": self._load,
             "call": self._call,
             "get": self._get,
             "sample": self._sample,
         }
 
-    def reply(self, request: dict[str, Any]) -> dict[str, Any]:
-        """Carry out a request and describe its result, or why it failed."""
+    def reply(self, request: Request) -> Reply:
+        """Carry out a request. Returns its result, or the reason why it failed; no error of the answer is raised."""
         try:
             return self._actions[request["do"]](request)
         except NotImplementedError:
@@ -73,56 +69,60 @@ class ServedAnswer:
             return {"failed": "run ends", "problem": str(reason)}
         except BlockFails as problem:
             return {"failed": "block", "block": problem.block, "problem": str(problem)}
+        # An answer that calls sys.exit() ends neither this process nor the measurement.
         except (Exception, SystemExit) as problem:
             return {"failed": "error", "problem": self._describe(problem)}
 
-    def _load(self, request: dict[str, Any]) -> dict[str, Any]:
-        """Load the answer and list its names: true for those that can be called."""
-        sys.path.insert(0, str(self.file.parent))
-        spec = spec_from_file_location("answer", self.file)
-        if spec is None or spec.loader is None:
-            raise ImportError(f"{self.file.name} is no Python file")
-        module = module_from_spec(spec)
-        sys.modules["answer"] = module
-        spec.loader.exec_module(module)
-        self._module = module
-        names = {name: callable(value) for name, value in vars(module).items() if not name.startswith("__")}
+    def _load(self, request: Request) -> Reply:
+        """Load the answer. The reply lists its names, each with true if it is a function or class, else false."""
+        self._module = load_module(self.file, "answer")
+        names = {name: callable(value) for name, value in vars(self._module).items() if not name.startswith("__")}
         return {"names": names}
 
-    def _call(self, request: dict[str, Any]) -> dict[str, Any]:
-        """Call a function of the answer. A sampled block that it returns stays here, and is described."""
+    def _call(self, request: Request) -> Reply:
+        """Call the function `name` of the answer. The reply has the returned value.
+
+        A sampled block cannot be passed on. It stays in this process, and the reply describes it: its index among the
+        blocks, and what is needed to make a block with the same ports in the other process.
+        """
         function = getattr(self._module, request["name"])
-        returned = function(*decode(request["arguments"]))
-        if not isinstance(returned, SampledBlock):
-            return {"value": encode(returned)}
-        self._blocks.append(returned)
+        value = function(*decode(request["arguments"]))
+        if not isinstance(value, SampledBlock):
+            return {"value": encode(value)}
+        self._blocks.append(value)
         description = {
             "number": len(self._blocks) - 1,
-            "name": returned.get_name(),
-            "units": dict(returned.units),
-            "arguments": returned.arguments(),
+            "name": value.get_name(),
+            "units": dict(value.units),
+            "arguments": value.arguments(),
         }
         return {"block": encode(description)}
 
-    def _get(self, request: dict[str, Any]) -> dict[str, Any]:
-        """Give a value of the answer."""
+    def _get(self, request: Request) -> Reply:
+        """Read the variable `name` of the answer. The reply has its value."""
         return {"value": encode(getattr(self._module, request["name"]))}
 
-    def _sample(self, request: dict[str, Any]) -> dict[str, Any]:
-        """Take a sample of a block."""
+    def _sample(self, request: Request) -> Reply:
+        """Take a sample of the block with the index `number`. The reply has the changes of its memory.
+
+        The request has the memory of the block and the vectors that it reads, by name.
+        """
         block = self._blocks[request["number"]]
         changes = block.sample(decode(request["memory"]), decode(request["read"]))
         return {"value": encode(dict(changes))}
 
     def _describe(self, problem: BaseException) -> str:
-        """Describe an error on one line, with the line of the answer where it happened."""
+        """Describe an error on one line, with the line of the answer where it happened.
+
+        That is the innermost line of the traceback that belongs to the answer, as later ones are those of libraries.
+        """
         place = ""
         trace = problem.__traceback__
         while trace is not None:
             if Path(trace.tb_frame.f_code.co_filename) == self.file:
                 place = f" ({self.file.name}, line {trace.tb_lineno})"
             trace = trace.tb_next
-        return shortened(f"{type(problem).__name__}: {problem}", LONGEST_PROBLEM) + place
+        return error_text(problem) + place
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
-"""An answer that runs in a process of its own, as the checks of an exercise see it: a module with functions.
+"""A student's answer that runs in a process of its own, as the checks of an exercise see it: a module with functions.
 
-So an answer cannot replace what measures it: it sees arguments and gives values, and nothing else of it is shared.
+So the answer cannot change what measures it: only arguments and returned values pass between the processes. Each use of
+the module sends a request to `simrob_drake.course.answer_process` as a line of JSON, and waits for its reply.
 """
 
 import json
@@ -16,6 +17,7 @@ from simrob_drake.course.wire import decode, encode
 from simrob_drake.errors import SimrobError
 
 PROCESS = "simrob_drake.course.answer_process"
+"""Python module that the process of the answer runs."""
 
 
 class AnswerFailed(SimrobError):
@@ -30,7 +32,7 @@ class AnswerEnded(AnswerFailed):
     """
 
     def __init__(self, code: int) -> None:
-        """Describe how the process ended."""
+        """Make the error from the exit code of the process."""
         super().__init__(f"the answer ended its process (exit code {code})")
         self.code = code
 
@@ -42,32 +44,38 @@ class RemoteAnswer(ModuleType):
         """Start the process and load the answer.
 
         Args:
-            file: of the answer.
-            memory: that the process may take [bytes].
-            seconds: of processor time that it may take.
+            file: file of the answer.
+            memory: memory that the process may use [bytes].
+            seconds: processor time that the process may use [s].
 
         Raises:
             AnswerFailed: the answer cannot be loaded.
-            MemoryError: it takes too much memory.
+            MemoryError: the answer uses too much memory.
         """
         super().__init__("answer")
         command = [sys.executable, "-P", "-X", "utf8", "-m", PROCESS]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         self._write({"answer": str(file), "memory": memory, "seconds": seconds})
-        self._names: dict[str, bool] = self.request({"do": "load"})["names"]
+        # Names of the answer; true for functions and classes.
+        self._is_callable: dict[str, bool] = self.request({"do": "load"})["names"]
 
     def __getattr__(self, name: str) -> Any:
-        """Give a function that calls that of the answer, or a value of the answer."""
-        if name.startswith("__") or name not in self._names:
+        """Look up a name of the answer: a function that calls the answer's, or the present value of a variable.
+
+        Raises:
+            AttributeError: the answer has no such name.
+        """
+        if name.startswith("__") or name not in self._is_callable:
             raise AttributeError(name)
-        if self._names[name]:
-            return self._function(name)
+        if self._is_callable[name]:
+            return self._make_function(name)
         return decode(self.request({"do": "get", "name": name})["value"])
 
-    def _function(self, name: str) -> Callable[..., Any]:
-        """Make the function that calls one of the answer."""
+    def _make_function(self, name: str) -> Callable[..., Any]:
+        """Make a function that calls the answer's function of this name, with positional arguments."""
 
         def call(*arguments: Any) -> Any:
+            """Call the function in the answer's process, and return its value or a block like the one it returns."""
             reply = self.request({"do": "call", "name": name, "arguments": encode(list(arguments))})
             if "block" in reply:
                 return RemoteBlock(self, decode(reply["block"]))
@@ -104,7 +112,10 @@ class RemoteAnswer(ModuleType):
         raise AnswerFailed(reply["problem"])
 
     def _write(self, request: Mapping[str, Any]) -> None:
-        """Write a line to the process. One that has ended is found when its reply is read."""
+        """Write a line to the process.
+
+        If the process has ended, nothing is raised here: reading the reply finds that out.
+        """
         stream = cast(IO[bytes], self._process.stdin)
         try:
             stream.write(json.dumps(request).encode() + b"\n")
@@ -114,14 +125,18 @@ class RemoteAnswer(ModuleType):
 
 
 class RemoteBlock(SampledBlock):
-    """A sampled block whose law is that of a block of the answer, in the answer's process."""
+    """A sampled block in this process whose samples are computed by a block of the answer, in the answer's process.
+
+    A sampled block has memory, which it updates periodically from its inputs.
+    """
 
     def __init__(self, answer: RemoteAnswer, description: Mapping[str, Any]) -> None:
-        """Make a block like one of the answer.
+        """Make a block with the ports and the memory of a block of the answer.
 
         Args:
-            answer: that has made the block.
-            description: its number, name, units, and the arguments of `SampledBlock`.
+            answer: answer that has made the block.
+            description: number by which the answer's process finds the block, its name, the units of its outputs, and
+                the arguments of `SampledBlock`.
         """
         self.units = description["units"]
         super().__init__(**description["arguments"])
@@ -131,11 +146,11 @@ class RemoteBlock(SampledBlock):
         self._read_names = [*description["arguments"]["reads"], TIME]
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Take a sample of the block in the answer's process."""
+        """Compute the changes of the memory at a sample in the answer's process; see :meth:`SampledBlock.sample`."""
         request = {
             "do": "sample",
             "number": self._number,
-            "memory": encode({name: memory[name] for name in self.remembered}),
+            "memory": encode({name: memory[name] for name in self.memory_names}),
             "read": encode({name: read[name] for name in self._read_names}),
         }
         changes: Changes = decode(self._answer.request(request)["value"])

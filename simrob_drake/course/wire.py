@@ -1,21 +1,22 @@
-"""Values as they pass between the process that measures and the one that runs an answer: as JSON, and never as code.
+"""Encoding of values that pass between the process that measures an answer and the process that runs it.
 
-Pickled objects could run code of the answer in the process that measures, so plain data alone passes: numbers, texts,
-truth values, None, lists, tuples, sets, mappings, complex numbers and arrays of numbers.
+The values pass as JSON. Pickled objects could run code of the answer in the process that measures, so plain data alone
+passes: numbers, texts, booleans, None, lists, tuples, sets, mappings, complex numbers and arrays of numbers. JSON has
+no tuples, for example: a value of such a kind is tagged with its kind.
 """
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from simrob_drake.errors import SimrobError, quoted
 
 MOST_NESTED = 100
-"""Most levels of an encoded value. A list takes one, a tuple or a set two, and a mapping three."""
+"""Largest count of levels of an encoded value. A list takes one level, a tuple or a set two, and a mapping three."""
 
 TAG = "__value__"
-"""Key under which an encoded value has its kind, if JSON does not know that kind."""
+"""Key of an encoded value with the name of its kind, for a kind that JSON does not have."""
 
 
 class NotPlain(SimrobError):
@@ -25,65 +26,81 @@ class NotPlain(SimrobError):
 def encode(value: Any, depth: int = 0) -> Any:
     """Turn a value into one that `json.dumps` accepts.
 
-    A kind of value that JSON does not know becomes ``{TAG: kind, "content": ...}``.
+    A value of a kind that JSON does not have becomes ``{TAG: kind, "content": [...]}``.
 
     Args:
-        value: numbers, texts, None, and containers of them.
-        depth: levels around the value.
+        value: a number, a text, None, or a container of them.
+        depth: count of levels around the value. A caller from outside leaves it out.
 
     Raises:
         NotPlain: the value is no plain data, or nested too deeply.
     """
     if depth > MOST_NESTED:
         raise NotPlain("values nested so deeply cannot be passed on")
+    # A single number of NumPy becomes a number of Python.
     if isinstance(value, np.generic):
         value = value.item()
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if isinstance(value, list):
         return [encode(part, depth + 1) for part in value]
-    kind, content = _kind_and_content(value)
-    return {TAG: kind, "content": encode(content, depth + 1)}
+    tagged = _tagged_list(value)
+    return {TAG: tagged.kind, "content": encode(tagged.content, depth + 1)}
 
 
-def _kind_and_content(value: Any) -> tuple[str, list[Any]]:
-    """Return the kind, and the content as a list, of a value that JSON does not know, such as a tuple.
+class _TaggedList(NamedTuple):
+    """A value as a list, and the name of its kind.
 
-    A frozenset comes back as a set.
+    Attributes:
+        kind: a key of `_MAKERS`.
+        content: list from which the value can be made. Its elements are not encoded yet.
+    """
+
+    kind: str
+    content: list[Any]
+
+
+def _tagged_list(value: Any) -> _TaggedList:
+    """Write a value of a kind that JSON does not have, such as a tuple, as a list. A frozenset counts as a set.
+
+    Raises:
+        NotPlain: the value is no plain data.
     """
     if isinstance(value, complex):
-        return "complex", [value.real, value.imag]
-    # Truth values, integers and floats; not arrays of objects, which pickle would be needed for.
+        return _TaggedList("complex", [value.real, value.imag])
+    # Booleans, integers and floats. Arrays of objects are refused: they cannot pass without pickle.
     if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
-        return "array", [value.dtype.str, list(value.shape), value.ravel().tolist()]
+        return _TaggedList("array", [value.dtype.str, list(value.shape), value.ravel().tolist()])
+    # Keys of any kind are allowed, so a mapping is a list of pairs.
     if isinstance(value, Mapping):
-        return "mapping", [[key, part] for key, part in value.items()]
+        return _TaggedList("mapping", [[key, part] for key, part in value.items()])
     if isinstance(value, tuple):
-        return "tuple", [*value]
+        return _TaggedList("tuple", [*value])
     if isinstance(value, set | frozenset):
-        return "set", [*value]
+        return _TaggedList("set", [*value])
     raise NotPlain(
         f"{quoted(value)} is of {type(value).__name__}; it must be numbers, texts, lists, mappings or arrays"
     )
 
 
-def _array(content: list[Any]) -> np.ndarray[Any, Any]:
-    """Make an array of its type, shape and numbers."""
-    kind, shape, numbers = content
-    return np.array(numbers, dtype=np.dtype(kind)).reshape(shape)
+def _make_array(content: list[Any]) -> np.ndarray[Any, Any]:
+    """Make an array from a list of three: the name of its number type, its shape, and all its numbers in a row."""
+    number_type, shape, numbers = content
+    return np.array(numbers, dtype=np.dtype(number_type)).reshape(shape)
 
 
 _MAKERS: dict[str, Callable[[list[Any]], Any]] = {
     "complex": lambda parts: complex(*parts),
-    "array": _array,
+    "array": _make_array,
     "mapping": dict,
     "tuple": tuple,
     "set": set,
 }
+"""Functions that make a value from its content as a list, by the name of the value's kind."""
 
 
 def decode(value: Any) -> Any:
-    """Make the value that `encode` has turned into plain JSON."""
+    """Restore the value that `encode` has turned into plain JSON."""
     if isinstance(value, list):
         return [decode(part) for part in value]
     if isinstance(value, dict):

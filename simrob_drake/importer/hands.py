@@ -1,4 +1,8 @@
-"""Put a hand of its own file on an arm: two trees become one, before the robot is written."""
+"""Join an arm and a hand from another file to one robot, while the arm is imported.
+
+A robot is an XML tree of links and joints here (a URDF). The hand's elements are added to those of the arm, and a fixed
+joint holds the hand's root link.
+"""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
@@ -15,62 +19,94 @@ from simrob_drake.robots.bodies import tool_links
 from simrob_drake.robots.fingers import JAW
 from simrob_drake.robots.urdf import add_joint, joint_limits, movable_joints, name_of, root_link
 
-HAND = "hand"  # the folder of its meshes, and what stands before names that the arm has, too
-_NAMED = ("link", "joint", "frame", "material", "transmission")
-_NAMES = ("link", "joint", "name")  # attributes that name what else is in the tree
+HAND = "hand"  # name of the folder of the hand's meshes, and prefix of the hand's names that the arm has, too
+_NAMED_TAGS = ("link", "joint", "frame", "material", "transmission")  # elements whose names must differ
+_NAME_ATTRIBUTES = ("link", "joint", "name")  # attributes that hold a name of such an element
 
-Read = Callable[[Path, Path, ImportOptions, ImportReport], ET.Element]
-"""What reads and repairs a file, and writes its meshes into a folder."""
+ReadRobot = Callable[[Path, Path, ImportOptions, ImportReport], ET.Element]
+"""Reads and repairs a robot's file. Its arguments: the file, the folder for the meshes that it writes, the options, and
+the report, to which it adds what it has done."""
 
 
 def of_hand(options: ImportOptions) -> ImportOptions:
-    """Return the choices of an import that are those of the hand, too: not arguments of a xacro, nor which model."""
+    """Options for the import of the hand: those of the arm, without the choices that concern the arm alone."""
     return options.model_copy(
         update={"hand": None, "hand_link": "", "xacro_arg": (), "model": "", "srdf": None, "gripper": ""}
     )
 
 
-def add_hand(robot: ET.Element, read: Read, work: Path, options: ImportOptions, report: ImportReport) -> None:
-    """Put the hand of the options on a repaired robot, in place: its root on a link, by a fixed joint.
+def add_hand(robot: ET.Element, read: ReadRobot, work: Path, options: ImportOptions, report: ImportReport) -> None:
+    """Import the hand of the options and add it to an arm, in place.
 
-    Names that the robot has already get another one. ``work`` is the folder of the robot. Raises InvalidModel: a defect
-    of the hand that can't be repaired; UnknownName: no such link.
+    Names of the hand that the arm has already are replaced.
+
+    Args:
+        robot: the arm, which is repaired already.
+        read: reads and repairs the file of the hand.
+        work: folder in which the robot is written.
+        options: options of the import; `hand` is the file of the hand.
+        report: report of the import, to which the hand's entries are added.
+
+    Raises:
+        InvalidModel: the hand has a defect that cannot be repaired.
+        UnknownName: the arm has no link or frame with the name `hand_link`.
     """
     assert options.hand is not None
-    (work / HAND).mkdir()
-    own = ImportReport(options.hand)
-    hand = read(options.hand, work / HAND, of_hand(options), own)
-    report.entries += [replace(entry, element=f"{HAND}: {entry.element}") for entry in own.entries]
-    links = [name_of(element) for tag in ("link", "frame") for element in robot.iterfind(tag)]
-    where = one_of("link for hand_link", options.hand_link, links) if options.hand_link else tool_links(robot)[0]
-    held, taken = ({name_of(element) for tag in _NAMED for element in tree.iterfind(tag)} for tree in (hand, robot))
-    free = FreeNames(held | taken)
-    new = {name: free.take(f"{HAND}_{name}") for name in sorted(held & taken)}
-    for element in hand.iter():
-        for key in _NAMES:
-            if element.get(key) in new:
-                element.set(key, new[element.attrib[key]])
+    folder = work / HAND
+    folder.mkdir()
+    hand_report = ImportReport(options.hand)
+    hand = read(options.hand, folder, of_hand(options), hand_report)
+    report.entries += [replace(entry, element=f"{HAND}: {entry.element}") for entry in hand_report.entries]
+    if options.hand_link:
+        links = [name_of(element) for tag in ("link", "frame") for element in robot.iterfind(tag)]
+        mount = one_of("link for hand_link", options.hand_link, links)
+    else:
+        mount = tool_links(robot)[0]  # the usual link for a tool
+    _rename_duplicates(hand, robot)
     for mesh in hand.iter("mesh"):
         mesh.set("filename", f"{HAND}/{mesh.get('filename', '')}")
     root = root_link(hand)
     robot.extend(hand)
     pose = transform_from_pose(options.hand_pose)
-    add_joint(robot, f"{root}_mount", parent=where, child=root, pose=pose)
-    report.add("read", f"link '{root}'", f"of {options.hand.name}, put on '{where}'")
+    add_joint(robot, f"{root}_mount", parent=mount, child=root, pose=pose)
+    report.add("read", f"link '{root}'", f"of {options.hand.name}, put on '{mount}'")
+
+
+def _rename_duplicates(hand: ET.Element, arm: ET.Element) -> None:
+    """Give other names to the elements of a hand whose names the arm has already, in place."""
+    hand_names = _element_names(hand)
+    arm_names = _element_names(arm)
+    free_names = FreeNames(hand_names | arm_names)
+    new_names = {name: free_names.take(f"{HAND}_{name}") for name in sorted(hand_names & arm_names)}
+    for element in hand.iter():
+        for attribute in _NAME_ATTRIBUTES:
+            name = element.get(attribute)
+            if name in new_names:
+                element.set(attribute, new_names[name])
+
+
+def _element_names(robot: ET.Element) -> set[str]:
+    """Names of the links, joints and other named elements of a robot."""
+    return {name_of(element) for tag in _NAMED_TAGS for element in robot.iterfind(tag)}
 
 
 def mark_jaw(robot: ET.Element, joint: str, report: ImportReport) -> None:
-    """Mark the joint that the user calls the moving jaw of the hand.
+    """Mark the joint that the user calls the moving jaw of the hand by an element, in place, and remove other marks.
+
+    Args:
+        robot: the robot.
+        joint: name of the joint.
+        report: report of the import, which makes the error.
 
     Raises:
-        UnknownName: no such joint moves.
-        InvalidModel: the joint has no range.
+        UnknownName: no joint of this name moves.
+        InvalidModel: the joint has no limits, so its closed position is not known.
     """
     one_of("joint for gripper", joint, movable_joints(robot))
-    element = next(one for one in robot.iterfind("joint") if name_of(one) == joint)
-    if not np.isfinite(joint_limits(element)).all():
+    jaw = next(element for element in robot.iterfind("joint") if name_of(element) == joint)
+    if not np.isfinite(joint_limits(jaw)).all():
         raise report.refusal(f"joint '{joint}'", "has no limits, so that no end of its range is that of a closed jaw")
-    for other in robot.iterfind("joint"):
-        for mark in other.findall(JAW):
-            other.remove(mark)
-    ET.SubElement(element, JAW)
+    for element in robot.iterfind("joint"):
+        for mark in element.findall(JAW):
+            element.remove(mark)
+    ET.SubElement(jaw, JAW)

@@ -1,4 +1,9 @@
-"""Joints that close loops: what a station's couplings say in their place, since a robot is a tree."""
+"""Couplings in place of the joints that close loops of a robot.
+
+The robot of a station is a tree of links. A joint of a file that closes a loop, such as that of a four-bar linkage, is
+taken out of the robot, and a coupling of the station (a section under ``couplings``) holds the two links instead. The
+stages of an import pass such a coupling on as an XML element in the robot.
+"""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
@@ -12,10 +17,13 @@ from simrob_drake.frames import pose_from_transform
 from simrob_drake.robots.urdf import link_of, name_of, pose_of
 
 TAG = "closing"
-"""Element in which the stages of an import hand on a coupling that closes a loop."""
+"""Tag of the XML element in which the stages of an import pass on a coupling that closes a loop."""
 
-_Z = 2  # a hinge turns about the z of its frames
-_DIGITS = 9  # of lengths and angles that are written
+_KINDS = {"revolute": "hinge", "continuous": "hinge", "fixed": "weld", "ball": "ball", "spherical": "ball"}
+"""Kind of the coupling that moves as a joint does, by the joint's type."""
+_DEFAULT_AXIS = "1 0 0"  # of the URDF format
+_Z = 2  # index of the axis of its frames about which a hinge turns
+_DIGITS = 9  # decimals of lengths [m] and angles [rad] that are written
 
 
 @dataclass(frozen=True)
@@ -23,12 +31,13 @@ class LoopCoupling:
     """A coupling that closes a loop of a robot.
 
     Attributes:
-        name: of the joint or constraint that it replaces.
+        name: name of the joint or constraint that the coupling replaces.
         kind: ``hinge``, ``ball`` or ``weld``.
-        body: link that is held.
-        other: link that it is held to.
-        place: where on the body: a point (3,) [m] of a ball, else a pose (6,) [x y z Rz Ry Rx].
-        other_place: where on the other, likewise.
+        body: name of one link.
+        other: name of the other link.
+        place: where the coupling holds the one link, in the link's frame: a point (3,) [m] for a ball, otherwise a
+            pose (6,) [x y z Rz Ry Rx].
+        other_place: where the coupling holds the other link, likewise.
     """
 
     name: str
@@ -40,26 +49,37 @@ class LoopCoupling:
 
     @property
     def entry(self) -> dict[str, Any]:
-        """The coupling as a station has it under ``couplings``."""
+        """Keys and values of the coupling in a station's section ``couplings``."""
         key = "point" if self.kind == "ball" else "pose"
-        places = {key: self.place, f"other_{key}": self.other_place}
-        return {"kind": self.kind, "body": self.body, "other": self.other, **places}
+        return {
+            "kind": self.kind,
+            "body": self.body,
+            "other": self.other,
+            key: self.place,
+            f"other_{key}": self.other_place,
+        }
 
     @property
     def line(self) -> str:
-        """The line to write under ``couplings`` of a station."""
-        words = [f"{key}: {_text(value)}" for key, value in self.entry.items()]
-        return f"{self.name}: {{{', '.join(words)}}}"
+        """The line of YAML to write under ``couplings`` of a station."""
+        pairs = [f"{key}: {_yaml_value(value)}" for key, value in self.entry.items()]
+        return f"{self.name}: {{{', '.join(pairs)}}}"
 
     def element(self) -> ET.Element:
-        """The element in which stages of an import hand the coupling on."""
-        own = {"name": self.name, "kind": self.kind, "body": self.body, "other": self.other}
-        places = {"place": self.place, "other_place": self.other_place}
-        return ET.Element(TAG, own | {key: " ".join(map(repr, value)) for key, value in places.items()})
+        """XML element in which the stages of an import pass the coupling on."""
+        attributes = {
+            "name": self.name,
+            "kind": self.kind,
+            "body": self.body,
+            "other": self.other,
+            "place": " ".join(map(repr, self.place)),
+            "other_place": " ".join(map(repr, self.other_place)),
+        }
+        return ET.Element(TAG, attributes)
 
     @classmethod
     def of_element(cls, element: ET.Element) -> "LoopCoupling":
-        """Read the coupling of an element."""
+        """Read the coupling from an element that :meth:`element` has made."""
         return cls(
             name=element.get("name", ""),
             kind=element.get("kind", ""),
@@ -71,59 +91,64 @@ class LoopCoupling:
 
 
 def _numbers(text: str) -> list[float]:
-    """Read numbers that stand in a text with blanks between them."""
+    """Read the numbers of a text, which blanks separate."""
     return [float(number) for number in text.split()]
 
 
-def _text(value: Any) -> str:
-    """A value of a coupling in a line of YAML."""
-    return f"[{', '.join(f'{number:.6g}' for number in value)}]" if isinstance(value, list) else str(value)
+def _yaml_value(value: Any) -> str:
+    """Write a value of a coupling, a text or a list of numbers, in a line of YAML."""
+    if isinstance(value, list):
+        numbers = [f"{number:.6g}" for number in value]
+        return f"[{', '.join(numbers)}]"
+    return str(value)
 
 
 def closing_of_joint(joint: ET.Element) -> LoopCoupling | None:
-    """The coupling that replaces a joint of a URDF. Returns None if no coupling moves as the joint does."""
-    kinds = {"revolute": "hinge", "continuous": "hinge", "fixed": "weld", "ball": "ball", "spherical": "ball"}
-    kind = kinds.get(joint.get("type", ""))
+    """Make the coupling that replaces a joint of a URDF. Returns None if no coupling moves as the joint does."""
+    kind = _KINDS.get(joint.get("type", ""))
     if kind is None:
         return None
-    place, other = pose_of(joint), RigidTransform()
-    if kind == "ball":
-        numbers = _rounded(place.translation()), _rounded(other.translation())
-    else:
-        if kind == "hinge":
-            axis = joint.find("axis")
-            direction = [float(number) for number in ("1 0 0" if axis is None else axis.get("xyz", "1 0 0")).split()]
-            turn = RigidTransform(RotationMatrix.MakeFromOneVector(np.array(direction), _Z), np.zeros(3))
-            place, other = place @ turn, other @ turn
-        numbers = _rounded(pose_from_transform(place)), _rounded(pose_from_transform(other))
+    # In a URDF the frame of the child link is the frame of the joint, at the joint's zero position.
+    place = pose_of(joint)
+    other_place = RigidTransform()
+    if kind == "hinge":
+        axis = joint.find("axis")
+        text = _DEFAULT_AXIS if axis is None else axis.get("xyz", _DEFAULT_AXIS)
+        # A hinge turns about z, the joint about its axis: turn both frames so that z is that axis.
+        direction = np.array(_numbers(text))
+        turn = RigidTransform(RotationMatrix.MakeFromOneVector(direction, _Z), np.zeros(3))
+        place = place @ turn
+        other_place = other_place @ turn
     return LoopCoupling(
         name=name_of(joint),
         kind=kind,
         body=link_of(joint, "parent"),
         other=link_of(joint, "child"),
-        place=numbers[0],
-        other_place=numbers[1],
+        place=_place_numbers(kind, place),
+        other_place=_place_numbers(kind, other_place),
     )
 
 
-def _rounded(values: Any) -> list[float]:
-    """Numbers as they are written, without what rounding leaves of zero."""
+def _place_numbers(kind: str, place: RigidTransform) -> list[float]:
+    """Rounded numbers of a place: of its point (3,) for a ball, otherwise of its pose (6,) [x y z Rz Ry Rx]."""
+    values = place.translation() if kind == "ball" else pose_from_transform(place)
+    # The sum makes 0 of -0.
     return [float(np.round(value, _DIGITS)) + 0.0 for value in values]
 
 
 def second_parents(robot: ET.Element) -> Iterator[ET.Element]:
-    """Yield the joints whose child link is the child of a joint before."""
-    held = set[str]()
+    """Yield the joints that give a link a second parent: a joint earlier in the file has the same child link."""
+    children = set[str]()
     for joint in robot.iterfind("joint"):
         child = link_of(joint, "child")
-        if child in held:
+        if child in children:
             yield joint
-        held.add(child)
+        children.add(child)
 
 
 def take_closings(robot: ET.Element) -> list[LoopCoupling]:
-    """Take the couplings off a robot that the stages of its import handed on."""
-    found = robot.findall(TAG)
-    for element in found:
+    """Remove the elements of couplings from a robot, in place, and read the couplings."""
+    elements = robot.findall(TAG)
+    for element in elements:
         robot.remove(element)
-    return [LoopCoupling.of_element(element) for element in found]
+    return [LoopCoupling.of_element(element) for element in elements]

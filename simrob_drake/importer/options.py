@@ -10,8 +10,8 @@ from simrob_drake.files import NotRead, text_of
 from simrob_drake.sections import ORIGIN, Boolean, Pose, Positive, Strict
 from simrob_drake.yaml_files import parse_json
 
-REPORT_FILE = "report.json"  # what an import did, beside what it wrote
-_LARGEST_REPORT = 10_000_000  # bytes: a robot of thousands of links has some hundred thousand
+REPORT_FILE = "report.json"  # name of the file with the report of an import, in the folder that the import has written
+_LARGEST_REPORT = 10_000_000  # largest size of that file [bytes]; thousands of links take some hundred thousand
 
 
 class ImportOptions(Strict):
@@ -40,14 +40,14 @@ class ImportOptions(Strict):
     hand_pose: Pose = ORIGIN
     """Pose of the hand's root there, [x y z Rz Ry Rx]."""
     gripper: str = ""
-    """Joint that moves the only moving jaw of the hand; found by its name unless given."""
+    """Name of the joint of the hand's only moving jaw; found by usual names unless given."""
     srdf: Path | None = None
     """An SRDF of the robot: named postures, home, hands, links that do not mind each other; that of its name beside it,
     or in `srdf` or `config` next to its folder, unless given."""
     drop_loops: Boolean = False
     """Leave joints out that close a loop, which no tree of motored joints has, instead of refusing the robot."""
     couple: Boolean = False
-    """Make couplings of joints that close a loop, instead of refusing the robot: its first station has them."""
+    """Replace joints that close a loop by couplings of the robot's first station, instead of refusing the robot."""
 
 
 EntryKind = Literal["read", "repaired", "approximated", "defaulted", "dropped", "open", "lost", "refused"]
@@ -106,7 +106,11 @@ class ImportReport:
 
 
 def read_report(folder: Path) -> ImportReport | None:
-    """Read the report that an import left in the folder of a robot; None if there is none that can be read."""
+    """Read the report that an import has written into the folder of a robot.
+
+    Returns:
+        the report; None if there is no report, or if it cannot be read.
+    """
     try:
         content = parse_json(text_of(folder / REPORT_FILE, _LARGEST_REPORT), folder)
         entries = [Entry(entry["kind"], entry["element"], entry["text"]) for entry in content["entries"]]

@@ -1,14 +1,16 @@
-"""What an SRDF beside a robot's file tells of it: named postures, hands, and links that do not mind each other.
+"""Read the SRDF of a robot's file: named postures, hands, and pairs of links whose collisions do not count.
 
-An SRDF (semantic robot description format, of MoveIt) names groups of joints, states of them, and pairs of links.
+An SRDF (semantic robot description format, of MoveIt) is a second file next to the robot's. It names groups of joints,
+states of these groups (postures), end effectors (hands), and pairs of links that may overlap.
 """
 
 import xml.etree.ElementTree as ET
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from os.path import isfile
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from simrob_drake.errors import InvalidModel
 from simrob_drake.importer.options import ImportOptions, ImportReport
@@ -17,37 +19,72 @@ from simrob_drake.robots.bodies import carriers
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.urdf import DRAKE, link_of, name_of
 
-_FOLDERS = ("", "../srdf", "../config")  # where it is looked for, from the robot's file
+_FOLDERS = ("", "../srdf", "../config")  # folders in which an SRDF is sought, relative to the robot's file
 _SUFFIXES = (".srdf", ".srdf.xacro")
-_OPEN = "open", "opened"
+_OPEN_STATES = ("open", "opened")  # names of states in which a hand is open, in lower case
 HOME_STATE = "home"
-_States = dict[str, dict[str, float]]  # positions by joint or axis, by name
+"""Name of the state that is taken for the robot's home posture."""
+
+States = dict[str, dict[str, float]]
+"""Named postures: by the name of the state, positions by the name of the joint or axis."""
+
+
+class LinkPair(NamedTuple):
+    """Names of two links, in alphabetical order."""
+
+    first: str
+    second: str
 
 
 @dataclass(frozen=True)
 class Semantics:
-    """What an SRDF tells."""
+    """Content of an SRDF.
 
-    states: _States  # in rad or m
-    hands: frozenset[str]  # joints of its end effectors
-    carriers: tuple[str, ...]  # links that carry these
-    pairs: frozenset[tuple[str, str]]  # of links whose collisions do not count
+    Attributes:
+        states: named postures [rad or m].
+        hands: names of the joints of all end effectors.
+        carriers: names of the links that carry an end effector.
+        pairs: pairs of links whose collisions do not count.
+    """
+
+    states: States
+    hands: frozenset[str]
+    carriers: tuple[str, ...]
+    pairs: frozenset[LinkPair]
 
 
 NOTHING = Semantics({}, frozenset(), (), frozenset())
+"""Content for a robot without an SRDF."""
 
 
 def srdf_of(source: Path) -> Path | None:
-    """Return the SRDF of a robot's file: that of its name beside it, or in ``srdf`` or ``config`` beside its folder."""
+    """Find the SRDF of a robot's file, or return None if there is none.
+
+    It has the name of the robot's file, and lies next to it, or in a folder ``srdf`` or ``config`` next to its folder.
+    """
+    # Also "arm.srdf" for "arm.urdf.xacro".
     stem = source.name.partition(".")[0]
-    places = (source.parent / folder / f"{stem}{suffix}" for folder in _FOLDERS for suffix in _SUFFIXES)
-    return next((place for place in places if isfile(place)), None)
+    for folder, suffix in product(_FOLDERS, _SUFFIXES):
+        file = source.parent / folder / f"{stem}{suffix}"
+        if isfile(file):
+            return file
+    return None
 
 
 def read_semantics(source: Path, robot: ET.Element, options: ImportOptions, report: ImportReport) -> Semantics:
-    """Return what the SRDF of a repaired robot tells, which is entered in the report; nothing where there is none.
+    """Read the SRDF of a robot and add an entry about it to the report.
 
-    Raises InvalidModel: one that was asked for cannot be read; another one is left out.
+    Args:
+        source: file of the robot.
+        robot: the robot, which is repaired already.
+        options: options of the import, which may name an SRDF.
+        report: report of the import.
+
+    Returns:
+        its content, or NOTHING if there is no SRDF, or if one that the options do not name cannot be read.
+
+    Raises:
+        InvalidModel: the SRDF that the options name cannot be read.
     """
     file = options.srdf or srdf_of(source)
     if file is None:
@@ -59,27 +96,42 @@ def read_semantics(source: Path, robot: ET.Element, options: ImportOptions, repo
             raise
         report.add("dropped", f"SRDF {file.name}", f"cannot be read: {problem}")
         return NOTHING
+
     joints = {name_of(joint): joint for joint in robot.iterfind("joint")}
     links = {name_of(link) for link in robot.iterfind("link")}
-    ends, groups = list(tree.iterfind("end_effector")), {name_of(group): group for group in tree.iterfind("group")}
-    found = Semantics(
-        _states(tree, joints.keys(), report),
-        frozenset(joint for end in ends for joint in _joints(end.get("group", ""), groups, joints)),
-        tuple(link for end in ends if (link := end.get("parent_link", "")) in links),
-        frozenset(_pairs(tree, carriers(robot))),
+    groups = {name_of(group): group for group in tree.iterfind("group")}
+    hand_joints = set[str]()
+    hand_carriers = []
+    for end_effector in tree.iterfind("end_effector"):
+        hand_joints |= _joints_of_group(end_effector.get("group", ""), groups, joints)
+        parent_link = end_effector.get("parent_link", "")
+        if parent_link in links:
+            hand_carriers.append(parent_link)
+    semantics = Semantics(
+        states=_read_states(tree, joints.keys(), report),
+        hands=frozenset(hand_joints),
+        carriers=tuple(hand_carriers),
+        pairs=frozenset(_ignored_pairs(tree, carriers(robot))),
     )
-    pairs = f"{len(found.pairs)} pairs of links that do not mind each other"
-    report.add("read", f"SRDF {file.name}", f"postures {', '.join(found.states) or 'none'}; {pairs}")
-    return found
+    pairs = f"{len(semantics.pairs)} pairs of links that do not mind each other"
+    report.add("read", f"SRDF {file.name}", f"postures {', '.join(semantics.states) or 'none'}; {pairs}")
+    return semantics
 
 
-def _states(tree: ET.Element, joints: Container[str], report: ImportReport) -> _States:
-    states: _States = {}
+def _read_states(tree: ET.Element, joints: Container[str], report: ImportReport) -> States:
+    """Read the states of an SRDF. Positions of unknown joints are left out, with an entry in the report.
+
+    Args:
+        tree: the SRDF.
+        joints: names of the robot's joints.
+        report: report of the import.
+    """
+    states: States = {}
     for state in tree.iterfind("group_state"):
         for joint in state.iterfind("joint"):
             try:
                 value = float(joint.get("value", ""))
-            except ValueError:  # several, of a joint that is no axis
+            except ValueError:  # several values, for a joint with several degrees of freedom
                 continue
             if name_of(joint) in joints:
                 states.setdefault(name_of(state), {})[name_of(joint)] = value
@@ -89,86 +141,146 @@ def _states(tree: ET.Element, joints: Container[str], report: ImportReport) -> _
     return states
 
 
-def _joints(name: str, groups: dict[str, ET.Element], joints: dict[str, ET.Element]) -> set[str]:
-    """Return the joints of a group: named, above its links, on its chains, and those of the groups that it names.
+def _joints_of_group(name: str, groups: Mapping[str, ET.Element], joints: Mapping[str, ET.Element]) -> set[str]:
+    """Find the names of the joints of a group of an SRDF.
 
-    Each group is read once. Groups may name each other, and thirty levels of two names each would be 2**30 groups.
+    These are the joints that the group names, the joints above its links, the joints on its chains, and the joints of
+    the groups that it names. Each group is read once: groups may name each other, and thirty levels of two names each
+    would be 2**30 groups.
+
+    Args:
+        name: name of the group. Without such a group, no joint is found.
+        groups: groups of the SRDF, by name.
+        joints: joints of the robot, by name.
     """
-    above = {link_of(joint, "child"): joint for joint in joints.values()}
+    joint_above = {link_of(joint, "child"): joint for joint in joints.values()}
     found = set[str]()
     visited = set[str]()
-    waiting = [name]
-    while waiting:
-        group_name = waiting.pop()
+    groups_left = [name]
+    while groups_left:
+        group_name = groups_left.pop()
         group = groups.get(group_name)
         if group is None or group_name in visited:
             continue
         visited.add(group_name)
-        waiting += [name_of(named) for named in group.iterfind("group")]
+        groups_left += [name_of(inner_group) for inner_group in group.iterfind("group")]
         found |= {name_of(joint) for joint in group.iterfind("joint")}
-        found |= {name_of(above[name_of(link)]) for link in group.iterfind("link") if name_of(link) in above}
+        for link in group.iterfind("link"):
+            if name_of(link) in joint_above:
+                found.add(name_of(joint_above[name_of(link)]))
         for chain in group.iterfind("chain"):
-            found |= _joints_of_chain(chain, above)
+            found |= _joints_of_chain(chain, joint_above)
     return found
 
 
-def _joints_of_chain(chain: ET.Element, above: Mapping[str, ET.Element]) -> set[str]:
-    """Return the joints from a chain's tip to its base, with the joint above each link by the link's name."""
+def _joints_of_chain(chain: ET.Element, joint_above: Mapping[str, ET.Element]) -> set[str]:
+    """Find the names of the joints from the tip of a chain to its base.
+
+    Args:
+        chain: element with the names of the tip link and the base link.
+        joint_above: joint whose child a link is, by the link's name.
+    """
     found = set[str]()
-    visited = set[str]()
+    visited = set[str]()  # the joints of a broken robot may form a loop
     link = chain.get("tip_link", "")
-    while link in above and link != chain.get("base_link") and link not in visited:
+    while link in joint_above and link != chain.get("base_link") and link not in visited:
         visited.add(link)
-        found.add(name_of(above[link]))
-        link = link_of(above[link], "parent")
+        found.add(name_of(joint_above[link]))
+        link = link_of(joint_above[link], "parent")
     return found
 
 
-def _pairs(tree: ET.Element, carrier: dict[str, str]) -> Iterator[tuple[str, str]]:
+def _ignored_pairs(tree: ET.Element, carrier: Mapping[str, str]) -> Iterator[LinkPair]:
+    """Yield the pairs of links whose collisions an SRDF disables.
+
+    Links that fixed joints connect are one body, and the pair names the link that carries each body. Pairs within one
+    body, or with an unknown link, are left out.
+
+    Args:
+        tree: the SRDF.
+        carrier: link that carries the body of a link, by the link's name.
+    """
     for pair in tree.iterfind("disable_collisions"):
-        one, other = sorted(carrier.get(pair.get(key, ""), "") for key in ("link1", "link2"))
-        if one and one != other:
-            yield one, other
+        first, second = sorted(carrier.get(pair.get(key, ""), "") for key in ("link1", "link2"))
+        if first and first != second:  # an unknown link, an empty name, is sorted first
+            yield LinkPair(first, second)
 
 
 def add_filters(robot: ET.Element, semantics: Semantics) -> None:
-    """Let Drake ignore collisions of pairs of links, in place: a group of each link, which ignores others."""
+    """Add Drake's collision filter groups to a robot, in place, so that collisions of the pairs do not count.
+
+    Each link of a pair has a group of its own, which ignores the groups of other links.
+    """
     groups = dict[str, ET.Element]()
     for link in sorted({link for pair in semantics.pairs for link in pair}):
         groups[link] = ET.SubElement(robot, f"{DRAKE}collision_filter_group", name=f"srdf_{link}")
         ET.SubElement(groups[link], f"{DRAKE}member", link=link)
-    for one, other in sorted(semantics.pairs):
-        ET.SubElement(groups[one], f"{DRAKE}ignored_collision_filter_group", name=name_of(groups[other]))
+    for pair in sorted(semantics.pairs):
+        other_name = name_of(groups[pair.second])
+        ET.SubElement(groups[pair.first], f"{DRAKE}ignored_collision_filter_group", name=other_name)
 
 
 def described_by(semantics: Semantics, robot: RobotModel, report: ImportReport) -> dict[str, Any]:
-    """Return what of an imported robot's file is as its SRDF has it: postures, home, fingers and tools."""
+    """Make the entries of an imported robot's file (robot.yaml) that its SRDF determines.
+
+    Args:
+        semantics: content of the SRDF.
+        robot: the imported robot, as it is without the SRDF.
+        report: report of the import, which gets an entry if fingers open the other way round.
+
+    Returns:
+        keys and values of robot.yaml: ``home_deg``, ``postures``, ``tools`` and ``gripper``, as far as they are given.
+    """
     units = dict(zip(robot.axes, robot.user_units.tolist(), strict=True))
-    postures = {
-        name: {joint: float(f"{value / units[joint]:.6g}") for joint, value in state.items() if joint in units}
-        for name, state in semantics.states.items()
-    }
-    found: dict[str, Any] = {}
-    if home := postures.pop(HOME_STATE, {}):
-        own = robot.home_deg if isinstance(robot.home_deg, dict) else {}
-        found["home_deg"] = {axis: value for axis, value in (own | home).items() if value} or 0.0
-    if postures := {name: state for name, state in postures.items() if state}:
-        found["postures"] = postures
+    postures: States = {}
+    for name, state in semantics.states.items():
+        postures[name] = {
+            joint: float(f"{value / units[joint]:.6g}") for joint, value in state.items() if joint in units
+        }
+    entries: dict[str, Any] = {}
+    home = postures.pop(HOME_STATE, {})
+    if home:
+        own_home = robot.home_deg if isinstance(robot.home_deg, dict) else {}
+        # Axes at zero are left out; if all are, a single 0 stands for all axes.
+        entries["home_deg"] = {axis: value for axis, value in (own_home | home).items() if value} or 0.0
+    postures = {name: state for name, state in postures.items() if state}
+    if postures:
+        entries["postures"] = postures
     if robot.gripper is None:
-        found["tools"] = {**{link: link for link in semantics.carriers}, **robot.tools}
-    elif swapped := _swapped(robot.gripper.axes, postures, semantics):
+        # Own names come last: they replace equal names.
+        entries["tools"] = {**{link: link for link in semantics.carriers}, **robot.tools}
+        return entries
+    swapped = _swapped_fingers(robot.gripper.axes, postures, semantics)
+    if swapped:
+        # The two positions of every finger are exchanged, as fingers move together.
         axes = {axis: (opened, closed) for axis, (closed, opened) in robot.gripper.axes.items()}
-        found["gripper"] = robot.gripper.model_copy(update={"axes": axes}).model_dump(mode="json", exclude_none=True)
+        gripper = robot.gripper.model_copy(update={"axes": axes})
+        entries["gripper"] = gripper.model_dump(mode="json", exclude_none=True)
         report.add("repaired", "robot.yaml", f"{', '.join(swapped)} are open where the SRDF says so")
-    return found
+    return entries
 
 
-def _swapped(axes: Mapping[str, Sequence[float]], postures: _States, semantics: Semantics) -> list[str]:
-    """Return the fingers that are open where they were taken to be closed."""
-    opened = {
-        axis: value
-        for name, state in postures.items()
-        for axis, value in state.items()
-        if name.lower() in _OPEN and axis in semantics.hands and axis in axes
-    }
-    return [axis for axis, value in opened.items() if abs(value - axes[axis][0]) < abs(value - axes[axis][1])]
+def _swapped_fingers(axes: Mapping[str, Sequence[float]], postures: States, semantics: Semantics) -> list[str]:
+    """Find the fingers that are open, by the SRDF, at the position that was taken for their closed position.
+
+    Args:
+        axes: closed and open position of each finger, by the name of its axis.
+        postures: named postures of the SRDF, in the same units.
+        semantics: content of the SRDF.
+
+    Returns:
+        names of the fingers' axes.
+    """
+    open_positions = dict[str, float]()
+    for name, state in postures.items():
+        if name.lower() not in _OPEN_STATES:
+            continue
+        for axis, position in state.items():
+            if axis in semantics.hands and axis in axes:
+                open_positions[axis] = position
+    swapped = []
+    for axis, position in open_positions.items():
+        closed, opened = axes[axis]
+        if abs(position - closed) < abs(position - opened):
+            swapped.append(axis)
+    return swapped

@@ -1,4 +1,13 @@
-"""The base class of all couplings of a station, with the checks of which solvers hold a coupling."""
+"""The base class of all couplings of a station, with the checks of which solvers hold a coupling.
+
+A station is a closed diagram of robots, pieces and controllers, described by a file. A coupling holds two of its bodies
+or axes together in addition to their joints, such as a gear. A solver holds a coupling if it can simulate the
+constraint, or the stiff spring in its place. The types of a station in this module:
+
+- `Surroundings` describes the station before anything is built.
+- `StationPlant` is its multibody plant, with the robots in it.
+- `Site` is the station under construction: the plant, and the ports that its blocks have added so far.
+"""
 
 from abc import ABC, abstractmethod
 from typing import ClassVar, Protocol
@@ -9,11 +18,12 @@ from simrob_drake.errors import InvalidParameter
 from simrob_drake.parts.site import Site, StationPlant, Surroundings
 from simrob_drake.sections import Strict
 
-# Under continuous schemes a coupling is a spring and a damper: its stiffness for each unit of the inertia that it holds
-# [1/s²], and the ratio of damping to stiffness [s].
 STIFFNESS = 2000.0**2
-RELAXES = 2e-4
-_CLOSED = 1e-3  # largest gap of a coupling at the start [m or rad]
+"""Stiffness of a coupling for each unit of the inertia that it holds [1/s²]. Under continuous schemes a coupling is a
+spring and a damper, and the parts that it holds vibrate at the square root of this value: 2000 rad/s."""
+DAMPING_TIME = 2e-4
+"""Ratio of a coupling's damping to its stiffness [s]."""
+_LARGEST_GAP_AT_START = 1e-3  # [m or rad]
 
 
 class SolverDescription(Protocol):
@@ -29,20 +39,23 @@ class SolverDescription(Protocol):
 
     @property
     def time_step(self) -> float:
-        """Step of a discrete solver [s]; 0 for other solvers."""
+        """Step of a discrete solver [s]. It is 0 if the solver is not discrete."""
 
 
 class CouplingSection(Strict, ABC):
     """A section of ``couplings``: the base class of all couplings."""
 
-    constrains: ClassVar[bool] = True  # whether the coupling is a constraint, or a spring stiff enough to count as one
+    constrains: ClassVar[bool] = True
+    """Whether the coupling is a constraint, or a spring that is stiff enough to count as one. Such a coupling needs a
+    solver that can hold it; a soft spring needs none."""
     schemes: ClassVar[tuple[str, ...]] = ("radau3", "radau1", "implicit_euler", "velocity_implicit_euler")
     """Continuous schemes that hold the coupling."""
     engines: ClassVar[tuple[str, ...]] = ()
     """Engines other than Drake's plant that hold the coupling."""
     guides_references: ClassVar[bool] = False
     """Whether references obey the coupling, so that a kinematic station can have it, too."""
-    words: ClassVar[str]  # description for people, with fields of the coupling such as "{it.length:g}"
+    words: ClassVar[str]
+    """Template of the caption. The coupling is named ``it`` there, so "{it.length:g}" is its field `length`."""
     kind: str
 
     @abstractmethod
@@ -67,7 +80,8 @@ class CouplingSection(Strict, ABC):
             value = f"a coupling of kind {self.kind} in a kinematic station"
             raise InvalidParameter(key, value, "left out: the reference moves all joints, and no force acts")
         if not self.is_held(station):
-            expected = f"{'radau3, or ' if self.schemes else ''}kind: discrete with scheme: sap, which hold {key}"
+            continuous = "radau3, or " if self.schemes else ""
+            expected = f"{continuous}kind: discrete with scheme: sap, which hold {key}"
             raise InvalidParameter("solver", station.scheme, expected)
 
     def is_held(self, station: SolverDescription) -> bool:
@@ -81,7 +95,13 @@ class CouplingSection(Strict, ABC):
         return station.time_step > 0 or station.scheme in self.schemes
 
     def add_forces(self, builder: DiagramBuilder, site: Site, key: str) -> None:
-        """Add the forces that hold the coupling where the plant has no constraint for it; most couplings add none."""
+        """Add the forces that hold the coupling if the plant has no constraint for it: by default, no forces.
+
+        Args:
+            builder: builder of the station's diagram.
+            site: the station under construction, to which the forces' port is added.
+            key: key of the coupling in the station, which begins the names of the added blocks.
+        """
 
     def gap(self, plant: StationPlant, context: Context) -> float:
         """Compute the gap between the parts that the coupling holds together, in a context of the plant [m or rad].
@@ -101,5 +121,8 @@ class CouplingSection(Strict, ABC):
         Raises:
             InvalidParameter: the gap of the coupling at the start is too large.
         """
-        if (gap := self.gap(plant, context)) > _CLOSED:
-            raise InvalidParameter(key, f"{gap:.4g} m (or rad) off at the start", f"at most {_CLOSED:g} off")
+        gap = self.gap(plant, context)
+        if gap > _LARGEST_GAP_AT_START:
+            raise InvalidParameter(
+                key, f"{gap:.4g} m (or rad) off at the start", f"at most {_LARGEST_GAP_AT_START:g} off"
+            )

@@ -1,7 +1,15 @@
-r"""What ties joints and bodies of a station together beside its joints: the kinds that a station file can name.
+r"""The kinds of couplings that a station file can name: gears, ball joints, rods, welds, hinges and springs.
 
-Drake's discrete solvers have constraints. Under an implicit continuous scheme a coupling is a spring and a damper, so
-stiff that what it holds vibrates at :math:`\omega = 2000` rad/s: an acceleration a opens it by :math:`a / \omega^2`.
+A coupling holds two bodies or several axes together in addition to the joints of the robots. Bodies are links or
+tools of robots, pieces, or the world; axes are the joints of robots that motors move.
+
+Drake's discrete solvers hold couplings as constraints. Under an implicit continuous scheme a coupling is a spring and
+a damper, so stiff that what it holds vibrates at :math:`\omega = 2000` rad/s: an acceleration :math:`a` opens it by
+:math:`a / \omega^2`.
+
+Methods get the station at different times of its construction: `Surroundings` describes the station before anything is
+built, `StationPlant` is its multibody plant with the robots in it, and `Site` adds the ports of the blocks around the
+plant.
 """
 
 from abc import ABC, abstractmethod
@@ -26,45 +34,71 @@ from pydrake.systems.primitives import ConstantVectorSource
 from simrob_drake.blocks.block import fed, joined, mapped
 from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.frames import Vector, transform_from_pose
-from simrob_drake.parts.coupling import RELAXES, STIFFNESS, CouplingSection
+from simrob_drake.parts.coupling import DAMPING_TIME, STIFFNESS, CouplingSection
 from simrob_drake.parts.kinds import Kinds
 from simrob_drake.parts.site import WORLD, Site, StationPlant, StationRobot, Surroundings
 from simrob_drake.parts.targets import check_frame, frame_of
 from simrob_drake.robots.coupled_axes import Equation
 from simrob_drake.sections import ORIGIN, NotNegative, Number, Pose, Positive, Strict, Triple
 
-_ANCHOR = "couplings_anchor"
-_HALF_APART = 0.025  # m: of the points on a hinge's axis
-_SHORTEST = 1e-9  # m: Drake wants a length, though it need not have one
+_ANCHOR = "couplings_anchor"  # name of a body welded to the world, which takes the world's place in constraints
+_HALF_HINGE = 0.025  # half the distance between the two points that stay together on a hinge's axis [m]
+_SHORTEST_SPRING = 1e-9  # Drake requires a positive free length of a spring [m]
 
 
 class Attachment(NamedTuple):
-    """A point of a body: the body, and the pose there of the frame whose origin it is."""
+    """The frame on a body that a coupling holds.
+
+    Attributes:
+        body: the body.
+        pose: pose of the frame in the body's frame.
+    """
 
     body: RigidBody
     pose: RigidTransform
 
 
-def add_bushing(plant: MultibodyPlant, one: Attachment, other: Attachment, *, turns_about_z: bool = False) -> None:
-    """Hold two frames together by springs, stiff for all that the plant weighs; they may turn about their z.
+def add_bushing(plant: MultibodyPlant, first: Attachment, second: Attachment, *, turns_about_z: bool = False) -> None:
+    """Hold two frames together by stiff springs and dampers, added to a plant that is not finalized.
 
-    About y they must not, as Drake's bushing counts turns by roll, pitch and yaw.
+    The springs are stiff enough for the mass and inertia of all bodies of the plant together.
+
+    Args:
+        plant: the plant.
+        first: one frame.
+        second: the other frame.
+        turns_about_z: leave out the spring against rotation about z, for a hinge. The free axis must not be y: Drake's
+            bushing measures rotations by roll, pitch and yaw, and a pitch of 90 degrees is a singularity.
     """
-    bodies = [plant.get_body(BodyIndex(index)) for index in range(1, plant.num_bodies())]
-    mass = sum(body.default_mass() for body in bodies)
-    inertia = sum(body.default_spatial_inertia().CalcRotationalInertia().get_moments().sum() / 2 for body in bodies)
-    slide, turn = STIFFNESS * mass, STIFFNESS * float(inertia)
-    frames = [
-        plant.AddFrame(FixedOffsetFrame(f"coupled_{plant.num_frames()}", end.body.body_frame(), end.pose))
-        for end in (one, other)
-    ]
-    turns, slides = np.array([turn, turn, 0.0 if turns_about_z else turn]), np.full(3, slide)
-    bushing = LinearBushingRollPitchYaw(*frames, turns, RELAXES * turns, slides, RELAXES * slides)
+    bodies = [plant.get_body(BodyIndex(index)) for index in range(1, plant.num_bodies())]  # without the world
+    mass = 0.0
+    inertia = 0.0
+    for body in bodies:
+        mass += body.default_mass()
+        # Half the trace of the inertia is at least the moment of inertia about any axis.
+        inertia += body.default_spatial_inertia().CalcRotationalInertia().get_moments().sum() / 2
+    linear = STIFFNESS * mass
+    angular = STIFFNESS * float(inertia)
+    stiffness_about_z = 0.0 if turns_about_z else angular
+    linear_stiffness = np.full(3, linear)
+    angular_stiffness = np.array([angular, angular, stiffness_about_z])
+
+    frames = []
+    for end in (first, second):
+        frame = FixedOffsetFrame(f"coupled_{plant.num_frames()}", end.body.body_frame(), end.pose)
+        frames.append(plant.AddFrame(frame))
+    bushing = LinearBushingRollPitchYaw(
+        *frames,
+        angular_stiffness,
+        DAMPING_TIME * angular_stiffness,
+        linear_stiffness,
+        DAMPING_TIME * linear_stiffness,
+    )
     plant.AddForceElement(bushing)
 
 
 class Between(Strict, ABC):
-    """What couplings of one body with another share."""
+    """A section that connects a frame of one body with a frame of another body: the base class of such couplings."""
 
     body: str
     """A tool or link of a robot, or a piece."""
@@ -73,48 +107,61 @@ class Between(Strict, ABC):
 
     @property
     @abstractmethod
-    def places(self) -> tuple[RigidTransform, RigidTransform]:
-        """Where it holds, on the one and on the other."""
+    def own_poses(self) -> tuple[RigidTransform, RigidTransform]:
+        """Poses of the connected frames: in the frame of `body`, and in the frame of `other`."""
 
     def check_bodies(self, key: str, station: Surroundings) -> None:
-        """Check that the station has both bodies; raises SimrobError: it lacks one."""
+        """Check that the station has both bodies.
+
+        Raises:
+            SimrobError: the station lacks a body; the message names the key.
+        """
         for part in ("body", "other"):
             check_frame(station, f"{key}.{part}", getattr(self, part))
 
     def ends(self, plant: StationPlant) -> list[Attachment]:
-        """Return both ends."""
-        frames = [frame_of(plant, name) for name in (self.body, self.other)]
-        ends = zip(frames, self.places, strict=True)
-        return [Attachment(frame.body(), frame.GetFixedPoseInBodyFrame() @ place) for frame, place in ends]
+        """Find the two connected frames in a plant: that of `body`, and that of `other`."""
+        ends = []
+        for name, own_pose in zip((self.body, self.other), self.own_poses, strict=True):
+            # A body can be named by a frame on it, such as a tool of a robot.
+            frame = frame_of(plant, name)
+            ends.append(Attachment(frame.body(), frame.GetFixedPoseInBodyFrame() @ own_pose))
+        return ends
 
-    def anchored(self, plant: StationPlant) -> list[Attachment]:
-        """Return both ends, the world's on a welded body: constraints on the world end the process (Drake 1.51)."""
-        own, ends = plant.plant, self.ends(plant)
-        if any(end.body is own.world_body() for end in ends) and not own.HasBodyNamed(_ANCHOR):
-            inertia = SpatialInertia.SolidSphereWithMass(1.0, 1.0)  # of no account: it stands
-            body = own.AddRigidBody(_ANCHOR, own.AddModelInstance(_ANCHOR), inertia)
-            own.WeldFrames(own.world_frame(), body.body_frame())
-        return [
-            Attachment(own.GetBodyByName(_ANCHOR), end.pose) if end.body is own.world_body() else end for end in ends
-        ]
+    def constraint_ends(self, plant: StationPlant) -> list[Attachment]:
+        """Find the two connected frames for a constraint, and add a body in the world's place if one is there.
 
-    def apart(self, plant: StationPlant, context: Context) -> RigidTransform:
-        """Return the pose of the other end in the first one."""
-        one, other = (plant.plant.EvalBodyPoseInWorld(context, end.body) @ end.pose for end in self.ends(plant))
-        return one.inverse() @ other
+        Drake 1.51 ends the process at a constraint on the world. So a frame of the world is moved to a body that is
+        welded to the world, which all couplings share. The plant must not be finalized.
+        """
+        multibody = plant.plant
+        world = multibody.world_body()
+        ends = self.ends(plant)
+        is_on_world = any(end.body is world for end in ends)
+        if is_on_world and not multibody.HasBodyNamed(_ANCHOR):
+            inertia = SpatialInertia.SolidSphereWithMass(1.0, 1.0)  # has no effect: the body never moves
+            anchor = multibody.AddRigidBody(_ANCHOR, multibody.AddModelInstance(_ANCHOR), inertia)
+            multibody.WeldFrames(multibody.world_frame(), anchor.body_frame())
+        # The anchor's frame is the world's frame, so poses stay the same.
+        return [Attachment(multibody.GetBodyByName(_ANCHOR), end.pose) if end.body is world else end for end in ends]
+
+    def relative_pose(self, plant: StationPlant, context: Context) -> RigidTransform:
+        """Pose of the frame on `other`, in the frame on `body`, in a context of the plant."""
+        first, second = (plant.plant.EvalBodyPoseInWorld(context, end.body) @ end.pose for end in self.ends(plant))
+        return first.inverse() @ second
 
     def distance(self, plant: StationPlant, context: Context) -> float:
-        """Return how far the ends are apart in a context [m]."""
-        return float(np.linalg.norm(self.apart(plant, context).translation()))
+        """Distance between the origins of the two frames, in a context of the plant [m]."""
+        return float(np.linalg.norm(self.relative_pose(plant, context).translation()))
 
 
 class BetweenPoints(Between, CouplingSection):
     """A coupling of a point of one body with a point of another."""
 
     point: Triple = (0.0, 0.0, 0.0)
-    """Where on the body, along its axes [m]."""
+    """Position of the point on the body, along the body's axes [m]."""
     other_point: Triple = (0.0, 0.0, 0.0)
-    """Where on the other [m]; in the world's axes unless `other` is given."""
+    """Position of the point on the other body [m]; in the world's axes unless `other` is given."""
 
     def check(self, key: str, station: Surroundings) -> None:
         """Check that the station has both bodies, and that they are not the same.
@@ -128,8 +175,8 @@ class BetweenPoints(Between, CouplingSection):
             raise InvalidParameter(f"{key}.other", self.other, "another one than body")
 
     @property
-    def places(self) -> tuple[RigidTransform, RigidTransform]:
-        """The points, with the axes of their bodies."""
+    def own_poses(self) -> tuple[RigidTransform, RigidTransform]:
+        """Frames at the points, with the axes of their bodies."""
         return RigidTransform(np.array(self.point)), RigidTransform(np.array(self.other_point))
 
 
@@ -141,32 +188,33 @@ class Ball(BetweenPoints):
     words: ClassVar[str] = "a ball joint between {it.body} and {it.other}"
 
     def add(self, plant: StationPlant) -> None:
-        """Add it to a plant that is not finalized."""
-        one, other = self.anchored(plant)
-        plant.plant.AddBallConstraint(one.body, one.pose.translation(), other.body, other.pose.translation())
+        """Add the ball joint as a constraint to a plant that is not finalized."""
+        first, second = self.constraint_ends(plant)
+        plant.plant.AddBallConstraint(first.body, first.pose.translation(), second.body, second.pose.translation())
 
     def gap(self, plant: StationPlant, context: Context) -> float:
-        """Return how far the points are apart [m]."""
+        """Distance between the points, which is 0 in a closed ball joint [m]."""
         return self.distance(plant, context)
 
 
 class Rod(BetweenPoints):
-    """Two points that stay apart by a length, as the ends of a massless rod with ball joints."""
+    """Two points that keep a distance, as the ends of a massless rod with ball joints."""
 
     schemes: ClassVar[tuple[str, ...]] = ()
     kind: Literal["rod"]
     words: ClassVar[str] = "a rod of {it.length:g} m from {it.body} to {it.other}"
     length: Positive
-    """[m]."""
+    """Length of the rod [m]."""
 
     def add(self, plant: StationPlant) -> None:
-        """Add it to a plant that is not finalized."""
-        one, other = self.anchored(plant)
-        points = one.pose.translation(), other.pose.translation()
-        plant.plant.AddDistanceConstraint(one.body, points[0], other.body, points[1], self.length)
+        """Add the rod as a constraint to a plant that is not finalized."""
+        first, second = self.constraint_ends(plant)
+        plant.plant.AddDistanceConstraint(
+            first.body, first.pose.translation(), second.body, second.pose.translation(), self.length
+        )
 
     def gap(self, plant: StationPlant, context: Context) -> float:
-        """Return by how much the length is missed [m]."""
+        """Absolute difference between the points' distance and the rod's length [m]."""
         return abs(self.distance(plant, context) - self.length)
 
 
@@ -174,18 +222,22 @@ class BetweenFrames(Between, CouplingSection):
     """A coupling of a frame of one body with a frame of another."""
 
     pose: Pose = ORIGIN
-    """The frame on the body, [x y z Rz Ry Rx]."""
+    """Pose of the frame on the body, [x y z Rz Ry Rx]."""
     other_pose: Pose = ORIGIN
-    """The frame on the other."""
+    """Pose of the frame on the other body."""
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the station has both bodies; raises SimrobError: it lacks one."""
+        """Check that the station has both bodies.
+
+        Raises:
+            SimrobError: the station lacks a body.
+        """
         super().check(key, station)
         self.check_bodies(key, station)
 
     @property
-    def places(self) -> tuple[RigidTransform, RigidTransform]:
-        """Both frames."""
+    def own_poses(self) -> tuple[RigidTransform, RigidTransform]:
+        """The frames of `pose` and `other_pose`."""
         return transform_from_pose(self.pose), transform_from_pose(self.other_pose)
 
 
@@ -196,43 +248,65 @@ class Weld(BetweenFrames):
     words: ClassVar[str] = "{it.body} welded to {it.other}"
 
     def add(self, plant: StationPlant) -> None:
-        """Add it to a plant that is not finalized."""
-        if not plant.plant.time_step():
+        """Add the weld to a plant that is not finalized: a constraint in a discrete plant, else stiff springs."""
+        is_discrete = plant.plant.time_step() > 0
+        if not is_discrete:
             add_bushing(plant.plant, *self.ends(plant))
             return
-        one, other = self.anchored(plant)
-        plant.plant.AddWeldConstraint(one.body, one.pose, other.body, other.pose)
+        first, second = self.constraint_ends(plant)
+        plant.plant.AddWeldConstraint(first.body, first.pose, second.body, second.pose)
 
     def gap(self, plant: StationPlant, context: Context) -> float:
-        """Return how far the frames are apart, the larger of distance [m] and angle [rad]."""
-        turn = self.apart(plant, context).rotation()
+        """Difference of the two frames: the larger of their distance [m] and the angle between them [rad]."""
+        turn = self.relative_pose(plant, context).rotation()
         return max(self.distance(plant, context), float(turn.ToAngleAxis().angle()))
 
 
 class Hinge(BetweenFrames):
-    """Two frames that stay together but turn about their z."""
+    """Two frames that stay together but turn about their z axis."""
 
     kind: Literal["hinge"]
     words: ClassVar[str] = "a hinge between {it.body} and {it.other}"
 
     def add(self, plant: StationPlant) -> None:
-        """Add it to a plant that is not finalized: of a discrete one, two points on its axis stay together."""
-        if not plant.plant.time_step():
+        """Add the hinge to a plant that is not finalized.
+
+        In a discrete plant, two constraints each hold a point of the hinge's axis together. A continuous plant gets
+        stiff springs.
+        """
+        is_discrete = plant.plant.time_step() > 0
+        if not is_discrete:
             add_bushing(plant.plant, *self.ends(plant), turns_about_z=True)
             return
-        one, other = self.anchored(plant)
-        for point in np.array([[0.0, 0.0, -_HALF_APART], [0.0, 0.0, _HALF_APART]]):
-            places = one.pose.multiply(point), other.pose.multiply(point)
-            plant.plant.AddBallConstraint(one.body, places[0], other.body, places[1])
+        first, second = self.constraint_ends(plant)
+        for point in np.array([[0.0, 0.0, -_HALF_HINGE], [0.0, 0.0, _HALF_HINGE]]):
+            plant.plant.AddBallConstraint(
+                first.body, first.pose.multiply(point), second.body, second.pose.multiply(point)
+            )
 
     def gap(self, plant: StationPlant, context: Context) -> float:
-        """Return how far the frames are apart, the larger of distance [m] and angle of their axes [rad]."""
-        tilt = np.arccos(np.clip(self.apart(plant, context).rotation().matrix()[2, 2], -1.0, 1.0))
+        """Difference of the two frames: the larger of their distance [m] and the angle between their z axes [rad]."""
+        rotation = self.relative_pose(plant, context).rotation().matrix()
+        # The entry zz of the rotation is the cosine of that angle, up to rounding.
+        tilt = np.arccos(np.clip(rotation[2, 2], -1.0, 1.0))
         return max(self.distance(plant, context), float(tilt))
 
 
+class CoupledJoint(NamedTuple):
+    """A joint of a plant that a gear couples.
+
+    Attributes:
+        joint: the joint.
+        ratio: factor of the joint's position in the gear's equation. It counts in the joint's own sense, which may be
+            opposite to the sense of the robot's axis.
+    """
+
+    joint: Joint
+    ratio: float
+
+
 class Gear(CouplingSection):
-    r"""Axes of which a sum of positions stays as it is: gears, racks, screws, belts.
+    r"""Axes whose weighted sum of positions is constant: gears, racks, screws, belts.
 
     .. math:: \sum_i r_i q_i = c
 
@@ -245,10 +319,10 @@ class Gear(CouplingSection):
     guides_references: ClassVar[bool] = True
     kind: Literal["gear"]
     ratios: Annotated[dict[str, Number], Field(min_length=2)]
-    """How much each axis counts, by name (<robot>.<axis> where there are several robots): {sun: 1, planet: 2}. The
+    """Ratio of each axis by its name (<robot>.<axis> where there are several robots): {sun: 1, planet: 2}. The
     first axis follows the others where a reference gives one value for all axes."""
     total: Number | None = None
-    """What the sum of positions [rad or m] times ratios stays; that of the initial posture unless given."""
+    """Constant sum of positions [rad or m] times ratios; that of the initial posture unless given."""
 
     def check(self, key: str, station: Surroundings) -> None:
         """Check that the station has the gear's axes, and a solver that holds a gear of so many axes.
@@ -261,6 +335,7 @@ class Gear(CouplingSection):
             SimrobError: an axis is unknown, or the solver cannot hold the gear; the message names the key.
         """
         super().check(key, station)
+        # The prefix is "<robot>." in a station of several robots, and empty in one of a single robot.
         known = [f"{robot.prefix}{axis}" for robot in station.robots.values() for axis in robot.axes]
         for name in self.ratios:
             one_of(f"axis for {key}.ratios", name, known)
@@ -278,101 +353,133 @@ class Gear(CouplingSection):
         """Make the gear's equation between positions of axes. ``key``, its key in the station, is the label."""
         return Equation(key, self.ratios, self.total)
 
-    def _counts(self, robot: StationRobot) -> Vector:
-        """Read the gear's ratios of a robot's n axes, shape (n,); axes that are not coupled have the ratio 0."""
+    def _axis_ratios(self, robot: StationRobot) -> Vector:
+        """Ratios of all n axes of a robot in this gear, shape (n,); axes that are not coupled have the ratio 0."""
         return np.array([self.ratios.get(f"{robot.prefix}{axis}", 0.0) for axis in robot.axes])
 
-    def kept(self, plant: StationPlant) -> float:
-        """Compute the constant sum of positions times ratios: ``total``, or else the initial posture's [rad or m]."""
-        initial = sum(float(self._counts(robot) @ robot.initial) for robot in plant.robots.values())
-        return initial if self.total is None else self.total
-
-    def levers(self, plant: StationPlant) -> list[tuple[Joint, float]]:
-        """Find the coupled joints of a plant.
-
-        Returns:
-            pairs of a joint and its ratio. The ratio counts in the joint's own sense, which may be opposite to the
-            sense of the robot's axis.
-        """
-        levers = []
+    def constant_sum(self, plant: StationPlant) -> float:
+        """Constant of the gear's equation [rad or m]: ``total``, or else the sum in the initial posture."""
+        if self.total is not None:
+            return self.total
+        initial_sum = 0.0
         for robot in plant.robots.values():
-            counts = self._counts(robot)
-            for joint, axis, ratio in zip(robot.joints, robot.model.axes.values(), counts, strict=True):
+            initial_sum += float(self._axis_ratios(robot) @ robot.initial)
+        return initial_sum
+
+    def coupled_joints(self, plant: StationPlant) -> list[CoupledJoint]:
+        """Find the joints of a plant that the gear couples, in the order of the plant's robots and their axes."""
+        coupled = []
+        for robot in plant.robots.values():
+            ratios = self._axis_ratios(robot)
+            for joint, axis, ratio in zip(robot.joints, robot.model.axes.values(), ratios, strict=True):
                 if ratio:
-                    levers.append((joint, float(ratio) * axis.sign))
-        return levers
+                    coupled.append(CoupledJoint(joint, float(ratio) * axis.sign))
+        return coupled
 
     def gap(self, plant: StationPlant, context: Context) -> float:
-        """Compute by how much the sum of positions times ratios differs from its constant value [rad or m]."""
+        """Absolute difference between the sum of positions times ratios and its constant value [rad or m]."""
         positions = plant.plant.GetPositions(context)
-        sums = (self._counts(robot) @ robot.axis_map.positions(positions) for robot in plant.robots.values())
-        return abs(float(sum(sums)) - self.kept(plant))
+        present_sum = 0.0
+        for robot in plant.robots.values():
+            present_sum += float(self._axis_ratios(robot) @ robot.axis_map.positions(positions))
+        return abs(present_sum - self.constant_sum(plant))
 
     def add(self, plant: StationPlant) -> None:
         """Add the gear as a constraint to a plant that is not finalized, if the plant's solver holds constraints."""
         if not plant.holds_constraints:
             return
-        levers = self.levers(plant)
-        kept = self.kept(plant)
+        coupled = self.coupled_joints(plant)
+        total = self.constant_sum(plant)
         # Older Drake versions and cenic have constraints for two joints only.
-        if len(levers) == 2:
-            (driven, ratio), (driver, other_ratio) = levers
-            plant.plant.AddCouplerConstraint(driven, driver, -other_ratio / ratio, kept / ratio)
+        if len(coupled) == 2:
+            # ratio_0 q_0 + ratio_1 q_1 = total, solved for q_0.
+            first, second = coupled
+            gear_ratio = -second.ratio / first.ratio
+            offset = total / first.ratio
+            plant.plant.AddCouplerConstraint(first.joint, second.joint, gear_ratio, offset)
         else:
-            joints = [joint.index() for joint, _ in levers]
-            ratios = [ratio for _, ratio in levers]
-            plant.plant.AddTendonConstraint(joints, ratios, -kept, 0.0, 0.0)
+            # A tendon of length sum(ratios * q) - total, whose lower and upper limit are 0.
+            joints = [entry.joint.index() for entry in coupled]
+            ratios = [entry.ratio for entry in coupled]
+            plant.plant.AddTendonConstraint(joints, ratios, -total, 0.0, 0.0)
 
     def add_forces(self, builder: DiagramBuilder, site: Site, key: str) -> None:
-        """Add a stiff spring and damper that couple the axes, if Drake's plant has no constraint for the gear."""
-        plant, robots = site.plant.plant, site.plant.robots.values()
+        r"""Add a stiff spring and damper that couple the axes, if neither the plant nor its engine has a constraint.
+
+        The spring acts on the sum :math:`s = \sum_i r_i q_i` with the force :math:`f = k (c - s - T \dot s)`, where
+        :math:`T` is `DAMPING_TIME`. Each axis feels :math:`r_i f`.
+
+        Args:
+            builder: builder of the station's diagram.
+            site: the station under construction. The output port of the forces is appended to its generalized forces.
+            key: key of the gear in the station, which begins the names of the added blocks.
+        """
+        plant = site.plant.plant
         if site.plant.holds_constraints or site.plant.engine is not None:
             return
-        # Rows that give the sum of positions times ratios, and its rate, from the plant's state. The row "spread" is
-        # the direction of the spring's force among the generalized forces.
-        each = [(robot.axis_map, self._counts(robot)) for robot in robots]
-        place = sum(counts @ axes.state_matrix[: len(counts)] for axes, counts in each)
-        speed = sum(counts @ axes.state_matrix[len(counts) :] for axes, counts in each)
-        spread = sum(counts @ axes.velocity_matrix for axes, counts in each)
-        # The stiffness is for the inertia that the spring feels at the start: 1 / (spread M^-1 spread).
-        mobility = np.linalg.inv(plant.CalcMassMatrix(plant.CreateDefaultContext()))
-        stiffness = STIFFNESS / (spread @ mobility @ spread)
-        law = stiffness * np.append(-place - RELAXES * speed, self.kept(site.plant))
+        # Products of these rows with the plant's state (nq + nv,) are s and its rate. The row `ratios` (nv,) holds the
+        # ratio of each velocity of the plant, and so the direction of the spring's force.
+        state_size = plant.num_positions() + plant.num_velocities()
+        sum_row = np.zeros(state_size)
+        rate_row = np.zeros(state_size)
+        ratios = np.zeros(plant.num_velocities())
+        for robot in site.plant.robots.values():
+            axis_ratios = self._axis_ratios(robot)
+            axis_count = len(axis_ratios)
+            # The robot's state matrix gives the positions of its axes, and then their velocities.
+            state_matrix = robot.axis_map.state_matrix
+            sum_row += axis_ratios @ state_matrix[:axis_count]
+            rate_row += axis_ratios @ state_matrix[axis_count:]
+            ratios += axis_ratios @ robot.axis_map.velocity_matrix
+
+        # The inertia that the spring feels at the start is 1 / (ratios M^-1 ratios), with the mass matrix M.
+        inverse_mass = np.linalg.inv(plant.CalcMassMatrix(plant.CreateDefaultContext()))
+        stiffness = STIFFNESS / (ratios @ inverse_mass @ ratios)
+        # The force is the product of this row with the vector (state, 1). The 1 brings in the constant c.
+        force_row = stiffness * np.append(-sum_row - DAMPING_TIME * rate_row, self.constant_sum(site.plant))
         one = fed(builder, f"{key}.one", ConstantVectorSource([1.0]))
-        bus = joined(builder, f"{key}.bus", site.state, one)
-        site.generalized_forces.append(mapped(builder, f"{key}.force", np.outer(spread, law), bus))
+        state_and_one = joined(builder, f"{key}.bus", site.state, one)
+        forces = mapped(builder, f"{key}.force", np.outer(ratios, force_row), state_and_one)
+        site.generalized_forces.append(forces)
+        # In the picture of the diagram the first two blocks are only wires.
         site.draw_nothing(f"{key}.one", f"{key}.bus")
         site.draw(f"{key}.force", "force", f"What couples\n{', '.join(self.ratios)}")
 
     def caption(self) -> str:
         """Describe the gear in words."""
-        return "a gear: " + " + ".join(f"{ratio:g} {axis}" for axis, ratio in self.ratios.items()) + " stays as it is"
+        terms = [f"{ratio:g} {axis}" for axis, ratio in self.ratios.items()]
+        return f"a gear: {' + '.join(terms)} stays as it is"
 
 
 class Spring(BetweenPoints):
     r"""A spring with a damper between two points, under any solver.
 
-    .. math:: f = k (l - l_0) + d\,\dot l
-
-    pulls them together, of their distance :math:`l`.
+    The force :math:`f = k (l - l_0) + d\,\dot l` pulls the points together, where :math:`l` is their distance and
+    :math:`l_0` the length without force.
     """
 
     constrains: ClassVar[bool] = False
     kind: Literal["spring"]
     words: ClassVar[str] = "a spring of {it.stiffness:g} N/m from {it.body} to {it.other}"
     length: NotNegative = 0.0
-    """At which it is slack [m]."""
+    """Length without force [m]."""
     stiffness: NotNegative
-    """[N/m]."""
+    """Stiffness [N/m]."""
     damping: NotNegative = 0.0
-    """[N·s/m]."""
+    """Damping [N·s/m]."""
 
     def add(self, plant: StationPlant) -> None:
-        """Add it to a plant that is not finalized."""
-        one, other = self.ends(plant)
-        points = one.pose.translation(), other.pose.translation()
-        length = max(self.length, _SHORTEST)
-        spring = LinearSpringDamper(one.body, points[0], other.body, points[1], length, self.stiffness, self.damping)
+        """Add the spring to a plant that is not finalized."""
+        first, second = self.ends(plant)
+        spring = LinearSpringDamper(
+            first.body,
+            first.pose.translation(),
+            second.body,
+            second.pose.translation(),
+            max(self.length, _SHORTEST_SPRING),
+            self.stiffness,
+            self.damping,
+        )
         plant.plant.AddForceElement(spring)
 
 

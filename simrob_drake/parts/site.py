@@ -163,12 +163,15 @@ class StationPlant:
     # the bodies of the pieces that nothing holds, by name
     free_pieces: dict[str, RigidBody] = field(default_factory=dict)
     ground: Ground = field(default_factory=Ground)  # what there is to stand on
-    # small balls at the corners of flat bodies, which touch in place of their shapes
+    # small balls at the corners of flat bodies, such as boxes: contact forces act on the balls instead of the flat
+    # shapes
     contact_points: frozenset[GeometryId] = frozenset()
-    # pairs of shapes that do not touch themselves, since such balls touch in their place
+    # pairs of shapes between which the contact points touch; a collision filter lets the two shapes themselves pass
+    # through each other
     replaced_pairs: tuple[tuple[GeometryId, GeometryId], ...] = ()
     engine: Any = None  # what is stepped in the plant's place, with its ports; None where that itself is, or nothing
-    holds_constraints: bool = False  # whether the solver of the plant holds constraints, so that no spring has to
+    # whether the solver of the plant holds couplings as constraints; otherwise stiff springs hold them
+    holds_constraints: bool = False
 
     @property
     def stepped(self) -> Any:
@@ -184,19 +187,24 @@ class StationPlant:
         return self.scene_graph.get_query_output_port().Eval(self.scene_graph.GetMyContextFromRoot(root))
 
     def with_whole_shapes(self, root: Context) -> Context:
-        """Clone a context of the diagram, in which shapes overlap that have contact points in their place.
+        """Clone a context of the diagram, and in the clone let the shapes of `replaced_pairs` collide themselves.
 
-        The balls at the corners of two boxes do not show how deep these are in each other.
+        In the given context only the contact points of these pairs collide. The small balls at the corners of two boxes
+        do not show how deep the boxes are in each other.
+
+        Args:
+            root: context of the whole diagram, which stays as it is.
         """
         clone = root.Clone()
         context = self.scene_graph.GetMyMutableContextFromRoot(clone)
         filters = self.scene_graph.collision_filter_manager(context)
         for first, second in self.replaced_pairs:
-            filters.Apply(CollisionFilterDeclaration().AllowBetween(GeometrySet(first), GeometrySet(second)))
+            pair_collides = CollisionFilterDeclaration().AllowBetween(GeometrySet(first), GeometrySet(second))
+            filters.Apply(pair_collides)
         return clone
 
     def shapes_of_body(self, body: RigidBody) -> list[GeometryId]:
-        """Collision shapes of a body, without the contact points at their corners."""
+        """Collision shapes of a body, without the small balls at their corners (`contact_points`)."""
         shapes = self.plant.GetCollisionGeometriesForBody(body)
         return [shape for shape in shapes if shape not in self.contact_points]
 
@@ -221,30 +229,46 @@ class StationPlant:
 
 @dataclass(frozen=True)
 class FromState:
-    """How an output follows from the state of the whole plant, for many states at once.
+    """Rule by which an output of the station is computed from states of the whole plant, without reading its port.
+
+    The rule picks values from a state (nq + nv,) of the plant's positions and velocities, and a function may then
+    compute the output from these values.
 
     Attributes:
-        pick: entries of the state that the output has, shape (size,) of whole numbers, or a matrix (size, nq + nv) by
-            which the state is multiplied. A station of many free pieces has many outputs, and entries take no memory.
-        finish: makes the output of the picked values (m, size); without it they are the output.
+        pick: indices of the picked entries of the state, integers of shape (size,); or a matrix (size, nq + nv), whose
+            product with the state gives the picked values. Indices save memory in a station of many free pieces.
+        finish: computes the output (m, any size) from the picked values (m, size) of m states. If it is None, the
+            picked values are the output.
     """
 
     pick: Vector | Indices
     finish: Callable[[Vector], Vector] | None = None
 
     def of(self, states: Vector) -> Vector:
-        """Return the output (m, size) of states (m, nq + nv)."""
-        # The sum with 0 makes 0 of -0, as a product with a matrix does.
-        values = states[:, self.pick] + 0.0 if self.pick.ndim == 1 else np.asarray(states @ self.pick.T)
+        """Compute the output (m, size) for each of m states, shape (m, nq + nv)."""
+        values = self._picked_values(states)
         return values if self.finish is None else self.finish(values)
 
+    def _picked_values(self, states: Vector) -> Vector:
+        """Pick the values (m, size) from each of m states, shape (m, nq + nv)."""
+        if self._picks_entries:
+            # The sum with 0 makes 0 of -0, as a product with a matrix does.
+            return np.asarray(states[:, self.pick] + 0.0)
+        return np.asarray(states @ self.pick.T)
+
     def matrix(self, size: int) -> Vector:
-        """Return the matrix by which a state (size,) gives the picked values, for a block of the diagram."""
-        if self.pick.ndim == 2:
+        """Matrix (picked values, size) whose product with a state (size,) gives the picked values."""
+        if not self._picks_entries:
             return np.asarray(self.pick, dtype=float)
-        rows = np.zeros((len(self.pick), size))
-        rows[np.arange(len(self.pick)), self.pick] = 1.0
-        return rows
+        # Each row has a 1 at the index of its entry.
+        matrix = np.zeros((len(self.pick), size))
+        matrix[np.arange(len(self.pick)), self.pick] = 1.0
+        return matrix
+
+    @property
+    def _picks_entries(self) -> bool:
+        """Whether `pick` contains indices, not a matrix."""
+        return self.pick.ndim == 1
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,8 +1,13 @@
-"""What each posture that brings an arm's tool to a pose means: torque to hold it, room to limits and around it."""
+"""All postures of an arm for one pose of its tool, and the smallest distances of a robot along a motion.
+
+A branch is one of the postures that bring the tool to the pose, such as "elbow up". For each branch this module
+finds the torque that holds it, the distance of the axes to their limits, and what the arm would collide with.
+"""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations, product
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -16,48 +21,102 @@ from simrob_drake.kinematics.every_branch import branches
 from simrob_drake.kinematics.numeric import random_postures
 from simrob_drake.programs.errors import PathCollision
 from simrob_drake.programs.model import StationModel
-from simrob_drake.programs.plan import check_collisions, shown
+from simrob_drake.programs.plan import axis_text, check_collisions
+from simrob_drake.programs.segments import PathPoint
 from simrob_drake.results.record.run import Approach, Approaches
 from simrob_drake.stations.collisions import OTHER_TOLERANCE
 
 
+class AxisValue(NamedTuple):
+    """A value of one axis: the largest or smallest value of all axes.
+
+    Attributes:
+        value: the value.
+        axis: name of the axis.
+    """
+
+    value: float
+    axis: str
+
+
+class Gap(NamedTuple):
+    """The smallest distance between an arm, with what it carries, and its surroundings.
+
+    Attributes:
+        distance: distance [m]; negative if the bodies overlap, infinite if there is nothing around the arm.
+        body: name of the arm's body; empty if there is nothing around.
+        other: name of the other body; empty if there is nothing around.
+    """
+
+    distance: float
+    body: str
+    other: str
+
+
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """One posture of an arm, held at rest."""
+    """One posture of an arm, held at rest.
 
-    posture: Vector  # shape (n,) [rad or m]
-    torque: Vector  # that holds it with what the arm carries, shape (n,) [N·m or N]
-    # the largest share that is of an axis's limit, and the axis; above 1 it is more than the servo gives
-    load: tuple[float, str]
-    # the least distance of an axis to its limits [rad or m], and the axis; below 0 it is beyond them
-    room: tuple[float, str]
-    collision: str  # what would be in what; empty if nothing is
-    # the least distance of the arm and what it carries to anything else [m], below 0 in it, and of what to what;
-    # infinite with nothing around
-    gap: tuple[float, str, str]
+    Attributes:
+        posture: positions of the axes, shape (n,) [rad or m].
+        torque: torques that hold the posture with what the arm carries, shape (n,) [N·m or N].
+        load: largest ratio of a torque to its motor's limit, and the axis; above 1 the servo cannot hold the posture.
+        room: smallest distance of an axis to its limits [rad or m], and the axis; negative beyond a limit.
+        collision: the collision in this posture, such as "link_5 in table"; empty if there is none.
+        gap: the smallest distance to the surroundings.
+    """
+
+    posture: Vector
+    torque: Vector
+    load: AxisValue
+    room: AxisValue
+    collision: str
+    gap: Gap
 
     @classmethod
-    def of(
-        cls, chain: Chain, posture: Vector, torque: Vector, limit: Vector, collision: str, gap: tuple[float, str, str]
-    ) -> "Branch":
-        """Evaluate a posture (n,) that needs a torque (n,) to be held, given the torque limits (n,) of the motors."""
+    def of(cls, chain: Chain, posture: Vector, torque: Vector, limit: Vector, collision: str, gap: Gap) -> "Branch":
+        """Evaluate a posture, given its torques and its surroundings.
+
+        Args:
+            chain: the arm.
+            posture: positions of the axes, shape (n,) [rad or m].
+            torque: torques that hold the posture, shape (n,) [N·m or N].
+            limit: torque limits of the motors, shape (n,) [N·m or N].
+            collision: the collision in this posture; empty if there is none.
+            gap: the smallest distance to the surroundings.
+        """
         loads = np.abs(torque) / limit
         rooms = np.minimum(posture - chain.lower, chain.upper - posture)
         # A posture at a limit may exceed it by rounding errors: that counts as a distance of zero.
-        rooms = np.where(chain.limits.excess(posture) > 0.0, rooms, np.maximum(rooms, 0.0))
-        most, least = int(np.argmax(loads)), int(np.argmin(rooms))
-        load, room = (float(loads[most]), chain.names[most]), (float(rooms[least]), chain.names[least])
-        return cls(posture, torque, load, room, collision, gap)
+        is_beyond = chain.limits.excess(posture) > 0.0
+        rooms = np.where(is_beyond, rooms, np.maximum(rooms, 0.0))
+        most_loaded = int(np.argmax(loads))
+        nearest_limit = int(np.argmin(rooms))
+        return cls(
+            posture=posture,
+            torque=torque,
+            load=AxisValue(float(loads[most_loaded]), chain.names[most_loaded]),
+            room=AxisValue(float(rooms[nearest_limit]), chain.names[nearest_limit]),
+            collision=collision,
+            gap=gap,
+        )
 
     @property
     def usable(self) -> bool:
-        """Whether the arm can stand so."""
-        return self.load[0] <= 1.0 and self.room[0] >= 0.0 and not self.collision
+        """Whether the motors can hold the posture, within the limits of the axes and without a collision."""
+        return self.load.value <= 1.0 and self.room.value >= 0.0 and not self.collision
 
 
 @dataclass(frozen=True, eq=False)
 class Branches:
-    """All postures of an arm for a pose, usable ones first; as text a table, in which a star tells these."""
+    """Postures of an arm for a pose, the usable postures first.
+
+    As text it is a table, in which a star marks the usable postures.
+
+    Attributes:
+        chain: the arm.
+        found: the postures.
+    """
 
     chain: Chain
     found: tuple[Branch, ...]
@@ -69,14 +128,31 @@ class Branches:
         target: Vector,
         start: npt.ArrayLike,
         held: Mapping[str, npt.ArrayLike],
-        meaning: Callable[[Vector], Branch],
+        evaluate: Callable[[Vector], Branch],
     ) -> "Branches":
-        """Return all postures for a target (1, 4, 4), with axes held at one position or each of several."""
-        positions = instance(held, "held", Mapping, "a mapping of axes to positions [rad or m]").values()
-        values = [np.ravel(value).tolist() or [value] for value in positions]
-        ways = [dict(zip(held, row, strict=True)) for row in product(*values)]
-        rows = np.concatenate([branches(chain, target, start, way)[0] for way in ways])
-        return cls(chain, tuple(sorted(map(meaning, rows), key=lambda branch: not branch.usable)))
+        """Find and evaluate all postures for a target.
+
+        Args:
+            chain: the arm.
+            target: pose of the tool in the base of the arm, shape (1, 4, 4).
+            start: posture (n,) near to which whole turns are chosen.
+            held: axes that do not take part in the search, by name: one position [rad or m], or several positions that
+                are all tried.
+            evaluate: evaluates a posture (n,).
+
+        Raises:
+            InvalidParameter: `held` is not a mapping, or contains positions that are no numbers.
+            UnknownName: `held` names an unknown axis.
+        """
+        instance(held, "held", Mapping, "a mapping of axes to positions [rad or m]")
+        # An empty list of positions is kept as it is, so that the search refuses it with a message.
+        choices = [np.ravel(positions).tolist() or [positions] for positions in held.values()]
+        postures = []
+        for positions in product(*choices):
+            held_positions = dict(zip(held, positions, strict=True))
+            postures.append(branches(chain, target, start, held_positions)[0])
+        found = [evaluate(posture) for posture in np.concatenate(postures)]
+        return cls(chain, tuple(sorted(found, key=lambda branch: not branch.usable)))
 
     def __len__(self) -> int:
         return len(self.found)
@@ -88,23 +164,29 @@ class Branches:
         return self.found[index]
 
     def __repr__(self) -> str:
+        """Table of the postures, with columns aligned to the right."""
         if not self.found:
             return "no posture reaches the pose"
-        turns = dict(zip(self.chain.names, self.chain.revolute.tolist(), strict=True))
-        rows = [["", *turns, "of the torque limit", "room to a limit", "gap", "would be in"]]
-        for branch in self.found:
-            postures = (shown(value, turn) for value, turn in zip(branch.posture + 0.0, turns.values(), strict=True))
-            load, room = (
-                f"{100 * branch.load[0]:.0f} % {branch.load[1]}",
-                shown(branch.room[0], turns[branch.room[1]]),
-            )
-            distance, nearest, other = branch.gap
-            gap = f"{1e3 * distance:.0f} mm {nearest} to {other}" if other else ""
-            rows.append(["*" * branch.usable, *postures, load, f"{room} {branch.room[1]}", gap, branch.collision])
-        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        return "\n".join("  ".join(map(str.rjust, row, widths)).rstrip() for row in rows)
+        header = ["", *self.chain.names, "of the torque limit", "room to a limit", "gap", "would be in"]
+        rows = [header, *(self._row(branch) for branch in self.found)]
+        widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
+        lines = []
+        for row in rows:
+            cells = [cell.rjust(width) for cell, width in zip(row, widths, strict=True)]
+            lines.append("  ".join(cells).rstrip())
+        return "\n".join(lines)
 
     __str__ = __repr__
+
+    def _row(self, branch: Branch) -> list[str]:
+        """Cells of the table for one posture: a star if it is usable, the positions of the axes, and the rest."""
+        is_revolute = dict(zip(self.chain.names, self.chain.revolute.tolist(), strict=True))
+        positions = branch.posture + 0.0  # makes 0 of -0
+        star = "*" if branch.usable else ""
+        load = f"{100 * branch.load.value:.0f} % {branch.load.axis}"
+        room = f"{axis_text(branch.room.value, is_revolute[branch.room.axis])} {branch.room.axis}"
+        gap = f"{1e3 * branch.gap.distance:.0f} mm {branch.gap.body} to {branch.gap.other}" if branch.gap.other else ""
+        return [star, *map(axis_text, positions, is_revolute.values()), load, room, gap, branch.collision]
 
 
 _LOOKS = 6  # count of random postures that show which distances change
@@ -120,8 +202,10 @@ def collision(model: StationModel, robot: str, now: Vector, posture: Vector) -> 
     ``now`` (n,) may stay as deep.
     """
     # A motion of two postures: the first one shows what touches already, the second is checked.
+    motion = {robot: np.array([now, posture])}
+    times = np.array([0.0, 1.0])
     try:
-        check_collisions(model, {robot: np.array([now, posture])}, np.array([0.0, 1.0]), lambda _: (1, robot))
+        check_collisions(model, motion, times, lambda _: PathPoint(1, robot))
     except PathCollision as found:
         return f"{found.bodies[0]} in {found.bodies[1]}"
     return ""
@@ -138,38 +222,39 @@ def _surroundings(model: StationModel, robot: str) -> Distances:
     for shape in inspector.GetAllGeometryIds(Role.kProximity):
         _, owner = model.policy.owner(shape)
         is_of_robot[shape] = owner == robot
-    pairs = [
-        (first, second) if is_of_robot[first] else (second, first)
-        for first, second in combinations(is_of_robot, 2)
-        if is_of_robot[first] != is_of_robot[second] and not inspector.CollisionFiltered(first, second)
-    ]
+    pairs = []
+    for first, second in combinations(is_of_robot, 2):
+        is_mixed = is_of_robot[first] != is_of_robot[second]
+        if is_mixed and not inspector.CollisionFiltered(first, second):
+            pairs.append((first, second) if is_of_robot[first] else (second, first))
     return Distances(pairs, inspector)
 
 
-def gaps(model: StationModel, robot: str, chain: Chain) -> Callable[[Vector], tuple[float, str, str]]:
+def gaps(model: StationModel, robot: str, chain: Chain) -> Callable[[Vector], Gap]:
     """Make a function that computes the smallest distance of a robot to its surroundings.
 
-    The function takes a posture (n,) [rad or m]. It returns the distance [m] and the names of
-    the two bodies, the robot's body first. The distance is negative if the bodies overlap.
-    Pairs of shapes with a constant distance do not count, such as a turning column and the
-    floor below. If no pair counts, the distance is infinite and both names are empty.
+    The function takes a posture (n,) [rad or m], and places the robot of the model there. Pairs of shapes with a
+    constant distance do not count, such as a turning column and the floor below. If no pair counts, the distance is
+    infinite and both names are empty.
     """
-    near = _surroundings(model, robot)
+    surroundings = _surroundings(model, robot)
 
     def distances(posture: Vector) -> Vector:
+        """Distances of all pairs of shapes in a posture, shape (pairs,) [m]."""
         model.place_robots({robot: posture})
-        return near.of(model.query())
+        return surroundings.of(model.query())
 
     samples = [distances(posture) for posture in random_postures(chain, _LOOKS, 0)]
-    changes = np.ptp(samples, axis=0) > _SAME
+    changes = np.ptp(samples, axis=0) > _SAME  # for each pair, shape (pairs,)
 
-    def gap(posture: Vector) -> tuple[float, str, str]:
+    def gap(posture: Vector) -> Gap:
+        """Smallest distance in a posture."""
         if not changes.any():
-            return np.inf, "", ""
-        found = np.where(changes, distances(posture), np.inf)
-        nearest = int(found.argmin())
-        first, second = (model.owner(shape) for shape in near.pairs[nearest])
-        return float(found[nearest]), first, second
+            return Gap(np.inf, "", "")
+        counted = np.where(changes, distances(posture), np.inf)
+        nearest = int(counted.argmin())
+        first, second = surroundings.pairs[nearest]
+        return Gap(float(counted[nearest]), model.owner(first), model.owner(second))
 
     return gap
 
@@ -182,9 +267,12 @@ def approaches(model: StationModel, robot: str, rows: Vector) -> Approaches:
     leaves out.
 
     Args:
-        model: the station with collision shapes.
+        model: the station with collision shapes, whose plant is placed along the motion.
         robot: the robot's name.
         rows: positions (k, nq) of the plant along the motion.
+
+    Returns:
+        both distances; infinite and without names if the base of a robot is not fixed.
     """
     nothing = Approach(np.inf, "")
     # The recorded positions have another size if the base of a robot is not fixed.
@@ -193,62 +281,68 @@ def approaches(model: StationModel, robot: str, rows: Vector) -> Approaches:
     inspector = model.station.scene_graph.model_inspector()
     own = model.policy.own_distances(robot)
     return Approaches(
-        to_others=_approach(
+        to_others=_nearest_approach(
             model,
             rows,
             _surroundings(model, robot),
             lambda pairs: Distances(pairs, inspector),
             ignores_first_contacts=True,
         ),
-        to_itself=_approach(model, rows, own, own.only, ignores_first_contacts=False),
+        to_itself=_nearest_approach(model, rows, own, own.only, ignores_first_contacts=False),
     )
 
 
-def _approach(
+def _nearest_approach(
     model: StationModel,
     rows: Vector,
-    near: Distances,
-    only: Callable[[list[Pair]], Distances],
+    distances: Distances,
+    for_pairs: Callable[[list[Pair]], Distances],
     *,
     ignores_first_contacts: bool,
 ) -> Approach:
-    """Find the smallest of several distances along a motion.
+    """Find the smallest of several distances along a motion, and the two bodies between which it is.
 
     To save time, all pairs of shapes are evaluated at every fourth posture only. The pairs
     that come nearest there are then evaluated at every posture.
 
     Args:
-        model: the station with collision shapes.
+        model: the station with collision shapes, whose plant is placed along the motion.
         rows: positions of the plant along the motion, shape (k, nq).
-        near: the distances of all pairs of shapes.
-        only: makes the distances of a subset of the pairs.
+        distances: computes the distances of all pairs of shapes.
+        for_pairs: makes an object that computes the distances of some of these pairs, in the same way.
         ignores_first_contacts: leave out the pairs that touch at the start.
 
     Returns:
         the smallest distance; infinite and without names if no pair counts.
     """
-    if not near.pairs:
-        return Approach(np.inf, "")
-    sparse = _distances(model, near, rows[::_SPARSE])
+    nothing = Approach(np.inf, "")
+    if not distances.pairs:
+        return nothing
+    # Distances of all pairs at every fourth posture, shape (postures, pairs).
+    sparse = _distances_along(model, distances, rows[::_SPARSE])
     counts = np.ptp(sparse, axis=0) > _SAME
     if ignores_first_contacts:
         counts &= sparse[0] > OTHER_TOLERANCE
     least = np.where(counts, sparse.min(axis=0), np.inf)  # infinite for pairs that do not count
     order = np.argsort(least)[:_NEAREST]
-    nearest = [near.pairs[index] for index in order if np.isfinite(least[index])]
-    if not nearest:
-        return Approach(np.inf, "")
-    near = only(nearest)
-    found = _distances(model, near, rows).min(axis=0)
-    pair = near.pairs[int(found.argmin())]
+    nearest_pairs = [distances.pairs[index] for index in order if np.isfinite(least[index])]
+    if not nearest_pairs:
+        return nothing
+    # The few nearest pairs, evaluated at every posture. The object may sort its pairs in another order.
+    nearest = for_pairs(nearest_pairs)
+    smallest = _distances_along(model, nearest, rows).min(axis=0)
+    pair = nearest.pairs[int(smallest.argmin())]
     names = " to ".join(model.owner(shape) for shape in pair)
-    return Approach(float(found.min()), names)
+    return Approach(float(smallest.min()), names)
 
 
-def _distances(model: StationModel, near: Distances, rows: Vector) -> Vector:
-    """Compute the distances of all pairs of shapes at positions (k, nq) of the plant, shape (k, pairs) [m]."""
-    distances = list[Vector]()
+def _distances_along(model: StationModel, distances: Distances, rows: Vector) -> Vector:
+    """Compute the distances of all pairs of shapes at positions (k, nq) of the plant, shape (k, pairs) [m].
+
+    The plant of the model is left at the last positions.
+    """
+    found = list[Vector]()
     for positions in rows:
         model.place(positions)
-        distances.append(near.of(model.query()))
-    return np.array(distances)
+        found.append(distances.of(model.query()))
+    return np.array(found)

@@ -1,5 +1,10 @@
 """Paths of robots around obstacles, found by a search that grows two trees of postures without collisions.
 
+One tree grows from the start and one from the goals, until they meet (the RRT-Connect algorithm of the Open Motion
+Planning Library, OMPL). A posture contains the positions of all axes that move; if several robots move at the same
+time, it contains the axes of one robot after the other. A path is given by its corners: between two corners it is
+straight.
+
 Distances between postures are measured in metres: a radian of an axis counts as the largest distance that it can move
 the tool.
 """
@@ -7,7 +12,7 @@ the tool.
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from itertools import product
+from itertools import pairwise, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,19 +30,33 @@ from simrob_drake.stations.collisions import START_TOLERANCE, Bodies, Overlap
 SEARCHED = 0.5
 """Fraction of the collision tolerances that a search uses. Rounding moves the path slightly,
 and the rounded path may use the whole tolerances."""
+CLOSE_LOOK = 0.005
+"""Distance between the checked postures of the final path [m]."""
+
+_LOOK = 0.02  # distance between the postures that a search checks [m]
+_LONGEST_BRANCH = 1.0  # length of the longest branch of a search tree [m]
+_STRAIGHT_TRIES = 8  # count of goals to which a straight line is tried first
+_DEGREE = 5  # degree of the spline that rounds corners
+_SPACINGS = (0.2, 0.1, 0.05, 0.02)  # distances between the spline's control points, tried in this order [m]
+_LEAST_LEVER = 0.1  # least distance that a radian counts [m]: the radius of an arm that turns about its own axis
+_SAMPLES = 100  # count of random postures from which the motion of a tool is estimated
+_NO_POINTS = np.zeros((0, 3))
+_ROUNDING = 1e-9  # [m]
+_FROM_START = 1  # tag by which OMPL marks the postures of the tree that grows from the start
+_CORNER_SIGNS = np.array([*product((-1.0, 1.0), repeat=3)])  # corners of a box with half widths of 1, shape (8, 3)
 
 
 @dataclass(eq=False)
 class FreeSpace:
     """The postures in which robots that move at the same time do not collide.
 
-    The station's collision policy decides what counts as a collision. The robots move with
+    The station's collision policy decides what counts as a collision, and by which tolerances. The robots move with
     the pieces that they carry; all other robots stand still.
     """
 
     model: StationModel  # the station with collision shapes, and its robots in their present postures
     start: Mapping[str, Vector]  # start posture of each robot that moves, (n,) [rad or m], by name
-    met: Counter[str] = field(default_factory=Counter)  # how often a search collided with each body
+    hit_counts: Counter[str] = field(default_factory=Counter)  # how often a search collided with each body, by name
     # overlap [m] that each pair of bodies may keep, because the pair touches at the start
     _depths_at_start: Mapping[Bodies, float] = field(default_factory=dict)
     # pairs of bodies that nearly touch at a goal: the search uses their whole tolerance
@@ -55,33 +74,31 @@ class FreeSpace:
         self._split_indices = np.cumsum(axis_counts)[:-1]
         self.model.place_robots(self.start)
         self._depths_at_start = self.model.policy.allowed_from_start(self.start)
-        overlaps_at_start = self.model.policy.overlaps(self.start)
-        too_deep = [
-            overlap for overlap in overlaps_at_start if overlap.is_between_owners and overlap.depth > START_TOLERANCE
-        ]
-        if too_deep:
-            deepest = too_deep[0]
-            raise StartInCollision(deepest.depth, deepest.moved)
+        # The deepest overlap is first.
+        for overlap in self.model.policy.overlaps(self.start):
+            if overlap.is_between_owners and overlap.depth > START_TOLERANCE:
+                raise StartInCollision(overlap.depth, overlap.moved)
 
     @property
     def posture(self) -> Vector:
         """Start posture of all robots that move, one robot after the other, shape (n,) [rad or m]."""
         return np.concatenate(list(self.start.values()))
 
-    def parts(self, rows: Vector) -> dict[str, Vector]:
+    def split_by_robot(self, postures: Vector) -> dict[str, Vector]:
         """Split postures (..., n) of all robots that move into the postures of each robot, by name."""
-        return dict(zip(self.start, np.split(rows, self._split_indices, axis=-1), strict=True))
+        own_postures = np.split(postures, self._split_indices, axis=-1)
+        return dict(zip(self.start, own_postures, strict=True))
 
     def collisions(self, posture: Vector, share: float = 1.0) -> list[Overlap]:
         """Find the collisions in a posture, the deepest first.
 
-        If only pairs collide that :meth:`allow_goal` has named, `share` is ignored.
+        If only pairs collide that :meth:`allow_goal` has recorded, `share` is ignored.
 
         Args:
             posture: positions of all robots that move, shape (n,) [rad or m].
             share: factor on the tolerances, from 0 to 1.
         """
-        self.model.place_robots(self.parts(posture))
+        self.model.place_robots(self.split_by_robot(posture))
         policy = self.model.policy
         found = policy.overlaps(self.start, self._depths_at_start, share)
         # A goal may need more than a share of the tolerance, as at a piece that is grasped.
@@ -90,18 +107,22 @@ class FreeSpace:
         return found
 
     def allow_goal(self, posture: Vector) -> None:
-        """Let the search use the whole tolerance for the pairs of bodies that need it at a goal (n,) [rad or m]."""
+        """Record the pairs of bodies that need more than the search's share of the tolerance at a goal (n,).
+
+        From then on, the search uses the whole tolerance for these pairs.
+        """
         found = self.collisions(posture, SEARCHED)
         self._close_at_goal.update(overlap.bodies for overlap in found)
 
-    def free(self, posture: Vector) -> bool:
-        """Whether a posture (n,) is free of collisions, by the tolerances of a search.
+    def collides(self, posture: Vector) -> bool:
+        """Whether a posture (n,) collides, by the tolerances of a search; counts the collision in `hit_counts`.
 
-        If the posture is not free, the two bodies that collide deepest are counted in `met`.
+        If the posture collides, the two bodies that collide deepest are counted.
         """
         found = self.collisions(posture, SEARCHED)
-        self.met.update(found[0].bodies if found else ())
-        return not found
+        if found:
+            self.hit_counts.update(found[0].bodies)
+        return bool(found)
 
     def obstacles(self, most: int = 3) -> list[str]:
         """Names of the bodies with which the search collided most often, without the robots that move.
@@ -109,60 +130,68 @@ class FreeSpace:
         Args:
             most: largest count of names.
         """
-        policy = self.model.policy
-        inspector = self.model.station.scene_graph.model_inspector()
-        robots = dict(map(policy.owner, inspector.GetAllGeometryIds(Role.kProximity)))  # robot of each body, by name
-        others = [body for body, _ in self.met.most_common() if robots[body] not in self.start]
-        return others[:most]
+        shapes = self.model.station.scene_graph.model_inspector().GetAllGeometryIds(Role.kProximity)
+        # The policy's owner of a shape is a pair: the body's name, and the robot's name or an empty string.
+        robot_of_body = dict(self.model.policy.owner(shape) for shape in shapes)
+        bodies = [body for body, _ in self.hit_counts.most_common()]
+        return [body for body in bodies if robot_of_body[body] not in self.start][:most]
 
-    def carried(self, robot: str) -> Vector:
+    def carried_points(self, robot: str) -> Vector:
         """Corners of the bounding boxes of the pieces that a robot carries or holds, shape (k, 3) [m].
 
-        The corners are in the world, at the start. Without any piece, k is 0.
+        The corners are in the world, at the start. Without any piece, k is 0. As a side effect, the robots of the model
+        are placed in their start postures.
         """
         self.model.place_robots(self.start)
-        query, corners = self.model.query(), np.array([*product((-1.0, 1.0), repeat=3)])
-        found = [np.zeros((0, 3))]
-        carried = {*self.model.robots[robot].held, *self.model.holders}
+        query = self.model.query()
+        pieces = {*self.model.robots[robot].held, *self.model.holders}
+        corners = [_NO_POINTS]
         for shape in query.inspector().GetAllGeometryIds(Role.kProximity):
             body, owner = self.model.policy.owner(shape)
             box = query.inspector().GetObbInGeometryFrame(shape)
-            if owner == robot and box is not None and body in carried:
+            if owner == robot and box is not None and body in pieces:
                 pose = query.GetPoseInWorld(shape) @ box.pose()
-                found.append((pose.rotation().matrix() @ (corners * box.half_width()).T).T + pose.translation())
-        return np.vstack(found)
+                corners_in_box = _CORNER_SIGNS * box.half_width()
+                corners.append((pose.rotation().matrix() @ corners_in_box.T).T + pose.translation())
+        return np.vstack(corners)
 
 
-_LOOK = 0.02  # distance between the postures that a search checks [m]
-CLOSE_LOOK = 0.005  # distance between the checked postures of the final path [m]
-_RANGE = 1.0  # length of the longest branch of a search tree [m]
-_STRAIGHT = 8  # count of goals to which a straight line is tried first
-_DEGREE = 5  # degree of the spline that rounds corners
-_ROUND = (0.2, 0.1, 0.05, 0.02)  # distances between the spline's control points, tried in this order [m]
-_THINNEST = 0.1  # least distance that a radian counts [m]: the radius of an arm that turns about its own axis
-_POSTURES = 100  # count of random postures from which the motion of a tool is estimated
-_NOTHING = np.zeros((0, 3))
-_ROUNDING = 1e-9  # m
-_FROM_START = 1  # how the search marks the tree that grows from the start
-
-
-def metres(chain: Chain, carried: Vector = _NOTHING) -> Vector:
+def metres_per_radian(chain: Chain, carried: Vector = _NO_POINTS) -> Vector:
     """Largest distance that a radian (or metre) of each axis moves the tool or carried points, shape (n,) [m].
+
+    The distance is estimated from random postures of the arm.
 
     Args:
         chain: the arm.
         carried: points of what the arm carries, in the frame of the tool, shape (k, 3) [m].
     """
-    postures = random_postures(chain, _POSTURES, 0)
+    postures = random_postures(chain, _SAMPLES, 0)
+    # One row of points for each posture; the first point is the tool centre point. Shape (postures, points, 3), along
+    # the axes of the world.
+    points_in_tool = np.vstack([np.zeros(3), carried])
+    arms = points_in_tool @ chain.forward(postures)[:, :3, :3].swapaxes(1, 2)
+    # The velocity of a point at the arm r of the tool is v + w x r, here for a unit speed of each axis.
     jacobians = chain.jacobian(postures)[:, np.newaxis]
-    arms = np.vstack([np.zeros(3), carried]) @ chain.forward(postures)[:, :3, :3].swapaxes(1, 2)
-    points = jacobians[:, :, :3] + np.cross(jacobians[:, :, 3:], arms[..., np.newaxis], axis=2)
-    moved = np.linalg.norm(points, axis=2).max(axis=0)
-    moved[0] += _THINNEST * chain.revolute
-    return np.asarray(np.maximum(moved.max(axis=0), _THINNEST))  # a finger does not move the tool
+    velocities = jacobians[:, :, :3] + np.cross(jacobians[:, :, 3:], arms[..., np.newaxis], axis=2)
+    largest_speeds = np.linalg.norm(velocities, axis=2).max(axis=0)  # (points, n)
+    # An axis through the tool centre point does not move it, but it moves the arm around the axis.
+    largest_speeds[0] += _LEAST_LEVER * chain.revolute
+    return np.asarray(np.maximum(largest_speeds.max(axis=0), _LEAST_LEVER))  # a finger does not move the tool
 
 
-class _Plan(NamedTuple):
+class TimelessPath(NamedTuple):
+    """A smooth path through many postures, without timing.
+
+    Attributes:
+        fractions: fraction of the path's length at each posture, from 0 to 1, shape (k,).
+        postures: the postures, shape (k, n) [rad or m].
+    """
+
+    fractions: Vector
+    postures: Vector
+
+
+class _SearchResult(NamedTuple):
     """Result of a search.
 
     Attributes:
@@ -187,7 +216,7 @@ class Search:
     # limits of the axes, each (n,) [rad or m]
     lower: Vector
     upper: Vector
-    scale: Vector  # metres that one radian (or metre) of each axis counts, shape (n,), see :func:`metres`
+    scale: Vector  # metres that one radian (or metre) of each axis counts, shape (n,), see :func:`metres_per_radian`
     seed: int  # two searches with the same seed find the same path, if both have enough time
     seconds: float  # longest duration of the search [s]
     branches: Vector = field(init=False)  # pairs of postures that the search trees connect, shape (k, 2, n)
@@ -199,7 +228,7 @@ class Search:
     def path(self, goals: Vector) -> Vector:
         """Find a path without collisions to one of several goals (m, n), sorted by distance, the nearest first.
 
-        Straight lines to the nearest goals are tried before the search.
+        Straight lines to the nearest goals are tried before the search. The search stores its trees in `branches`.
 
         Returns:
             the corners of the path, shape (k, n) [rad or m].
@@ -208,79 +237,98 @@ class Search:
             NoFreePath: no path was found within `seconds`; names the bodies in the way.
         """
         start = self.space.posture
-        for goal in goals[:_STRAIGHT]:
-            if all(self.space.free(posture) for posture in self._between(np.array([start, goal]), _LOOK)[1:]):
-                return np.array([start, goal])
-        return self._found(start, goals)
+        for goal in goals[:_STRAIGHT_TRIES]:
+            line = np.array([start, goal])
+            postures = self._between(line, _LOOK)[1:]  # the start itself is free
+            if not any(self.space.collides(posture) for posture in postures):
+                return line
+        return self._search_corners(start, goals)
 
-    def rounded(self, corners: Vector) -> tuple[Vector, Vector]:
+    def round_corners(self, corners: Vector) -> TimelessPath:
         """Round the corners (c, n) of a path.
 
         The smooth path is a spline whose control points lie on the straight lines between
         the corners. If it collides, the control points are put closer together, which keeps
         the spline nearer to the lines.
 
-        Returns:
-            fractions (k,) of the length, from 0 to 1, and the postures (k, n) [rad or m] there.
-
         Raises:
             NoFreePath: even the spline nearest to the lines collides.
         """
-        whole = self.length(corners)
+        path_length = self.length(corners)
+        if path_length < _ROUNDING:
+            count = 2 * _DEGREE
+            return TimelessPath(np.linspace(0.0, 1.0, count), corners[:1].repeat(count, axis=0))
         hit: Overlap | None = None
-        if whole < _ROUNDING:
-            return np.linspace(0.0, 1.0, 2 * _DEGREE), corners[:1].repeat(2 * _DEGREE, axis=0)
-        for step in _ROUND:
-            control = self._between(corners, min(step, whole / (2 * _DEGREE)))
-            inner = np.linspace(0.0, 1.0, len(control) - _DEGREE + 1)
-            knots = np.concatenate([np.zeros(_DEGREE), inner, np.ones(_DEGREE)])
-            count = int(np.ceil(whole / CLOSE_LOOK)) + 2 * len(control)
-            rows = np.asarray(BSpline(knots, control, _DEGREE)(np.linspace(0.0, 1.0, count)))
-            hits = (self.space.collisions(row) for row in rows)
-            hit = next((found[0] for found in hits if found), None)
+        for spacing in _SPACINGS:
+            # Even a short path has enough control points for a spline of this degree.
+            control_points = self._between(corners, min(spacing, path_length / (2 * _DEGREE)))
+            # Repeated knots at both ends let the spline begin and end at the ends of the path.
+            inner_knots = np.linspace(0.0, 1.0, len(control_points) - _DEGREE + 1)
+            knots = np.concatenate([np.zeros(_DEGREE), inner_knots, np.ones(_DEGREE)])
+            spline = BSpline(knots, control_points, _DEGREE)
+            count = int(np.ceil(path_length / CLOSE_LOOK)) + 2 * len(control_points)
+            postures = np.asarray(spline(np.linspace(0.0, 1.0, count)))
+            hit = self._first_hit(postures)
             if hit is None:
-                return self.gone(rows), rows
+                return TimelessPath(self.length_fractions(postures), postures)
         assert hit is not None  # the last attempt ended in a collision
         one, other = hit.moved
         raise NoFreePath(f"the way that was found leads {one} {1e3 * hit.depth:.1f} mm into {other}: try another seed")
 
-    def length(self, rows: Vector) -> float:
-        """Length of a path through postures (k, n) [m]."""
-        return float(np.linalg.norm(np.diff(rows * self.scale, axis=0), axis=1).sum())
+    def _first_hit(self, postures: Vector) -> Overlap | None:
+        """Deepest collision of the first of several postures (k, n) that collides, by the whole tolerances.
 
-    def gone(self, rows: Vector) -> Vector:
+        It is None if none of the postures collides.
+        """
+        for posture in postures:
+            found = self.space.collisions(posture)
+            if found:
+                return found[0]
+        return None
+
+    def length(self, postures: Vector) -> float:
+        """Length of a path through postures (k, n) [m]."""
+        return float(self._distances(postures).sum())
+
+    def length_fractions(self, postures: Vector) -> Vector:
         """Fraction of a path's length at each of its postures (k, n), from 0 to 1, shape (k,)."""
-        gone = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(rows * self.scale, axis=0), axis=1)))
-        return np.asarray(gone / gone[-1])
+        lengths = np.append(0.0, np.cumsum(self._distances(postures)))
+        return np.asarray(lengths / lengths[-1])
+
+    def _distances(self, postures: Vector) -> Vector:
+        """Distance of each posture of a path (k, n) to the next one, shape (k - 1,) [m]."""
+        return np.asarray(np.linalg.norm(np.diff(postures * self.scale, axis=0), axis=1))
 
     def _between(self, corners: Vector, step: float) -> Vector:
         """Postures (k, n) on the straight lines between corners (c, n), at most a step [m] apart."""
-        lengths = np.linalg.norm(np.diff(corners * self.scale, axis=0), axis=1)
-        parts = [np.linspace(0.0, 1.0, int(np.ceil(length / step)) + 1)[1:, np.newaxis] for length in lengths]
-        lines = [one + part * (other - one) for part, one, other in zip(parts, corners, corners[1:], strict=False)]
-        return np.vstack([corners[:1], *lines])
+        lines = [corners[:1]]
+        for distance, (begin, end) in zip(self._distances(corners), pairwise(corners), strict=True):
+            step_count = int(np.ceil(distance / step))
+            fractions = np.linspace(0.0, 1.0, step_count + 1)[1:, np.newaxis]
+            lines.append(begin + fractions * (end - begin))
+        return np.vstack(lines)
 
-    def _found(self, start: Vector, goals: Vector) -> Vector:
-        """Search for a path from a start (n,) to one of several goals (m, n), and shorten the path.
+    def _search_corners(self, start: Vector, goals: Vector) -> Vector:
+        """Search for a path from a start (n,) to one of several goals (m, n), and store the trees in `branches`.
 
         Returns the corners of the path, shape (k, n) [rad or m].
 
         Raises:
             NoFreePath: no path was found within `seconds`.
         """
-        plan = self._planned(start, goals)
-        if plan.corners is None:
-            raise self._no_path_error(plan.from_start, goals)
-        self.branches = plan.branches
-        corners = plan.corners
+        result = self._run_planner(start, goals)
+        if result.corners is None:
+            raise self._no_path_error(result.from_start, goals)
+        self.branches = result.branches
+        corners = result.corners
         # The search works in metres: put back the exact ends, without rounding errors.
         nearest_goal = np.abs(goals - corners[-1]).sum(axis=1).argmin()
         corners[0] = start
         corners[-1] = goals[nearest_goal]
         return corners
 
-    def _planned(self, start: Vector, goals: Vector) -> "_Plan":
-        """Search with OMPL's RRT-Connect from a start (n,) to goals (m, n).
+    def _run_planner(self, start: Vector, goals: Vector) -> _SearchResult:
+        """Search with OMPL's RRT-Connect from a start (n,) to goals (m, n), and remove needless corners of the path.
 
         OMPL reports objects that are never freed. So all its objects end with this call, and
         no error is raised here, whose traceback would keep them.
@@ -289,8 +337,8 @@ class Search:
             from ompl import base, geometric, util
         util.setLogLevel(util.LOG_NONE)
         util.RNG.setSeed(self.seed + 1)
-        info = base.SpaceInformation(self._box(np.vstack([start, goals])))
-        info.setStateValidityChecker(lambda state: self.space.free(self._posture(state)))
+        info = base.SpaceInformation(self._scaled_space(np.vstack([start, goals])))
+        info.setStateValidityChecker(lambda state: not self.space.collides(self._posture(state)))
         info.setup()
 
         problem = base.ProblemDefinition(info)
@@ -301,7 +349,7 @@ class Search:
         problem.setGoal(goal)
 
         planner = geometric.RRTConnect(info)
-        planner.setRange(_RANGE)
+        planner.setRange(_LONGEST_BRANCH)
         planner.setProblemDefinition(problem)
         planner.setup()
         planner.solve(self.seconds)
@@ -313,7 +361,7 @@ class Search:
         # RRT-Connect grows a second tree from the goals.
         is_from_start = [vertex.getTag() == _FROM_START for vertex in vertices]
         if not problem.hasExactSolution():
-            return _Plan(from_start=reached[is_from_start], branches=np.zeros((0, 2, len(start))), corners=None)
+            return _SearchResult(from_start=reached[is_from_start], branches=np.zeros((0, 2, len(start))), corners=None)
         edges = [(index, other) for index in range(len(vertices)) for other in tree.getEdges(index)]
         # Without edges the array is empty, and needs its second dimension.
         branches = reached[np.array(edges, dtype=int).reshape(-1, 2)]
@@ -324,37 +372,43 @@ class Search:
         simplifier.ropeShortcutPath(path)
         simplifier.partialShortcutPath(path)
         corners = np.array([self._posture(path.getState(index)) for index in range(path.getStateCount())])
-        return _Plan(from_start=reached[is_from_start], branches=branches, corners=corners)
+        return _SearchResult(from_start=reached[is_from_start], branches=branches, corners=corners)
 
-    def _box(self, ends: Vector) -> Any:
-        """OMPL's space of postures, scaled to metres.
+    def _scaled_space(self, ends: Vector) -> Any:
+        """Make OMPL's space of postures, scaled to metres, within the limits of the axes.
 
         An axis without limits may go half a turn beyond its positions in ``ends``: the start
         and the goals, shape (k, n).
         """
         from ompl import base
 
-        space, bounds = base.RealVectorStateSpace(len(self.scale)), base.RealVectorBounds(len(self.scale))
+        axis_count = len(self.scale)
         lower = np.where(np.isfinite(self.lower), self.lower, ends.min(axis=0) - np.pi)
         upper = np.where(np.isfinite(self.upper), self.upper, ends.max(axis=0) + np.pi)
-        for axis, (least, most) in enumerate(zip(lower * self.scale, upper * self.scale, strict=True)):
-            bounds.setLow(axis, float(least) - _ROUNDING)
-            bounds.setHigh(axis, float(most) + _ROUNDING)
+        bounds = base.RealVectorBounds(axis_count)
+        for axis, (low, high) in enumerate(zip(lower * self.scale, upper * self.scale, strict=True)):
+            # A start at its limit stays within the bounds in spite of rounding.
+            bounds.setLow(axis, float(low) - _ROUNDING)
+            bounds.setHigh(axis, float(high) + _ROUNDING)
+        space = base.RealVectorStateSpace(axis_count)
         space.setBounds(bounds)
+        # OMPL expects the distance between checked postures as a fraction of the space's diagonal.
         space.setLongestValidSegmentFraction(_LOOK / space.getMaximumExtent())
         return space
 
     def _state(self, info: Any, posture: Vector) -> Any:
-        made = info.allocState()
+        """Make OMPL's state of a posture (n,): the same, scaled to metres."""
+        state = info.allocState()
         for axis, value in enumerate((posture * self.scale).tolist()):
-            made[axis] = value
-        return made
+            state[axis] = value
+        return state
 
     def _posture(self, state: Any) -> Vector:
+        """Posture (n,) [rad or m] of OMPL's state, which is scaled to metres."""
         return np.array([state[axis] for axis in range(len(self.scale))]) / self.scale
 
     def _no_path_error(self, reached: Vector, goals: Vector) -> NoFreePath:
-        """Error of a search without a path: the goal that came nearest, and the bodies that were in the way.
+        """Make the error of a search without a path, with the nearest goal and the bodies that were in the way.
 
         Args:
             reached: postures that the search reached from the start, shape (k, n).
@@ -363,8 +417,9 @@ class Search:
         differences = np.array([self.space.posture, *reached])[:, np.newaxis] - goals
         gaps = np.linalg.norm(differences * self.scale, axis=2)  # [m], from each posture to each goal
         row, goal = np.unravel_index(int(gaps.argmin()), gaps.shape)
-        short = f"{goal + 1} of {len(goals)} is nearest, with a motion of {gaps[row, goal]:.2g} m left"
-        met = ", ".join(self.space.obstacles()) or "the arm itself"
+        nearest = f"{goal + 1} of {len(goals)} is nearest, with a motion of {gaps[row, goal]:.2g} m left"
+        # Without other bodies in the way, the arm collided with itself.
+        obstacles = ", ".join(self.space.obstacles()) or "the arm itself"
         return NoFreePath(
-            f"no free way was found in {self.seconds:g} s: of the goals number {short}; in the way: {met}"
+            f"no free way was found in {self.seconds:g} s: of the goals number {nearest}; in the way: {obstacles}"
         )

@@ -16,6 +16,7 @@ from simrob_drake.programs.gaits.registry import carries, first_gait, gaits_of
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.plan import check_limits
+from simrob_drake.programs.segments import PathPoint
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.gaits_file import gaits_file
@@ -77,7 +78,12 @@ def planned_gait(
         return gait.changed({**changes, **others}, amplitude, name).plan(walker, steps or 0, amplitude)
 
     motion = _within_reach(plan, gait, bent=(bends or walker.differs) and "bearing" not in changes)
-    check_limits(robot.chain(robot.tools[0]), motion.times, motion.positions, lambda at: (0, f"{name} at {at:.2f} s"))
+    check_limits(
+        robot.chain(robot.tools[0]),
+        motion.times,
+        motion.positions,
+        lambda time: PathPoint(0, f"{name} at {time:.2f} s"),
+    )
     return motion
 
 

@@ -1,9 +1,13 @@
-"""A move that is planned, and whether a robot can do it: joint limits, speeds, accelerations, collisions."""
+"""A move that is planned, and whether a robot can do it: joint limits, speeds, accelerations, collisions.
+
+A move leads to one target or past several. On the way to each target it has numbered points, by which error messages
+name a part of the move, such as "point 3 of 30 on the way to targets[1]".
+"""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -20,14 +24,29 @@ from simrob_drake.programs.errors import (
     SpeedLimitExceeded,
 )
 from simrob_drake.programs.model import StationModel
-from simrob_drake.programs.segments import Stretch, named_point, trajectory
+from simrob_drake.programs.segments import PathPoint, Stretch, named_point, trajectory
 from simrob_drake.stations.collisions import Bodies
 
 Check = Literal["nothing", "limits", "collision"]
-"""What is looked at before a move beside its reach: joint limits, speeds and accelerations, or these and collisions;
-None, as ``limits``, leaves collisions out."""
-CHECKED: Check = "collision"  # what is looked at unless told
-_LOOKS = 4  # a point
+"""What is checked before a move, in addition to its reach: nothing, joint limits with speeds and accelerations, or
+these and collisions. Where a user may give None, it means ``limits``."""
+CHECKED: Check = "collision"  # the default
+_LOOKS_PER_POINT = 4  # count of times at which a plan is checked, for each of its points
+_LEAST_POINTS = 10  # a plan is checked as if it had at least this count of points
+
+
+class PlannedMotion(NamedTuple):
+    """Motion of n axes at m times.
+
+    Attributes:
+        positions: positions, shape (m, n) [rad or m].
+        velocities: velocities, shape (m, n) [rad/s or m/s].
+        accelerations: accelerations, shape (m, n) [rad/s² or m/s²].
+    """
+
+    positions: Vector
+    velocities: Vector
+    accelerations: Vector
 
 
 @dataclass(frozen=True)
@@ -35,14 +54,15 @@ class Plan:
     """A move of one robot, ready to be run.
 
     Attributes:
-        robot: whose move it is.
-        stretches: the motions from rest to rest that it is made of, one after the other, the first from time 0.
-        arrivals: when each target is reached, shape (k,) [s].
-        points: on the way to each target.
-        check: what was looked at; collisions are again with the moves that are run at the same time.
-        entry: what a program's file has of it; None if no file can say it.
-        frame: where the work object was when the move was planned; None without one.
-        search: ways of the tool that a search tried, for the recording, shape (k, 2, 3) [m].
+        robot: name of the robot.
+        stretches: the motions from rest to rest that the move consists of, one after the other, the first from time 0.
+        arrivals: times at which the targets are reached, shape (k,) [s].
+        points: count of points on the way to each target.
+        check: what was checked. Collisions are checked again with the moves that are run at the same time.
+        entry: keys and values of the move in a program's file; None if no file can describe it.
+        frame: pose of the work object in the world when the move was planned; None without a work object.
+        search: pieces of paths of the tool that a search tried, for the recording: start and end of each piece in the
+            world, shape (k, 2, 3) [m].
     """
 
     robot: str
@@ -55,77 +75,93 @@ class Plan:
     search: Vector = field(default_factory=lambda: np.zeros((0, 2, 3)))
 
     def __repr__(self) -> str:
-        times, end = (" ".join(f"{value:.4g}" for value in values) for values in (self.arrivals, self.end))
+        times = " ".join(f"{time:.4g}" for time in self.arrivals)
+        end = " ".join(f"{position:.4g}" for position in self.end)
         return shortened(f"<Plan of {self.robot}: to [{end}], targets at {times} s>", 200)
 
     @cached_property
     def trajectory(self) -> Trajectory:
-        """Of its axes, shape (n, 1), from 0 to the duration."""
+        """Positions of the axes as a function of time, shape (n, 1), from 0 to the duration."""
         return trajectory(self.stretches)
 
     @property
     def duration(self) -> float:
-        """Of the whole move [s]."""
+        """Duration of the whole move [s]."""
         return float(self.arrivals[-1])
 
     @property
     def start(self) -> Vector:
-        """Where it begins, shape (n,) [rad or m]."""
+        """Posture at the start of the move, shape (n,) [rad or m]."""
         return np.asarray(self.stretches[0].postures[0])
 
     @property
     def end(self) -> Vector:
-        """Where it leads, shape (n,) [rad or m]."""
+        """Posture at the end of the move, shape (n,) [rad or m]."""
         return np.asarray(self.stretches[-1].postures[-1])
 
     @property
     def looks(self) -> Vector:
-        """Times at which it is looked at, shape (k,) [s]: evenly, and where its polynomials meet."""
-        even = np.linspace(0.0, self.duration, _LOOKS * max(self.points * len(self.arrivals), 10) + 1)
-        return np.union1d(even, np.concatenate([stretch.times for stretch in self.stretches]))
+        """Times at which the plan is checked, shape (k,) [s]: evenly spaced, and where two polynomials meet."""
+        point_count = max(self.points * len(self.arrivals), _LEAST_POINTS)
+        even_times = np.linspace(0.0, self.duration, _LOOKS_PER_POINT * point_count + 1)
+        knots = np.concatenate([stretch.times for stretch in self.stretches])
+        return np.union1d(even_times, knots)
 
     def of_axes(self, robot: str, axes: slice) -> "Plan":
-        """Return the motion of some axes, those of one of several robots that move together."""
+        """Plan of one of several robots that move together: the motion of its axes.
+
+        Args:
+            robot: name of the robot.
+            axes: indices of the robot's axes among the axes of this plan.
+        """
         return replace(self, robot=robot, stretches=tuple(stretch.of_axes(axes) for stretch in self.stretches))
 
     def postures(self, times: Vector) -> Vector:
-        """Return the postures (m, n) at times (m,) [s]."""
+        """Postures (m, n) at times (m,) [s]."""
         return np.asarray(self.trajectory.vector_values(times.tolist())).T
 
-    def motion(self, times: Vector) -> tuple[Vector, Vector, Vector]:
-        """Return positions, velocities and accelerations at times (m,) [s], (m, n) each, as dynamics take them."""
-        orders = [self.trajectory, self.trajectory.MakeDerivative(1), self.trajectory.MakeDerivative(2)]
-        positions, velocities, accelerations = (np.array(order.vector_values(times.tolist())).T for order in orders)
-        return positions, velocities, accelerations
+    def motion(self, times: Vector) -> PlannedMotion:
+        """Positions, velocities and accelerations at times (m,) [s], as methods of the dynamics take them."""
+        velocity = self.trajectory.MakeDerivative(1)
+        acceleration = self.trajectory.MakeDerivative(2)
+        samples = times.tolist()
+        return PlannedMotion(
+            positions=np.array(self.trajectory.vector_values(samples)).T,
+            velocities=np.array(velocity.vector_values(samples)).T,
+            accelerations=np.array(acceleration.vector_values(samples)).T,
+        )
 
-    def named(self, time: float) -> tuple[int, str]:
-        """Return the number of the point that a time [s] belongs to, counted from 1, and its name."""
+    def point_at(self, time: float) -> PathPoint:
+        """Point that a time [s] of the move belongs to, on the way to its target."""
+        # The time of an arrival belongs to its target, not to the next one, in spite of rounding.
         index = min(int(np.searchsorted(self.arrivals, time - 1e-9)), len(self.arrivals) - 1)
-        begin = self.arrivals[index - 1] if index else 0.0
-        part = (time - begin) / (self.arrivals[index] - begin)
-        return named_point(part, self.points, target_name(index, len(self.arrivals)))
+        departure = self.arrivals[index - 1] if index else 0.0
+        fraction = (time - departure) / (self.arrivals[index] - departure)
+        return named_point(fraction, self.points, target_name(index, len(self.arrivals)))
 
 
 def target_name(index: int, count: int) -> str:
-    """Return what messages call a target."""
+    """Name of the target with an index among `count` targets, for messages."""
     return f"targets[{index}]" if count > 1 else "the target"
 
 
-Naming = Callable[[float], tuple[int, str]]  # from a time [s] of a move to the number of its point and the point's name
+PointNaming = Callable[[float], PathPoint]
+"""Gives the point that a time [s] of a move belongs to."""
 Remedy = Callable[[float, float], str]
-"""From how many times slower a move can be done, and in what time [s], to what its user may do about it."""
-_ROUNDING = 1e-9  # rad or m
-_MARGIN = 1.02  # of what messages propose
+"""Writes the advice for a move that is too fast. Its arguments: the factor on the duration with which the robot can do
+the move, and that duration [s]."""
+_ROUNDING = 1e-9  # relative excess of a limit that is due to rounding
+_MARGIN = 1.02  # margin of the durations that messages propose
 
 
-def check_limits(chain: Chain, times: Vector, postures: Vector, named: Naming, hint: str = "") -> None:
+def check_limits(chain: Chain, times: Vector, postures: Vector, naming: PointNaming, hint: str = "") -> None:
     """Check that all axes stay within their limits.
 
     Args:
         chain: the arm.
         times: times of the postures, shape (k,) [s].
         postures: positions of the axes, shape (k, n) [rad or m].
-        named: gives the number and the name of the point that a time belongs to.
+        naming: gives the point that a time belongs to, for the message.
         hint: text that is appended to the message.
 
     Raises:
@@ -135,82 +171,145 @@ def check_limits(chain: Chain, times: Vector, postures: Vector, named: Naming, h
     if violation is None:
         return
     time = float(times[violation.row])
-    number, name = named(time)
-    value = float(postures[violation.row, violation.axis])
-    text = f"{violation.value} {violation.unit}, beyond its limits of {violation.limits}{hint}"
-    raise JointLimitExceeded(name, chain.names[violation.axis], point=number, time=time, value=value, shown=text)
+    point = naming(time)
+    raise JointLimitExceeded(
+        point.name,
+        chain.names[violation.axis],
+        point=point.number,
+        time=time,
+        value=float(postures[violation.row, violation.axis]),
+        shown=f"{violation.value} {violation.unit}, beyond its limits of {violation.limits}{hint}",
+    )
 
 
 def rate_ratio(trajectory: Trajectory, times: Vector, limits: Vector, order: int) -> float:
-    """Return the largest ratio of a joint's speed (order 1) or acceleration (2) to its limit (n,); up to 1 it can."""
+    """Largest ratio of an axis's speed or acceleration to its limit; the motion is possible up to a ratio of 1.
+
+    Args:
+        trajectory: positions of the axes, shape (n, 1) [rad or m].
+        times: times at which the motion is checked, shape (k,) [s].
+        limits: limits of the axes, shape (n,) [rad/s or m/s, rad/s² or m/s²].
+        order: order of the derivative: 1 for speeds, 2 for accelerations.
+    """
     return float((_rates(trajectory, times, order) / limits).max())
 
 
 def check_rates(
-    chain: Chain, trajectory: Trajectory, times: Vector, limits: Vector, order: int, named: Naming, remedy: Remedy
+    chain: Chain,
+    trajectory: Trajectory,
+    times: Vector,
+    limits: Vector,
+    order: int,
+    naming: PointNaming,
+    remedy: Remedy,
 ) -> None:
-    """Check that no axis is faster than its limit (order 1), or sped up more (2), at times (k,) [s].
+    """Check that all axes stay within their limits of speed or acceleration.
 
-    Limits are (n,) [rad/s or m/s, rad/s² or m/s²]. Raises SpeedLimitExceeded, AccelerationLimitExceeded: names the
-    first offending point, and what would do, a ``remedy`` included.
+    Args:
+        chain: the arm.
+        trajectory: positions of the axes, shape (n, 1) [rad or m].
+        times: times at which the motion is checked, shape (k,) [s].
+        limits: limits of the axes, shape (n,) [rad/s or m/s, rad/s² or m/s²].
+        order: order of the derivative: 1 for speeds, 2 for accelerations.
+        naming: gives the point that a time belongs to, for the message.
+        remedy: writes the advice for a slower move.
+
+    Raises:
+        SpeedLimitExceeded, AccelerationLimitExceeded: names the first point beyond a limit, and gives the advice.
     """
     rates = _rates(trajectory, times, order)
     ratios = rates / limits
-    if ratios.max() <= 1 + _ROUNDING:
+    is_beyond = ratios > 1 + _ROUNDING
+    if not is_beyond.any():
         return
-    row = int(np.argmax((ratios > 1 + _ROUNDING).any(axis=1)))
+    row = int(np.argmax(is_beyond.any(axis=1)))  # the first time with an axis beyond its limit
     axis = int(np.argmax(ratios[row]))
-    number, name = named(float(times[row]))
-    revolute, slower = bool(chain.revolute[axis]), _MARGIN * float(ratios.max()) ** (1 / order)
-    unit = "/s²" if order == 2 else "/s"
-    limit = f"beyond its limit of {shown(limits[axis], revolute)}{unit}"
-    kind = AccelerationLimitExceeded if order == 2 else SpeedLimitExceeded
-    raise kind(
-        name,
+    time = float(times[row])
+    point = naming(time)
+    # In k times the duration, speeds are k times smaller and accelerations k² times.
+    factor = _MARGIN * float(ratios.max()) ** (1 / order)
+    duration = factor * float(times[-1])
+    is_revolute = bool(chain.revolute[axis])
+    per_second = "/s²" if order == 2 else "/s"
+    rate = f"{axis_text(rates[row, axis], is_revolute)}{per_second}"
+    limit = f"{axis_text(limits[axis], is_revolute)}{per_second}"
+    error_class = AccelerationLimitExceeded if order == 2 else SpeedLimitExceeded
+    raise error_class(
+        point.name,
         chain.names[axis],
-        point=number,
-        time=float(times[row]),
+        point=point.number,
+        time=time,
         rate=float(rates[row, axis]),
-        duration=slower * float(times[-1]),
-        shown=f"{shown(rates[row, axis], revolute)}{unit}, {limit}; {remedy(slower, slower * times[-1])}",
+        duration=duration,
+        shown=f"{rate}, beyond its limit of {limit}; {remedy(factor, duration)}",
     )
 
 
 def check_tool_speed(chain: Chain, plan: Plan, limit: float, remedy: Remedy) -> None:
-    """Check that the tool centre point is no faster than a limit [m/s]; raises SpeedLimitExceeded, as above."""
+    """Check that the tool centre point is no faster than a limit.
+
+    Args:
+        chain: the arm.
+        plan: the plan of the arm's move.
+        limit: largest speed of the tool centre point [m/s].
+        remedy: writes the advice for a slower move.
+
+    Raises:
+        SpeedLimitExceeded: names the point of the largest speed, and gives the advice.
+    """
     times = plan.looks
-    postures, rates, _ = plan.motion(times)
-    speeds = np.linalg.norm(np.einsum("kin,kn->ki", chain.jacobian(postures)[:, :3], rates), axis=1)
-    row, slower = int(speeds.argmax()), _MARGIN * float(speeds.max()) / limit
-    if slower <= _MARGIN * (1 + _ROUNDING):
+    motion = plan.motion(times)
+    jacobians = chain.jacobian(motion.positions)[:, :3]  # the rows of the translation
+    velocities = np.einsum("kin,kn->ki", jacobians, motion.velocities)
+    speeds = np.linalg.norm(velocities, axis=1)
+    row = int(speeds.argmax())
+    factor = _MARGIN * float(speeds.max()) / limit
+    if factor <= _MARGIN * (1 + _ROUNDING):
         return
-    number, name = plan.named(float(times[row]))
-    duration = slower * float(times[-1])
-    beyond = f"{speeds[row]:.3g} m/s, beyond the {limit:g} m/s that it is rated for; {remedy(slower, duration)}"
+    time = float(times[row])
+    point = plan.point_at(time)
+    duration = factor * float(times[-1])
+    speed = f"{speeds[row]:.3g} m/s, beyond the {limit:g} m/s that it is rated for"
     raise SpeedLimitExceeded(
-        name, "the tool", point=number, time=float(times[row]), rate=float(speeds[row]), duration=duration, shown=beyond
+        point.name,
+        "the tool",
+        point=point.number,
+        time=time,
+        rate=float(speeds[row]),
+        duration=duration,
+        shown=f"{speed}; {remedy(factor, duration)}",
     )
 
 
 def _rates(trajectory: Trajectory, times: Vector, order: int) -> Vector:
-    rates: Vector = np.abs(np.asarray(trajectory.MakeDerivative(order).vector_values(times.tolist())).T)
+    """Absolute values of the derivative of a trajectory at k times, shape (k, n).
+
+    Args:
+        trajectory: positions of the axes, shape (n, 1) [rad or m].
+        times: the times, shape (k,) [s].
+        order: order of the derivative: 1 for speeds, 2 for accelerations.
+    """
+    derivative = trajectory.MakeDerivative(order)
+    rates: Vector = np.abs(np.asarray(derivative.vector_values(times.tolist())).T)
     return rates
 
 
-def shown(value: float, revolute: bool) -> str:
-    """Return a position or speed of an axis as messages show it: in degrees or metres."""
-    return f"{np.rad2deg(value):.1f} deg" if revolute else f"{value:.3f} m"
+def axis_text(value: float, is_revolute: bool) -> str:
+    """Position of an axis as messages show it: in degrees for a revolute axis [rad], otherwise in metres [m]."""
+    return f"{np.rad2deg(value):.1f} deg" if is_revolute else f"{value:.3f} m"
 
 
 def check_collisions(
     model: StationModel,
     robots: Mapping[str, Vector],
     times: Vector,
-    named: Naming,
+    naming: PointNaming,
     *,
     judged: Collection[str] | None = None,
 ) -> None:
     """Check that robots do not collide during a motion, by the station's collision policy.
+
+    The robots of the model are left in their postures at the last time that was checked.
 
     Two bodies that touch at the first time may stay as deep, such as a piece on its table.
     Two bodies of different owners that overlap deeply at the first time are not checked
@@ -221,7 +320,7 @@ def check_collisions(
             this model.
         robots: postures (k, n) [rad or m] of each robot that moves, by name.
         times: times of the postures, shape (k,) [s].
-        named: gives the number and the name of the point that a time belongs to.
+        naming: gives the point that a time belongs to, for the message.
         judged: names of the robots whose collisions count. If it is None, the collisions of
             all robots that move count.
 
@@ -232,16 +331,17 @@ def check_collisions(
     depths_at_start: dict[Bodies, float] = {}
     for index, time in enumerate(times):
         model.place_robots({name: postures[index] for name, postures in robots.items()})
+        # The start itself is not judged: it only shows what touches already.
         if index == 0:
             depths_at_start = model.policy.allowed_from_start(movers)
             continue
         overlaps = model.policy.overlaps(movers, depths_at_start)
         if overlaps:
             deepest = overlaps[0]
-            number, name = named(float(time))
+            point = naming(float(time))
             raise PathCollision(
-                name,
-                point=number,
+                point.name,
+                point=point.number,
                 time=float(time),
                 bodies=deepest.moved,
                 depth=deepest.depth,
@@ -254,14 +354,19 @@ def check_moves(model: StationModel, plans: Sequence[Plan]) -> None:
     A robot whose plan does not have `check="collision"` moves too. Its own collisions do not
     count; others may still collide with it.
 
+    Args:
+        model: the station with collision shapes.
+        plans: the plans, one for each robot that moves.
+
     Raises:
         PathCollision: names the first collision, by the point of the longest move.
     """
     for plan in plans:
         instance(plan, "plan", Plan, "made by arm.plan, such as arm.plan.move_l(...)")
+    # Messages name the point of the longest move, which is still under way at any time.
     longest = max(plans, key=lambda plan: plan.duration)
     times = np.unique(np.concatenate([plan.looks for plan in plans]))
     # A robot whose move ends earlier stays at its end.
     postures = {plan.robot: plan.postures(np.minimum(times, plan.duration)) for plan in plans}
     judged = [plan.robot for plan in plans if plan.check == "collision"]
-    check_collisions(model, postures, times, longest.named, judged=judged)
+    check_collisions(model, postures, times, longest.point_at, judged=judged)

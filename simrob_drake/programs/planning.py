@@ -29,7 +29,7 @@ from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.solver import Solver
 from simrob_drake.programs.free_path import FreeSpace
 from simrob_drake.programs.plan import CHECKED, Check, Plan, check_limits, check_rates, check_tool_speed, target_name
-from simrob_drake.programs.segments import Segment, Way, pose_segment, through_zones, zone_size
+from simrob_drake.programs.segments import PathPoint, Segment, Way, pose_segment, through_zones, zone_size
 from simrob_drake.programs.time_optimal import Motors
 from simrob_drake.programs.timing import How, Limits, is_free, remedy, through_all, timed
 from simrob_drake.programs.torques import check_torques, slowed_for_motors
@@ -221,12 +221,14 @@ class Planning:
         check: Check = "limits" if asked is None else asked
         one_of("check", check, get_args(Check))
         if check != "nothing":
-            names = [(plan.points, target_name(index, len(plan.arrivals))) for index in range(len(plan.arrivals))]
+            count = len(plan.arrivals)
+            names = [PathPoint(plan.points, target_name(index, count)) for index in range(count)]
             looks, times = plan.looks, plan.arrivals[-len(ends) :]
             check_limits(self.chain, times, ends, lambda at: names[int(np.searchsorted(plan.arrivals, at))], hint)
-            check_limits(self.chain, looks, plan.postures(looks), plan.named)
+            check_limits(self.chain, looks, plan.postures(looks), plan.point_at)
             for order, limits in enumerate(self.rate_limits, 1):
-                check_rates(self.chain, plan.trajectory, looks, limits, order, plan.named, partial(remedy, how, order))
+                advice = partial(remedy, how, order)
+                check_rates(self.chain, plan.trajectory, looks, limits, order, plan.point_at, advice)
             if self.model.tcp_speed is not None:
                 check_tool_speed(self.chain, plan, self.model.tcp_speed, partial(remedy, how, 1))
             check_torques(self.motors([self.robot]), self.robot, plan, partial(remedy, how, 2))

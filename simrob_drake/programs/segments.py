@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from pydrake.math import BsplineBasis
@@ -191,10 +191,28 @@ def tool_length(chain: Chain, postures: Vector) -> float:
     return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
 
 
-def named_point(part: float, points: int, target: str) -> tuple[int, str]:
-    """Return the number of the point that a part of the time belongs to, counted from 1, and its name."""
+class PathPoint(NamedTuple):
+    """A point on the way to a target, for error messages.
+
+    Attributes:
+        number: number of the point, counted from 1.
+        name: name of the point, such as "point 3 of 30 on the way to targets[1]".
+    """
+
+    number: int
+    name: str
+
+
+def named_point(part: float, points: int, target: str) -> PathPoint:
+    """Point that a moment belongs to.
+
+    Args:
+        part: fraction of the time from the last target to this one, from 0 to 1.
+        points: count of points on the way to the target.
+        target: name of the target.
+    """
     number = max(int(np.ceil(part * points - 1e-9)), 1)
-    return number, f"point {number} of {points} on the way to {target}"
+    return PathPoint(number, f"point {number} of {points} on the way to {target}")
 
 
 def _away(chain: Chain, postures: Vector, targets: Vector) -> float:

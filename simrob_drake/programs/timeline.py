@@ -1,7 +1,8 @@
-"""What happens to a station at moments of its own, whatever its robots are told: settings, pushes, drags, drives.
+"""Changes that happen to a station while a program runs: new settings, pushes, drags, and commands to walks.
 
-Runs are cut at a grid of time, and where something happens, so that each can be repeated from any moment of it to the
-last bit.
+The changes of a program are on a timeline, which has a grid: equally spaced moments, at which changes happen. A run is
+cut into pieces at each change of settings or forces, and restarts its solver at each moment of the grid. So it can be
+repeated from any moment of the grid, with equal results to the last bit.
 """
 
 from bisect import bisect_right
@@ -27,48 +28,57 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import ONLY_ROBOT, with_settings
 from simrob_drake.stations.resolve import resolve
 
-GRID = 0.05  # from one moment of the grid to the next, unless told otherwise [s]
-_SERVO = "servo."
+GRID = 0.05  # default time between two moments of the grid [s]
+_SERVO = "servo."  # prefix of the keys of the servos' settings
+_GRID_ROUNDING = 1e-6  # part of a step of the grid that is due to rounding
+_TIME_ROUNDING = 1e-9  # times that differ by less are equal [s]
+
+Drive = tuple[float, float, float]
+"""Command to a walk: speeds ahead and to the left [m/s], and turn to the left [rad/s]."""
+Driver = Callable[[float], Drive | None]
+"""Gives the command to a walk at a time of a run [s]; None if the walk's own section gives it."""
 
 
 class PushNow(Strict):
     """A constant force for a while; see :class:`~simrob_drake.parts.forces.Push`."""
 
     at: str | None = None
-    """What is pushed: a robot, link, tool or piece; the only robot unless given."""
+    """The body that is pushed: a robot, link, tool or piece; the only robot unless given."""
     force: Triple
-    """Along x, y and z of what is pushed [N]."""
+    """Force along x, y and z of that body [N]."""
     duration: Duration = 0.1
-    """How long it lasts [s]."""
+    """Duration of the push [s]."""
 
 
 class DragNow(Strict):
     """A spring that pulls a point after a target; see :class:`~simrob_drake.parts.forces.Drag`."""
 
     at: str | None = None
-    """What is pulled: a robot, link, tool or piece; the only robot unless given."""
+    """The body that is pulled: a robot, link, tool or piece; the only robot unless given."""
     point: Triple = (0.0, 0.0, 0.0)
-    """Where it pulls, in the frame of that [m]."""
+    """Point of the body that is pulled, in the body's frame [m]."""
     targets: Annotated[tuple[Triple, ...], Field(min_length=1)]
-    """Where to, in the world, one for each step of the program's grid [m]."""
+    """Positions in the world that the point is pulled to, one for each step of the program's grid [m]."""
     stiffness: Positive | None = None
-    """Of the spring [N/m]; a quarter of a metre pulls with the weight of the robot or piece unless given."""
+    """Stiffness of the spring [N/m]. Unless given, a spring of a quarter of a metre pulls with the weight of the robot
+    or piece."""
 
 
 class DriveNow(Strict):
-    """A walk that is driven by hand, in place of what its section says; a station without one does nothing then."""
+    """Commands to a walk in place of those of its section; without effect if no robot walks."""
 
     at: str | None = None
-    """Who walks; the only robot unless given."""
+    """The robot that walks; the only robot unless given."""
     commands: Annotated[tuple[tuple[NotNegative, Number, Number, Number], ...], Field(min_length=1)]
-    """From when on, since the change [s], and how: speeds ahead and to the left [m/s], turn to the left [deg/s]."""
+    """Each command: the time since the change from which on it holds [s], the speeds ahead and to the left [m/s], and
+    the turn to the left [deg/s]."""
 
 
 class Change(Strict):
-    """Something that happens while a program runs."""
+    """A change that happens while a program runs."""
 
     time: Instant
-    """When, from the start of the program [s]; moved to its grid."""
+    """Time of the change since the start of the program [s]; moved to the program's grid."""
     set: Annotated[dict[str, Any], Field(min_length=1)] | None = None
     """Keys of the station and their new values, such as `{servo.kp: 500}`; they hold from then on."""
     push: PushNow | None = None
@@ -76,60 +86,71 @@ class Change(Strict):
     drag: DragNow | None = None
     """A drag."""
     drive: DriveNow | None = None
-    """A drive."""
+    """Commands to a walk."""
 
     @model_validator(mode="after")
     def _one_thing(self) -> Self:
-        if sum(thing is not None for thing in (self.set, self.push, self.drag, self.drive)) != 1:
+        """Check that exactly one kind of change is given."""
+        kinds = [thing for thing in (self.set, self.push, self.drag, self.drive) if thing is not None]
+        if len(kinds) != 1:
             raise ValueError("a change is one of set, push, drag and drive")
         return self
 
     def entry(self) -> dict[str, Any]:
-        """Return what a program's file has of it, without the values that are as they would be anyway."""
+        """Keys and values of the change in a program's file, without those that equal their defaults."""
         return self.model_dump(mode="json", exclude_defaults=True)
 
 
 class Timeline:
-    """The grid of a station's runs, and what happens at its moments.
+    """The grid of a station's runs, and the changes at its moments.
+
+    The moments of the grid are numbered from 0, and the time between two of them is a step.
 
     Attributes:
-        grid: from one moment to the next [s]; None: runs go through, and nothing happens.
-        changes: what happens, in order of time.
+        grid: time of a step [s]. If it is None, there are no changes, and runs are not cut.
+        changes: the changes, in order of time.
         now: time of the station since the timeline began [s].
-        tell: is told of each moment while a station runs, with the time since the timeline began; it may add changes
-            for it. True ends what runs.
+        tell: callback for each moment while a station runs. It gets the time since the timeline began [s] and the
+            station at this moment, and may add changes for this moment. Return True to end the run.
     """
 
     def __init__(self, grid: float | None = None, changes: Sequence[Change] = ()) -> None:
-        """Begin a timeline; changes without a grid are made on the usual one."""
+        """Begin a timeline; changes without a grid get the default grid."""
         self.grid = GRID if grid is None and changes else grid
         self.changes = sorted(changes, key=lambda change: change.time)
         self.now = 0.0
         self.tell: Callable[[float, Moment], bool] = lambda time, moment: False
 
     def steps(self, time: float) -> int:
-        """Return the number of the moment of the grid that is nearest to a time [s]."""
+        """Number of the moment of the grid that is nearest to a time [s]."""
         return int(np.rint(time / self._step))
 
-    def whole(self, duration: float) -> float:
-        """Return a duration [s] as long or longer that ends on the grid."""
-        return self.time_of(int(np.ceil(duration / self._step - 1e-6)))
+    def rounded_up(self, duration: float) -> float:
+        """Shortest duration [s] of whole steps that is as long as a given one [s], or longer."""
+        return self.time_of(int(np.ceil(duration / self._step - _GRID_ROUNDING)))
 
     def time_of(self, number: int) -> float:
-        """Return the time of a moment of the grid [s]."""
+        """Time of a moment of the grid [s]."""
         return round(number * self._step, 12)
 
-    def part(self, end: float) -> float:
-        """Return how long nothing changes from now on [s], up to ``end`` of the timeline."""
+    def time_to_next_change(self, end: float) -> float:
+        """Time from now to the next change, or to an end of the run if that is earlier [s].
+
+        Args:
+            end: the end of the run, since the timeline began [s].
+        """
         now = self.steps(self.now)
-        later = (number for change in self.changes if (number := self.steps(change.time)) > now)
-        return self.time_of(min(next(later, self.steps(end)), self.steps(end)) - now)
+        numbers = [self.steps(change.time) for change in self.changes]
+        later_numbers = [number for number in numbers if number > now]
+        # Changes are in order of time, so the first one is the next.
+        next_number = min([*later_numbers[:1], self.steps(end)])
+        return self.time_of(next_number - now)
 
     def add(self, change: Change) -> int:
-        """Put a change among the others, behind those of the same time; return its place."""
-        place = bisect_right(self.changes, change.time, key=lambda one: one.time)
-        self.changes.insert(place, change)
-        return place
+        """Insert a change in order of time, after those of the same time; return its index."""
+        index = bisect_right(self.changes, change.time, key=lambda other: other.time)
+        self.changes.insert(index, change)
+        return index
 
     def settings(self) -> dict[str, Any]:
         """Return the settings that changes have made up to now, by key; later changes override earlier ones.
@@ -144,164 +165,245 @@ class Timeline:
         return settings
 
     def station(self, config: StationConfig, duration: float) -> StationConfig:
-        """Return a station as it is for a time [s] without changes from now on; raises InvalidConfig: a wrong key."""
+        """Configuration of a station with the changes that have happened until now.
+
+        Args:
+            config: the station without changes.
+            duration: time [s] from now on, without further changes of settings. The station gets the pushes and drags
+                that act in this time.
+
+        Raises:
+            InvalidConfig: a change sets a wrong key or value.
+        """
         settings = _for_robots(self.settings(), config)
         changed = with_settings(config, settings, "changes of the program") if settings else config
         forces = {**changed.forces, **self.forces(duration)}
         return changed.model_copy(update={"forces": forces})
 
     def check(self, config: StationConfig) -> None:
-        """Check that all can happen to a station; raises SimrobError: names the change of what is not there."""
+        """Check that all changes can happen to a station.
+
+        Raises:
+            SimrobError: a robot, body or key of a change does not exist, or a value is wrong; names the change.
+        """
         for number, change in enumerate(self.changes):
             where = f"changes[{number}]"
             if change.drive is not None and change.drive.at is not None:
                 one_of(f"robot of {where}.drive", change.drive.at, config.robots)
             if change.set is not None:
                 with_settings(config, _for_robots(change.set, config), where)
-        if forces := self.forces(self.changes[-1].time + 1.0 if self.changes else 0.0):
+        until_all_begin = self.changes[-1].time + 1.0 if self.changes else 0.0
+        forces = self.forces(until_all_begin)
+        if forces:
             station = resolve(config)
             for name, force in forces.items():
-                force.check(f"changes[{name.rpartition('_')[2]}].{force.kind}", station)
+                _, _, number_text = name.rpartition("_")  # the number of the change, see `forces`
+                force.check(f"changes[{number_text}].{force.kind}", station)
 
     def forces(self, duration: float) -> dict[str, ForceConfig]:
-        """Return the pushes and drags that act from now on for a time [s], by name, in a run that begins now."""
-        first, last = self.steps(self.now), self.steps(self.now + duration)
-        found = dict[str, ForceConfig]()
+        """Pushes and drags that act in a run of some duration [s] that begins now, with times since its beginning.
+
+        Those that have begun earlier are cut. The name of each is ``push_`` or ``drag_`` with the number of its change.
+        """
+        first = self.steps(self.now)
+        last = self.steps(self.now + duration)
+        forces = dict[str, ForceConfig]()
         for number, change in enumerate(self.changes):
             begin = self.steps(change.time)
-            if change.push is not None and begin < last:
+            if begin >= last:
+                continue
+            begin_time = self.time_of(begin - first)  # since the run began; negative for an earlier change
+            start = max(begin_time, 0.0)
+            if change.push is not None:
                 push = change.push
-                left = self.time_of(begin - first) + push.duration
-                start = max(self.time_of(begin - first), 0.0)
-                if left > start:
-                    place = {"at": push.at, "force": push.force}
-                    found[f"push_{number}"] = Push(kind="push", start=start, duration=left - start, **place)
-            if change.drag is not None and begin < last and begin + len(change.drag.targets) > first:
+                push_end = begin_time + push.duration
+                if push_end > start:
+                    forces[f"push_{number}"] = Push(
+                        kind="push", start=start, duration=push_end - start, at=push.at, force=push.force
+                    )
+            if change.drag is not None and begin + len(change.drag.targets) > first:
                 drag = change.drag
-                found[f"drag_{number}"] = Drag(
+                forces[f"drag_{number}"] = Drag(
                     kind="drag",
                     at=drag.at,
                     point=drag.point,
-                    start=max(self.time_of(begin - first), 0.0),
-                    targets=drag.targets[max(first - begin, 0) :],
+                    start=start,
+                    targets=drag.targets[max(first - begin, 0) :],  # one for each step
                     each=self._step,
                     stiffness=drag.stiffness,
                 )
-        return found
+        return forces
 
-    def hands(self, config: StationConfig) -> dict[str, Callable[[float], tuple[float, float, float] | None]]:
-        """Return who drives the walks of a station in a run that begins now, as ``Runner.run`` takes them by name."""
+    def hands(self, config: StationConfig) -> dict[str, Driver]:
+        """Functions that give the commands of changes to the walks of a station, by the name of the walk's controller.
+
+        They are made for a run that begins now.
+
+        ``Runner.run`` takes them as its commands. There are none if no change drives a walk.
+        """
         if not any(change.drive for change in self.changes):
             return {}
-        begun, walks = self.now, [(name, one) for name, one in config.controllers.items() if one.kind == "walk"]
-        return {
-            name: partial(self._driven, walk.robot or config.only_robot, config.only_robot, begun)
-            for name, walk in walks
-        }
+        drivers = dict[str, Driver]()
+        for name, controller in config.controllers.items():
+            if controller.kind == "walk":
+                robot = controller.robot or config.only_robot
+                drivers[name] = partial(self._drive, robot, config.only_robot, self.now)
+        return drivers
 
-    def _driven(
-        self, robot: str | None, only: str | None, begun: float, time: float
-    ) -> tuple[float, float, float] | None:
-        """Return how a robot is driven at a time of a run [s]: each command holds from after its moment on."""
-        rows = [
-            (change.time + since, ahead, left, turn)
-            for change in self.changes
-            if change.drive is not None and (change.drive.at or only) == robot
-            for since, ahead, left, turn in change.drive.commands
-        ]
-        known = [row for row in rows if row[0] < begun + time - _END]
-        return (known[-1][1], known[-1][2], radians(known[-1][3])) if known else None
+    def _drive(self, robot: str | None, only_robot: str | None, begin: float, time: float) -> Drive | None:
+        """Command to a robot's walk at a time of a run. Each command holds for times after its own time.
+
+        Args:
+            robot: name of the robot.
+            only_robot: name of the station's robot if it has one only, which changes need not name.
+            begin: time at which the run began, since the timeline began [s].
+            time: time since the run began [s].
+
+        Returns:
+            the last command until this time; None if there is none.
+        """
+        drive: Drive | None = None
+        for change in self.changes:
+            if change.drive is None or (change.drive.at or only_robot) != robot:
+                continue
+            for since, ahead, left, turn_deg in change.drive.commands:
+                if change.time + since < begin + time - _TIME_ROUNDING:
+                    drive = (ahead, left, radians(turn_deg))
+        return drive
 
     @property
     def _step(self) -> float:
+        """Time of a step of the grid [s]."""
         return GRID if self.grid is None else self.grid
 
 
 @contextmanager
 def following(holder: Any, grid: float | None, changes: Sequence[Change], *, strict: bool = False) -> Iterator[None]:
-    """Let a station follow the timeline of a program meanwhile, unless it follows one already; and be ``strict``."""
-    before, was_strict = holder.timeline, holder.strict
+    """Give a station the timeline of a program within a ``with`` block.
+
+    A station that follows a timeline with a grid already keeps it: a program that another program runs has no timeline
+    of its own.
+
+    Args:
+        holder: the station, with the attributes ``timeline``, ``strict`` and ``config``.
+        grid: time of a step of the program's grid [s]; None if the program has none.
+        changes: changes of the program.
+        strict: whether warnings of a run are errors; a station that is strict already stays so.
+    """
+    old_timeline = holder.timeline
+    was_strict = holder.strict
     holder.strict = was_strict or strict
-    if before.grid is None:
+    if old_timeline.grid is None:
         holder.timeline = Timeline(grid, changes)
         holder.timeline.check(holder.config)
     try:
         yield
     finally:
-        holder.timeline, holder.strict = before, was_strict
+        holder.timeline = old_timeline
+        holder.strict = was_strict
 
 
 def _for_robots(settings: Mapping[str, Any], config: StationConfig) -> dict[str, Any]:
-    """Return settings; those of the station's servos are meant for robots with servos of their own, too."""
-    found = dict(settings)
-    alone = list(config.robots) == [ONLY_ROBOT]
+    """Extend settings of the station's servos to robots that have servo settings of their own.
+
+    Otherwise these robots would not follow a change such as ``servo.kp``. A setting that names the robot itself is
+    kept.
+    """
+    extended = dict(settings)
+    has_single_section = list(config.robots) == [ONLY_ROBOT]  # a station file with `robot:` instead of `robots:`
     for robot, entry in config.robots.items():
-        section = ONLY_ROBOT if alone else f"robots.{robot}"
+        section = ONLY_ROBOT if has_single_section else f"robots.{robot}"
         if entry.servo is not None:
-            own = {f"{section}.{key}": value for key, value in settings.items() if key.startswith(_SERVO)}
-            found = {**own, **found}
-    return found
+            own_settings = {f"{section}.{key}": value for key, value in settings.items() if key.startswith(_SERVO)}
+            extended = {**own_settings, **extended}
+    return extended
 
 
-USER = "user"  # who stops a run that its timeline ends
-_END = 1e-9  # s
+USER = "user"  # name of the monitor that stops a run which its timeline has ended
 
 
 class Timed(Protocol):
-    """A station that goes on from its state, along a timeline."""
+    """A station that runs continue from its state, along a timeline."""
 
     config: StationConfig
     state: State | None
     timeline: Timeline
 
     def runner_of(self, config: StationConfig) -> Runner:
-        """Return what runs the station as a configuration of it says."""
+        """Make the object that runs the station, with a configuration of it."""
 
     @property
     def on_step(self) -> OnStep | None:
-        """What is told of each step of a run."""
+        """Callback for each step of a run, or None."""
 
 
 def run_timed(cell: Timed, references: Mapping[str, ReferenceLike], duration: float) -> SimulationResult:
-    """Run references on a station whose timeline has a grid, from the state that it is in.
+    """Run references on a station whose timeline has a grid, from the present state of the station.
 
-    The run ends on the grid, not before ``duration`` [s]. The station's state and time stay as they are. Raises
-    SimrobError: a change that cannot be.
+    The run is a sequence of runs, each from one change to the next, whose results are joined. The attributes of the
+    station, with its state and time, are not changed.
+
+    Args:
+        cell: the station.
+        references: references of its robots, by name.
+        duration: least duration of the run [s]; the run ends at a moment of the grid.
+
+    Raises:
+        SimrobError: a change is not possible.
     """
-    line, runs = cell.timeline, list[SimulationResult]()
-    begun, state, left = line.now, cell.state, False
-    end = line.whole(line.whole(begun) + duration)
-    played: dict[str, Reference] = {}
-    since, of_runner = begun, dict[str, Any](run="none yet")
+    line = cell.timeline
+    begin = line.now
+    end = line.rounded_up(line.rounded_up(begin) + duration)
+    state = cell.state
+    runs = list[SimulationResult]()
+    is_ended_by_timeline = False
+    # The references are made again when their settings change. Then they begin at the time of the change.
+    made_references: dict[str, Reference] = {}
+    reference_settings: dict[str, Any] | None = None
+    reference_begin = begin
 
-    def tell(moment: Moment) -> bool:
-        nonlocal left
-        known, now = len(line.changes), line.now
-        ended = line.tell(now + moment.time, moment)
-        moment.play_forces(line.forces(end - now))
-        left = left or ended
-        return left or len(line.changes) != known
+    def at_moment(moment: Moment) -> bool:
+        """Tell the timeline's callback of a moment, and apply the forces. Returns whether the present run is to end."""
+        nonlocal is_ended_by_timeline
+        change_count = len(line.changes)
+        run_begin = line.now
+        if line.tell(run_begin + moment.time, moment):
+            is_ended_by_timeline = True
+        moment.play_forces(line.forces(end - run_begin))  # the callback may have changed them
+        return is_ended_by_timeline or len(line.changes) != change_count
 
     try:
-        while not runs or (not left and end - line.now > _END):
-            part = line.part(end)
+        # Even a duration of 0 needs one run, which gives the result.
+        while not runs or (not is_ended_by_timeline and end - line.now > _TIME_ROUNDING):
+            part = line.time_to_next_change(end)
             station = line.station(cell.config, part)
             runner = cell.runner_of(station)
+            # Only settings of references matter here, such as `reference.duration`.
             settings = {key: value for key, value in line.settings().items() if "reference" in key.split(".")}
-            if settings != of_runner:
-                played, since, of_runner = runner.references(references, state), line.now, settings
-            rest = {robot: later(reference, line.now - since) for robot, reference in played.items()}
-            how: dict[str, Any] = {"ticks": Ticks(line.grid or part, tell), "on_step": cell.on_step}
-            run = runner.run(reference=rest, duration=part, start=state, commands=line.hands(station), **how)
-            forces = {**run.config.forces, **line.forces(run.stop_time)}  # drags have grown
-            runs.append(replace(run, config=run.config.model_copy(update={"forces": forces})))
+            if settings != reference_settings:
+                made_references = runner.references(references, state)
+                reference_settings = settings
+                reference_begin = line.now
+            elapsed = line.now - reference_begin
+            run = runner.run(
+                reference={robot: later(reference, elapsed) for robot, reference in made_references.items()},
+                duration=part,
+                start=state,
+                commands=line.hands(station),
+                ticks=Ticks(line.grid or part, at_moment),
+                on_step=cell.on_step,
+            )
+            # The callback may have added targets to drags during the run.
+            forces = {**run.config.forces, **line.forces(run.stop_time)}
+            run = replace(run, config=run.config.model_copy(update={"forces": forces}))
             line.now = line.time_of(line.steps(line.now + run.stop_time))
-            if run.ending == "completed" and left:
-                message = f"stopped by the user at {line.now - begun:.6g} s"
-                runs[-1] = replace(runs[-1], ending="monitor", stopped_by=USER, message=message)
-            if runs[-1].ending != "completed":
+            if run.ending == "completed" and is_ended_by_timeline:
+                message = f"stopped by the user at {line.now - begin:.6g} s"
+                run = replace(run, ending="monitor", stopped_by=USER, message=message)
+            runs.append(run)
+            if run.ending != "completed":
                 break
             state = run.final_state
     finally:
-        line.now = begun
+        line.now = begin
     return runs[0] if len(runs) == 1 else joined(runs)

@@ -1,4 +1,8 @@
-"""Torques of a planned move against what the motors of its robots give, before anything moves."""
+"""Torques of a planned move against what the motors of its robots give, before anything moves.
+
+A plan is a motion of one robot, or of several that move together. At a fraction s of its speed, its torques are those
+of gravity plus s² times those of the motion; at s = 0 the robots are held still along the path.
+"""
 
 import warnings
 from collections.abc import Callable
@@ -11,9 +15,9 @@ from simrob_drake.programs.errors import TorqueLimitExceeded
 from simrob_drake.programs.plan import Plan, Remedy
 from simrob_drake.programs.time_optimal import Motors
 
-_FULL = 1.0 + 1e-6  # share of a limit up to which a motor gives a torque, rounding included
-_ENOUGH = 1.02  # margin of the times that are proposed or taken
-_TRIES = 8  # times at most that a move is slowed down; each try comes nearer to the limits
+_FULL = 1.0 + 1e-6  # share of its limit up to which a motor gives a torque, rounding included
+_MARGIN = 1.02  # margin of durations that are proposed to the user, or taken
+_MOST_TRIES = 8  # largest count of steps in which a move is slowed down; each step comes nearer to the limits
 
 
 class TorqueShortage(UserWarning):
@@ -23,26 +27,28 @@ class TorqueShortage(UserWarning):
 def slowed_for_motors(motors: Motors, plan: Plan) -> Plan:
     """Slow a plan of one or more robots down until their motors give its torques.
 
-    A plan whose robots cannot even be held is returned as it is: `check_torques` refuses it.
+    The plan is returned as it is if it is not too fast, if the station is kinematic, so that no motor is simulated, or
+    if the motors could not even hold the robots along the path: then `check_torques` refuses the plan.
 
     Args:
-        motors: of the robots that move together, in the order of the plan's axes.
-        plan: whose time is free.
+        motors: motors of the robots that move together, in the order of the plan's axes.
+        plan: plan whose duration is not fixed by the user.
     """
-    if motors.model.config.mode == "kinematic" or _needs_too_much(motors, plan, 0.0):
+    if motors.model.config.mode == "kinematic" or _needs_too_much(motors, plan, speed=0.0):
         return plan
     factor = 1.0
-    for _ in range(_TRIES):
-        share = _largest_share(motors, plan, 1.0 / factor)
+    for _ in range(_MOST_TRIES):
+        share = _largest_share(motors, plan, speed=1.0 / factor)
         if share <= _FULL:
             break
-        # Torques of motion fall with the square of the time; what gravity takes does not, hence several tries.
-        factor *= _ENOUGH * np.sqrt(share)
+        # Torques of the motion fall with the square of the duration, but those of gravity stay. So one step with the
+        # square root does not suffice.
+        factor *= _MARGIN * np.sqrt(share)
     return plan if factor == 1.0 else slower(plan, factor)
 
 
 def slower(plan: Plan, factor: float) -> Plan:
-    """A plan in ``factor`` times its time, along the same way."""
+    """Plan along the same path that takes ``factor`` times as long."""
     stretches = tuple(stretch.at(0.0, factor) for stretch in plan.stretches)
     return replace(plan, stretches=stretches, arrivals=plan.arrivals * factor)
 
@@ -50,8 +56,16 @@ def slower(plan: Plan, factor: float) -> Plan:
 def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> None:
     """Compare the torques of a plan of one robot with the limits of its motors.
 
+    A kinematic station, which has no motors, is not checked.
+
+    Args:
+        motors: motors of the robot.
+        robot: the robot's name.
+        plan: the plan.
+        remedy: writes the advice of the warning for a slower move.
+
     Raises:
-        TorqueLimitExceeded: the motors could not even hold the robot on its way.
+        TorqueLimitExceeded: the motors cannot even hold the robot still somewhere along the path.
 
     Warns:
         TorqueShortage: the move in its given time needs more torque than a motor gives.
@@ -59,8 +73,8 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
     if motors.model.config.mode == "kinematic":
         return
     own = motors.model.robots[robot]
-    looks = plan.looks
     limits = own.gains.torque_limit
+    # First the torques that hold the robot still, then those of the motion.
     for speed in (0.0, 1.0):
         torques = _torques(motors, robot, plan, speed)
         shares = np.abs(torques) / limits
@@ -70,54 +84,67 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
         unit = own.model.effort_units[axis]
         needed = f"{abs(torques[row, axis]):.4g} {unit}"
         maximum = f"the limit of its motor is {limits[axis]:.4g} {unit}"
-        time = float(looks[row])
-        number, name = plan.named(time)
+        time = float(plan.looks[row])
+        point = plan.point_at(time)
         if speed == 0.0:
             raise TorqueLimitExceeded(
-                name,
+                point.name,
                 own.axes[axis],
-                point=number,
+                point=point.number,
                 time=time,
                 torque=float(torques[row, axis]),
                 shown=f"{needed} to hold still there, and {maximum}; raise servo.torque_limit or lighten the load",
             )
         factor = slower_factor(motors, plan)
         advice = remedy(factor, factor * plan.duration)
-        text = f"{name}: {own.axes[axis]} would need {needed} at {time:.2f} s, and {maximum}, so that it lags behind"
+        subject = f"{point.name}: {own.axes[axis]}"
+        text = f"{subject} would need {needed} at {time:.2f} s, and {maximum}, so that it lags behind"
         warnings.warn(f"{text}; {advice}", TorqueShortage, stacklevel=2)
 
 
 def slower_factor(motors: Motors, plan: Plan) -> float:
-    """How many times longer a plan would have to take for the motors to give its torques."""
+    """Factor on the duration of a plan with which the motors give its torques; 1 if they do so already."""
     return slowed_for_motors(motors, plan).duration / plan.duration
 
 
 def _needs_too_much(motors: Motors, plan: Plan, speed: float) -> bool:
-    """Whether a plan at a part of its speed needs more torque than motors give."""
+    """Whether a plan, run at a fraction of its speed, needs more torque than the motors give."""
     return _largest_share(motors, plan, speed) > _FULL
 
 
 def _largest_share(motors: Motors, plan: Plan, speed: float) -> float:
-    """Largest ratio of a torque to its motor's limit, over all robots of a plan at a part of its speed."""
-    largest, begin = 0.0, 0
+    """Largest ratio of a torque to its motor's limit, over all robots of a plan that is run at a fraction of its speed.
+
+    Args:
+        motors: motors of the robots that move together, in the order of the plan's axes.
+        plan: the plan.
+        speed: fraction of the plan's speed, from 0 to 1.
+    """
+    largest = 0.0
+    first_axis = 0  # index of the robot's first axis among the axes of the plan
     for robot in motors.robots:
         own = motors.model.robots[robot]
-        axes = slice(begin, begin + len(own.axes))
-        begin = axes.stop
-        part = plan if len(motors.robots) == 1 else plan.of_axes(robot, axes)
-        torques = _torques(motors, robot, part, speed)
+        axes = slice(first_axis, first_axis + len(own.axes))
+        first_axis = axes.stop
+        own_plan = plan if len(motors.robots) == 1 else plan.of_axes(robot, axes)
+        torques = _torques(motors, robot, own_plan, speed)
         largest = max(largest, float((np.abs(torques) / own.gains.torque_limit).max()))
     return largest
 
 
 def _torques(motors: Motors, robot: str, plan: Plan, speed: float) -> Vector:
-    """Torques (k, n) [N·m or N] at the looks of a plan of one robot, run at a part of its speed; fingers have none.
+    """Torques of one robot's plan, run at a fraction of its speed, at the times `plan.looks`, shape (k, n) [N·m or N].
 
-    Fingers press on what they hold, which no plan knows.
+    The torques of fingers are 0: fingers press on what they hold, with a force that no plan determines.
     """
-    q, v, a = plan.motion(plan.looks)
+    motion = plan.motion(plan.looks)
     dynamics = motors.model.dynamics(robot)
-    inverse: Callable[..., Vector] = dynamics.inverse_dynamics
-    torques = dynamics.gravity(q) if speed == 0.0 else inverse(q, speed * v, speed**2 * a)
-    torques[:, list(motors.model.robots[robot].model.fingers)] = 0.0
+    inverse_dynamics: Callable[..., Vector] = dynamics.inverse_dynamics
+    if speed == 0.0:
+        torques = dynamics.gravity(motion.positions)
+    else:
+        # At a fraction s of its speed, the motion has velocities s v and accelerations s² a.
+        torques = inverse_dynamics(motion.positions, speed * motion.velocities, speed**2 * motion.accelerations)
+    fingers = list(motors.model.robots[robot].model.fingers)  # indices of axes
+    torques[:, fingers] = 0.0
     return torques

@@ -30,7 +30,8 @@ from simrob_drake.rapid.values import LeftOut, RecordValue, WrongType, transform
 _MOST_MOVES = 5000
 _SAME = 1e-6  # rad, that two ways to a posture are apart at most
 _NEAR, _SAME_PLACE = 1e-12, 1e-9
-_REACH_IN_METRES = 2e-3  # m: a target of up to 2 in a module, which is a usual reach in metres
+_REACH_IN_METRES = 2e-3
+"""Largest coordinate of a target whose author may have written metres [m]: a usual reach of 2 m, read as 2 mm."""
 _ZONE = 3e-4  # m, the smallest
 _SLOWER, _TRIES = 1.02, 4
 
@@ -199,7 +200,8 @@ class Controller:
             self._do(move, plan)
         except SimrobError as problem:
             joined = f", with the {len(group.targets) - 1} before that its zones join" if len(group.targets) > 1 else ""
-            hint = "" if group.postures and not group.poses else metres_hint(np.array(group.targets)[:, :3])
+            are_targets_postures = bool(group.postures) and not group.poses  # not positions of the tool
+            hint = "" if are_targets_postures else metres_hint(np.array(group.targets)[:, :3])
             group.call.remark(f"{problem}{hint}; left out{joined}")
 
     def _keys(self, group: Group) -> dict[str, Any]:
@@ -258,25 +260,39 @@ class Controller:
         return bool(solutions.reached.all() and away < _SAME)
 
     def posture(self, call: Call, target: RecordValue, pose: Vector) -> Vector:
-        """Return an arm's posture (n,) for a target; raises LeftOut: there is none, or not in this configuration."""
-        arm, start = self.arm, self.ahead
-        place = transform_of(target).translation()
+        """Find the posture (n,) [rad or m] of the arm for a target of a call.
+
+        A target states a configuration: the quadrants of some axes, which select one of the postures that reach it.
+
+        Args:
+            call: the call, which gets remarks.
+            target: the ``robtarget``.
+            pose: pose of the tool at the target in the world, shape (4, 4).
+
+        Raises:
+            LeftOut: no posture reaches the target, or none with its configuration.
+        """
+        arm = self.arm
+        start = self.ahead  # the posture from which the move begins
         if self.configured["j"] and has_configuration(arm.chain):
             desired = [int(value) for value in target["robconf"].flat()]
-            found, others = postures_like(arm.chain, pose, start, desired)
+            found, other_configurations = postures_like(arm.chain, pose, start, desired)
             if len(found):
-                has = list(configuration(arm.chain, found[0]))
-                if has != desired:
-                    call.remark(f"comes to its target with configuration {has}, which stands for {desired}", lost=False)
+                reached = list(configuration(arm.chain, found[0]))
+                if reached != desired:
+                    text = f"comes to its target with configuration {reached}, which stands for {desired}"
+                    call.remark(text, lost=False)
                 return np.asarray(found[0])
-            if others:
-                raise LeftOut(f"a target with configuration {desired}, which has only {', '.join(others)}")
+            if other_configurations:
+                listed = ", ".join(other_configurations)
+                raise LeftOut(f"a target with configuration {desired}, which has only {listed}")
         elif self.configured["j"]:
             call.remark("configurations mean nothing to this robot: the nearest posture is taken", lost=False)
         try:
             return np.asarray(require(arm.inverse(None).solve(pose[np.newaxis], start), "target")[0])
         except Unreachable as problem:
-            raise LeftOut(f"{problem}{metres_hint(place)}") from problem
+            hint = metres_hint(transform_of(target).translation())
+            raise LeftOut(f"{problem}{hint}") from problem
 
     def _do(self, move: Move, plan: Plan | None = None) -> None:
         if len(self.moves) >= _MOST_MOVES:
@@ -319,18 +335,31 @@ class Controller:
         return value
 
     def _name(self, call: Call, problem: str, *, lost: bool) -> None:
-        if problem.lower() not in self._unknown:  # RAPID does not tell capitals apart
+        """Remark once that a signal has no name in a table, and where to name it.
+
+        Args:
+            call: the call that uses the signal.
+            problem: the problem in words, with the signal's name.
+            lost: whether something is not done because of it.
+        """
+        # RAPID does not distinguish capital and small letters, so a signal may have been reported in other letters.
+        if problem.lower() not in self._unknown:
             self._unknown.add(problem.lower())
             call.remark(f"{problem}: name it in a table, --io", lost=lost)
 
 
 def metres_hint(places: Vector) -> str:
-    """Return what to ask of places (..., 3) [m] that the robot cannot reach, if their numbers may have been in metres.
+    """Write a question for positions that the robot cannot reach, if their numbers may have been meant in metres.
 
-    The hint is empty if a place is farther from its frame's origin than a robot's reach in metres would be in
-    millimetres, or if all places are the origin, which is the same in both units.
+    Args:
+        places: positions, shape (..., 3) [m].
+
+    Returns:
+        the question, to be appended to a message. It is empty if a coordinate is too large for metres, or if all
+        positions are the origin, which is the same in both units.
     """
-    if not np.any(places) or np.abs(places).max() > _REACH_IN_METRES:
+    are_all_zero = not np.any(places)
+    if are_all_zero or np.abs(places).max() > _REACH_IN_METRES:
         return ""
     return "; lengths of RAPID are in millimetres: were these metres?"
 

@@ -66,15 +66,24 @@ class Call:
         return self.arguments[index]
 
     def value(self, index: int, kind: str = "") -> Any:
-        """Return an argument, as a value of a type if one is named; reports quaternions in it whose norm is not 1."""
-        node = self.argument(index)
-        return self._reported(node, self.task.typed(node, kind)) if kind else self.task.value(node)
+        """Evaluate an argument, and report the quaternions in it whose norm is not 1 if a type is named.
 
-    def _reported(self, node: Node, value: Value) -> Value:
-        """Return a value that is about to be used, and report its quaternions whose norm is not 1."""
+        Args:
+            index: index of the argument.
+            kind: name of the type that the value must have. If it is empty, a value of any type is returned.
+
+        Raises:
+            WrongType: the argument is missing, or has another type.
+        """
+        node = self.argument(index)
+        return self._typed_value(node, kind) if kind else self.task.value(node)
+
+    def _typed_value(self, node: Node, kind: str) -> Any:
+        """Evaluate an expression as a value of a type, and report the quaternions in it whose norm is not 1."""
+        value = self.task.typed(node, kind)
         name = str(node.children[0]) if node.data == "name" else ""
-        for text, is_wrong in orient_faults(value, name):
-            self.remark(text, lost=is_wrong)
+        for fault in orient_faults(value, name):
+            self.remark(fault.text, lost=fault.is_wrong)
         return value
 
     def has(self, *names: str) -> bool:
@@ -82,9 +91,15 @@ class Call:
         return any(name in self.options for name in names)
 
     def option(self, name: str, kind: str, otherwise: Any = None) -> Any:
-        """Return the value of an option, if it is given."""
+        """Evaluate an option as a value of a type, and report the quaternions in it whose norm is not 1.
+
+        Args:
+            name: name of the option.
+            kind: name of the type that the value must have.
+            otherwise: value to return if the option is not given.
+        """
         node = self.options.get(name)
-        return otherwise if node is None else self._reported(node, self.task.typed(node, kind))
+        return otherwise if node is None else self._typed_value(node, kind)
 
     def known(self, value: Callable[[], Any], otherwise: str) -> Any:
         """Return a value, or predefined data, which is told, where no module declares what it names."""
@@ -230,28 +245,42 @@ class Expressions:
         return self.types.fitted(kind, self.value(node))
 
     def signal(self, node: Node) -> SignalName:
-        """Return the signal that an expression names: data of a signal's type, or a name of the controller's."""
-        found = self._find(node.children[0]) if node.data == "name" else None
-        if node.data == "name" and found is None:
+        """Find the signal that an expression names.
+
+        The expression is the name of data of a signal's type, which stands for a signal. A name that no module declares
+        is that of a signal of the robot's controller.
+
+        Raises:
+            WrongType: the expression names something else.
+        """
+        declared_name = self._find(node.children[0]) if node.data == "name" else None
+        if node.data == "name" and declared_name is None:
             return SignalName(str(node.children[0]))
-        value = found.value if isinstance(found, Datum) else self.value(node)
+        value = declared_name.value if isinstance(declared_name, Datum) else self.value(node)
         if not isinstance(value, SignalName):
             raise WrongType(f"{shape(value)} where a signal is asked for")
         return value
 
     def _value_name(self, name: str) -> Value:
+        """Evaluate a name: TRUE or FALSE, data that a module declares, or a signal of the robot's controller.
+
+        The value of a signal is its level.
+
+        Raises:
+            NoData: the name is that of something else, such as a routine, or of nothing known.
+        """
         if name.lower() in ("true", "false"):
             return name.lower() == "true"
         signal = name
-        found = self._find(name)
-        if isinstance(found, Datum):
-            value: Value = found.value
+        declared_name = self._find(name)
+        if isinstance(declared_name, Datum):
+            value: Value = declared_name.value
             if not isinstance(value, SignalName):
                 return value
             signal = value.name
-            found = None
         level = self._signal(signal)
-        if found is not None or level is None:
+        is_no_data = declared_name is not None and not isinstance(declared_name, Datum)
+        if is_no_data or level is None:
             raise NoData(f"there is no data '{name}'{self._hint(name)}")
         return level
 

@@ -5,18 +5,19 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from simrob_drake.errors import SimrobError, shortened
 from simrob_drake.extras import needed
 from simrob_drake.files import NotRead, content_of, text_of
-from simrob_drake.rapid.repairs import find_missing_end
+from simrob_drake.rapid.repairs import Repair, find_missing_end
 from simrob_drake.rapid.values import Types, Value, WrongType
 
 SUFFIXES = (".mod", ".modx", ".prg", ".sys", ".sysx")  # of modules; a `.pgf` lists those of a program
 _LARGEST = 4_000_000  # bytes; offline programming writes one target after the other
 _MOST_STATEMENTS = 10_000
-"""Statements of a file, by its semicolons. Reading takes about 2 ms for each, planning of a move 20 ms more."""
+"""Largest count of statements (semicolons) of a file. Reading takes about 2 ms for each, planning of a move 20 ms
+more."""
 _HERE = Path(__file__).parent
 _MOST_FAULTS = 20  # of one module, before it is taken for something else
 
@@ -64,46 +65,91 @@ def read_modules(file: Path) -> list[Module]:
 
 
 def modules_of(text: str, file: str) -> list[Module]:
-    """Return a text's modules, and what is no statement.
+    """Read the modules of a text. Parts of it that are not understood are left out, and are faults of the first module.
+
+    Args:
+        text: text of a file.
+        file: name of the file, for messages.
 
     Raises:
         RapidError: there is no module, too little is understood, or there are too many statements.
     """
+    _check_size(text, file)
+    parsed = _parse(text, file)
+    faults = sorted(parsed.faults, key=lambda fault: fault.line)
+    if not parsed.trees:
+        if faults:
+            raise _error_of(faults[0])
+        raise RapidError(f"{file}: line 1", "there is no MODULE ... ENDMODULE")
+    modules = []
+    for index, tree in enumerate(parsed.trees):
+        # The children of a module's tree are its name, its attributes (or nothing) and its declarations.
+        name = str(tree.children[0])
+        module_faults = tuple(faults) if index == 0 else ()
+        modules.append(Module(file, name, tuple(tree.children[2:]), module_faults))
+    return modules
+
+
+class _ParsedText(NamedTuple):
+    """Result of parsing a text.
+
+    Attributes:
+        trees: one tree of the parser for each module.
+        faults: what was not understood, in the order in which it was found.
+    """
+
+    trees: list[Node]
+    faults: list[Remark]
+
+
+def _parse(text: str, file: str) -> _ParsedText:
+    """Parse a text. At each fault the text is repaired, or the faulty statement is blanked, and parsed again.
+
+    Raises:
+        RapidError: there are too many faults, or a fault after which nothing can be read.
+    """
     with needed("RAPID", "rapid"):
         from lark.exceptions import UnexpectedInput
 
-    _check_size(text, file)
     faults: list[Remark] = []
+    readable = text
     while True:
         try:
-            found = _parser().parse(text).children
-            break
+            return _ParsedText(_parser().parse(readable).children, faults)
         except UnexpectedInput as problem:
             if len(faults) == _MOST_FAULTS:
-                raise RapidError(f"{file}: line {faults[0].line}", faults[0].text) from None
-            repair = find_missing_end(problem, text)
-            if repair is not None:
-                faults.append(Remark(file, repair.line, repair.problem))
-                text = repair.text
-                if not text:
-                    raise RapidError(f"{file}: line {faults[0].line}", faults[0].text) from None
-                continue
-            faults.append(_fault(problem, text, file))
-            begin, end = _statement_at(text, problem.pos_in_stream)
-            if (after := _after_all(text)) <= begin:  # what is copied there, editors and controllers do not look at
-                begin, end = after, len(text)
-            if begin == end:
-                raise RapidError(f"{file}: line {faults[0].line}", faults[0].text) from None
-            text = text[:begin] + re.sub(r"[^\n]", " ", text[begin:end]) + text[end:]
-    faults.sort(key=lambda fault: fault.line)
-    if not found:
-        if faults:
-            raise RapidError(f"{file}: line {faults[0].line}", faults[0].text)
-        raise RapidError(f"{file}: line 1", "there is no MODULE ... ENDMODULE")
-    return [
-        Module(file, str(tree.children[0]), tuple(tree.children[2:]), tuple(faults) if tree is found[0] else ())
-        for tree in found
-    ]
+                raise _error_of(faults[0]) from None
+            repair = find_missing_end(problem, readable) or _without_statement(problem, readable)
+            faults.append(Remark(file, repair.line, repair.problem))
+            readable = repair.text
+            if not readable:
+                raise _error_of(faults[0]) from None
+
+
+def _error_of(fault: Remark) -> RapidError:
+    """Make the error of a text that cannot be read because of a fault."""
+    return RapidError(f"{fault.file}: line {fault.line}", fault.text)
+
+
+def _without_statement(problem: Any, text: str) -> Repair:
+    """Replace the statement at which the parser stopped by blanks.
+
+    Args:
+        problem: error of the parser.
+        text: the whole text.
+
+    Returns:
+        the repair; its text is empty if there is nothing to replace.
+    """
+    begin, end = _statement_at(text, problem.pos_in_stream)
+    # Editors and controllers ignore what is copied behind the last module, so all of that is replaced.
+    modules_end = _after_all(text)
+    if modules_end <= begin:
+        begin = modules_end
+        end = len(text)
+    blanked = re.sub(r"[^\n]", " ", text[begin:end])
+    fault = _fault(problem, text)
+    return Repair(fault.line, fault.text, f"{text[:begin]}{blanked}{text[end:]}" if begin < end else "")
 
 
 def nodes(tree: Node, *kinds: str) -> Iterator[Node]:
@@ -112,7 +158,11 @@ def nodes(tree: Node, *kinds: str) -> Iterator[Node]:
 
 
 def _check_size(text: str, file: str) -> None:
-    """Check that a text can be read in a time that a user waits; raises RapidError: it has too many statements."""
+    """Check that a text can be read in a time that a user waits.
+
+    Raises:
+        RapidError: the text has too many statements.
+    """
     statements = text.count(";")
     if statements > _MOST_STATEMENTS:
         raise RapidError(file, f"has {statements} statements, more than {_MOST_STATEMENTS}: split it into modules")
@@ -151,12 +201,23 @@ def _text(file: Path) -> str:
         return content.decode("latin-1")
 
 
-def _fault(problem: Any, text: str, file: str) -> Remark:
-    """Return what the parser stumbled over: the text from there to the end of its line."""
-    place = problem.pos_in_stream if problem.pos_in_stream is not None and problem.line > 0 else len(text.rstrip())
+class _Fault(NamedTuple):
+    """A place where the parser stopped: its line, counted from 1, and the fault in words."""
+
+    line: int
+    text: str
+
+
+def _fault(problem: Any, text: str) -> _Fault:
+    """Describe the place where the parser stopped, by the text from there to the end of its line."""
+    # At the end of the text, the parser has no place.
+    has_place = problem.pos_in_stream is not None and problem.line > 0
+    place = problem.pos_in_stream if has_place else len(text.rstrip())
     line = text.count("\n", 0, place) + 1
-    here = text[place:].partition("\n")[0].strip()
-    return Remark(file, line, f"'{shortened(here, 60)}' is not understood here" if here else "ends before it is whole")
+    rest_of_line = text[place:].partition("\n")[0].strip()
+    if not rest_of_line:
+        return _Fault(line, "ends before it is whole")
+    return _Fault(line, f"'{shortened(rest_of_line, 60)}' is not understood here")
 
 
 def _after_all(text: str) -> int:

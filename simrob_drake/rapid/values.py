@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from pydrake.common.eigen_geometry import Quaternion
@@ -49,7 +49,7 @@ class RecordValue:
 
 @dataclass(frozen=True)
 class SignalName:
-    """An input or output of the controller, by its name as the module has it, in capitals or not."""
+    """An input or output of the robot's controller, by its name as the module writes it; case is not significant."""
 
     name: str
 
@@ -158,38 +158,57 @@ def rotation_of(orient: RecordValue) -> RotationMatrix:
     return RotationMatrix(Quaternion(wxyz / np.linalg.norm(wxyz)))
 
 
-# Norms of quaternions that programs write: with four decimals they miss 1 by up to 1e-4.
 _ROUNDED_NORM = 1e-4
-_WRONG_NORM = 1e-3  # from here on somebody meant another orientation
+"""Deviation of a quaternion's norm from 1 that is due to rounding: programs write quaternions with four decimals."""
+_WRONG_NORM = 1e-3
+"""Deviation of a quaternion's norm from 1 above which the quaternion is a mistake of its author."""
 
 
-def orient_faults(value: "Value", name: str = "") -> list[tuple[str, bool]]:
+class OrientFault(NamedTuple):
+    """A quaternion whose norm is not 1.
+
+    Attributes:
+        text: the fault in words, with the norm.
+        is_wrong: whether the norm is so far from 1 that it cannot be rounding.
+    """
+
+    text: str
+    is_wrong: bool
+
+
+def orient_faults(value: "Value", name: str = "") -> list[OrientFault]:
     """Find the quaternions in a value whose norm is not 1.
 
     Args:
         value: data of any type, such as a ``robtarget`` or an array of them.
-        name: what messages call it; components are appended to it.
-
-    Returns:
-        for each such quaternion a text that has its norm, and whether the norm is so far
-        from 1 that it cannot be rounding.
+        name: name of the value for messages; empty if it has none. Names of components and indices are appended to it.
     """
+    faults = []
     if isinstance(value, list):
-        return [fault for row, one in enumerate(value, 1) for fault in orient_faults(one, f"{name}{{{row}}}")]
-    if not isinstance(value, RecordValue):
-        return []
-    if value.kind != "orient":
-        parts = [(part, f"{name}.{part}" if name else part) for part in value.parts]
-        return [fault for part, called in parts for fault in orient_faults(value.parts[part], called)]
-    norm = float(np.linalg.norm(np.array(value.flat(), dtype=float)))
+        for number, element in enumerate(value, 1):  # RAPID counts from 1
+            faults += orient_faults(element, f"{name}{{{number}}}")
+    elif isinstance(value, RecordValue) and value.kind == "orient":
+        faults += _faults_of_quaternion(value, name)
+    elif isinstance(value, RecordValue):
+        for component, part in value.parts.items():
+            faults += orient_faults(part, f"{name}.{component}" if name else component)
+    return faults
+
+
+def _faults_of_quaternion(orient: RecordValue, name: str) -> list[OrientFault]:
+    """Find the fault of a single quaternion: a list with one entry, or none."""
+    norm = float(np.linalg.norm(np.array(orient.flat(), dtype=float)))
     deviation = abs(norm - 1.0)
-    is_load = name.endswith("aom")  # axes of a load's inertia, which nothing here turns by
-    if deviation <= _ROUNDED_NORM or (norm == 0 and not is_load):  # of zero rotation_of complains
+    if deviation <= _ROUNDED_NORM:
         return []
-    quaternion = f"the quaternion {texted(value)}{f' of {name}' if name else ''}"
-    text = f"{quaternion} has a norm of {norm:.6g}; it must be 1 within {_WRONG_NORM:g}"
-    taken = "" if norm == 0 else "; it is normalised here"
-    return [(f"{text}{taken}", deviation > _WRONG_NORM)]
+    # `rotation_of` refuses a quaternion of zeros. But nothing turns by the axes of a load's inertia, `aom`.
+    is_of_load = name.endswith("aom")
+    if norm == 0 and not is_of_load:
+        return []
+    owner = f" of {name}" if name else ""
+    problem = f"the quaternion {texted(orient)}{owner} has a norm of {norm:.6g}; it must be 1 within {_WRONG_NORM:g}"
+    remedy = "" if norm == 0 else "; it is normalised here"
+    return [OrientFault(f"{problem}{remedy}", deviation > _WRONG_NORM)]
 
 
 def transform_of(pose: RecordValue) -> RigidTransform:

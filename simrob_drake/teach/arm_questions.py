@@ -142,18 +142,19 @@ def branches(arm: Arm, pose: Sequence[float] | None = None, frame: str = BASE, t
 def _meaning(arm: Arm, branch: Branch) -> dict[str, Any]:
     robot = arm.cell.robot(arm.name)
     units, limits = dict(zip(arm.axes, robot.model.unit_names, strict=True)), robot.gains.torque_limit
-    (share, loaded), (left, near), (distance, *between) = branch.load, branch.room, branch.gap
+    near = branch.room.axis
+    between = [branch.gap.body, branch.gap.other]
     return {
         "axes": _by_axis(arm, branch.posture),
         "torque": dict(zip(arm.axes, branch.torque.tolist(), strict=True)),
         "limit": dict(zip(arm.axes, limits.tolist(), strict=True)),
-        "load": {"share": share, "axis": loaded},
+        "load": {"share": branch.load.value, "axis": branch.load.axis},
         "room": {
-            "left": left / robot.model.user_units[arm.axes.index(near)].item(),
+            "left": branch.room.value / robot.model.user_units[arm.axes.index(near)].item(),
             "unit": units[near],
             "axis": near,
         },
-        "gap": {"distance": distance, "between": between} if all(between) else None,
+        "gap": {"distance": branch.gap.distance, "between": between} if all(between) else None,
         "collision": branch.collision,
         "usable": branch.usable,
     }

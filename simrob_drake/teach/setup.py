@@ -27,9 +27,16 @@ class Setup:
         return node
 
     def set(self, key: str, value: Any) -> bool:
-        """Change the station by a dotted key and open it anew; None takes an entry out.
+        """Change a setting of the station and open the station anew.
 
-        Another kind of a section takes back what was set for the old kind.
+        A new kind of a section, such as of the reference, removes the settings that were made for its old kind.
+
+        Args:
+            key: dotted key of the setting, such as ``servo.kp``.
+            value: the new value; None removes an entry, such as a piece.
+
+        Returns:
+            whether the station could be opened.
         """
         return self._open_with(settings_with(self._book.settings, {key: value}))
 

@@ -126,6 +126,17 @@ def test_a_mimic_joint_gets_a_motor_of_its_own(tmp_path):
     finger = joint("finger", "tip", "hand", "revolute", f'<axis xyz="0 1 0"/>{LIMIT}<mimic joint="shoulder"/>')
     done = Repaired(with_defect(END, f'<link name="hand"/>{finger}{END}'), tmp_path)
     assert done.plant.num_actuators() == 2
+    assert any("mimics 'shoulder' by 1 with an offset of 0: stations couple" in line for line in done.told("read"))
+
+
+@pytest.mark.parametrize("mimic", ['<mimic joint="shoulder" multiplier="0"/>', '<mimic joint="clamp"/>'])
+def test_a_joint_that_follows_nothing_that_moves_is_fixed_and_not_coupled(tmp_path, mimic):
+    clamp = '<link name="plate"/>' + joint("clamp", "tip", "plate", "fixed")
+    finger = joint("finger", "tip", "hand", "revolute", f'<axis xyz="0 1 0"/>{LIMIT}{mimic}')
+    done = Repaired(with_defect(END, f'{clamp}<link name="hand"/>{finger}{END}'), tmp_path)
+    assert done.plant.num_actuators() == 1
+    assert any("joint 'finger'" in line and "fixed at 0" in line for line in done.told("repaired"))
+    assert not any("couple" in line for line in done.told("read"))
 
 
 @pytest.mark.parametrize(

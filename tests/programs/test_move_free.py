@@ -15,9 +15,10 @@ from simrob_drake.kinematics.every_branch import goal_postures
 from simrob_drake.kinematics.solver import Unreachable
 from simrob_drake.programs import smooth_path
 from simrob_drake.programs.errors import GoalInCollision, NoFreePath, PathCollision, StartInCollision
-from simrob_drake.programs.free_path import metres
+from simrob_drake.programs.free_path import metres_per_radian
 from simrob_drake.programs.moves import move_free
 from simrob_drake.programs.plan import check_collisions
+from simrob_drake.programs.segments import PathPoint
 from simrob_drake.results.animation.recording import save_recording
 from simrob_drake.stations.piece_config import PieceConfig
 from simrob_drake.stations.posed import PosedStation
@@ -52,7 +53,9 @@ def arm(station):
 def check_free(cell, result):
     """Look at 1000 postures of a run by the check of other moves, which knows nothing of the search."""
     rows = {robot: positions_between(result, 1000, robot) for robot in cell.config.robots}
-    check_collisions(cell.collision_model, rows, np.linspace(0, result.stop_time, 1000), lambda at: (0, f"{at} s"))
+    check_collisions(
+        cell.collision_model, rows, np.linspace(0, result.stop_time, 1000), lambda at: PathPoint(0, f"{at} s")
+    )
 
 
 class TestTheWay:
@@ -160,34 +163,36 @@ class TestHeldByFingers:
             holding.plan.move_free(joints=[np.deg2rad(40), *holding.position[1:]])
 
     def test_what_is_carried_reaches_as_far_as_its_corners(self, holding):
-        corners = holding.cell.free_space(["robot"]).carried("robot")
+        corners = holding.cell.free_space(["robot"]).carried_points("robot")
         model = holding.cell.collision_model
         own = model.pose(model.piece_origin("bar")).inverse() @ corners.T
         np.testing.assert_allclose(np.sort(own[0]), [-0.2] * 4 + [0.2] * 4, atol=1e-6)
 
     def test_a_way_is_looked_at_by_the_bar_in_the_axes_of_the_tool(self, holding, monkeypatch):
         asked = []
-        monkeypatch.setattr(move_free, "metres", lambda *known: (asked.append(known), metres(*known))[1])
+        monkeypatch.setattr(
+            move_free, "metres_per_radian", lambda *known: (asked.append(known), metres_per_radian(*known))[1]
+        )
         holding.plan.move_free(joints=[np.deg2rad(10), *holding.position[1:]])
         (_, corners), pose = asked[-1], holding.chain.forward(holding.position)[0]
         there = corners @ pose[:3, :3].T + pose[:3, 3]
-        np.testing.assert_allclose(there, holding.cell.free_space(["robot"]).carried("robot"), atol=1e-6)
+        np.testing.assert_allclose(there, holding.cell.free_space(["robot"]).carried_points("robot"), atol=1e-6)
 
     def test_looks_are_as_near_as_the_end_of_the_bar_moves(self, holding):
         tip, chain = np.array([[-0.2, 0.0, 0.0]]), holding.chain
         way = np.random.default_rng(0).uniform(chain.lower, chain.upper, (50, chain.size))
-        for axis, most in enumerate(metres(chain, tip)):
+        for axis, most in enumerate(metres_per_radian(chain, tip)):
             poses = [chain.forward(way + turn * np.eye(chain.size)[axis]) for turn in (0.0, 1e-4)]
             before, after = (pose[:, :3, :3] @ tip[0] + pose[:, :3, 3] for pose in poses)
             assert np.linalg.norm(after - before, axis=1).max() <= 1.001e-4 * most
-        assert metres(chain, tip)[5] == pytest.approx(0.2, abs=1e-3)
+        assert metres_per_radian(chain, tip)[5] == pytest.approx(0.2, abs=1e-3)
 
 
 class TestShort:
     def test_what_is_optimised_takes_less_time_and_is_free(self, arm, monkeypatch):
         arm.move_free(LEFT)
         short = arm.plan.move_free(RIGHT, profile="time_optimal")
-        monkeypatch.setattr(move_free, "shortened", lambda *_: None)
+        monkeypatch.setattr(move_free, "find_faster_path", lambda *_: None)
         rounded = arm.plan.move_free(RIGHT, profile="time_optimal")
         assert short.duration < 0.95 * rounded.duration
         np.testing.assert_allclose(short.end, rounded.end)
@@ -198,7 +203,7 @@ class TestShort:
         monkeypatch.setattr(smooth_path, "_ROUNDS", 1)
         monkeypatch.setattr(smooth_path, "_EVERY", 10.0)  # too far apart to see the shelf
         plan = arm.plan.move_free(RIGHT)
-        monkeypatch.setattr(move_free, "shortened", lambda *_: None)
+        monkeypatch.setattr(move_free, "find_faster_path", lambda *_: None)
         assert plan.duration == arm.plan.move_free(RIGHT).duration
 
     def test_the_station_that_is_optimised_in_is_as_it_is_now(self, holding):

@@ -9,6 +9,7 @@ from simrob_drake import Arm
 from simrob_drake.cli.app import run_command
 from simrob_drake.programs.errors import GoalInCollision, NoFreePath, PathCollision
 from simrob_drake.programs.plan import check_collisions
+from simrob_drake.programs.segments import PathPoint
 from simrob_drake.rapid.importing import import_rapid
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.load import bare_station
@@ -103,7 +104,7 @@ def goal_collides(arm: Arm, posture: np.ndarray) -> bool:
     """Whether ordinary moves take a posture as a collision, whatever the way there."""
     rows = {"robot": np.array([arm.reference, posture])}
     try:
-        check_collisions(arm.cell.collision_model, rows, np.array([0.0, 1.0]), lambda _: (1, "goal"))
+        check_collisions(arm.cell.collision_model, rows, np.array([0.0, 1.0]), lambda _: PathPoint(1, "goal"))
     except PathCollision:
         return True
     return False

@@ -101,17 +101,21 @@ class _Part:
             axis: index of the axis normal to the plane.
             level: position of the plane on the axis [m].
         """
-        # The points in which the plane cuts the edges of the faces belong to both halves.
+        # Heights above the plane have opposite signs at the two ends of an edge that crosses the plane.
         starts, ends = self._edges
-        heights = starts[:, axis] - level
-        other_heights = ends[:, axis] - level
-        crosses = heights * other_heights < 0.0
-        fractions = heights[crosses] / (heights[crosses] - other_heights[crosses])
+        start_heights = starts[:, axis] - level
+        end_heights = ends[:, axis] - level
+        crosses = start_heights * end_heights < 0.0
+        # Fraction of the edge at which it crosses the plane.
+        fractions = start_heights[crosses] / (start_heights[crosses] - end_heights[crosses])
         edges = ends[crosses] - starts[crosses]
-        section = starts[crosses] + fractions[:, np.newaxis] * edges
-        above = self.vertices[:, axis] > level
-        halves = (self.vertices[above], self.vertices[~above])
-        return self.volume - sum(_volume_of(np.vstack([half, section])) for half in halves)
+        crossing_points = starts[crosses] + fractions[:, np.newaxis] * edges
+
+        # The crossing points belong to both halves.
+        is_above = self.vertices[:, axis] > level
+        volume_above = _volume_of(np.vstack([self.vertices[is_above], crossing_points]))
+        volume_below = _volume_of(np.vstack([self.vertices[~is_above], crossing_points]))
+        return self.volume - (volume_above + volume_below)
 
     def halves(self, axis: int, level: float) -> "list[_Part]":
         """Cut the part in two by a plane that is normal to an axis, at a level [m] on this axis."""
@@ -143,8 +147,9 @@ class _Part:
         """
         cuts = []
         for axis, level in self.planes((0.5,)):
-            later = sum(half.best_cut.gain for half in self.halves(axis, level))
-            cuts.append(_Cut(self.gain(axis, level) + later, axis, level))
+            first_half, second_half = self.halves(axis, level)
+            later_gain = first_half.best_cut.gain + second_half.best_cut.gain
+            cuts.append(_Cut(self.gain(axis, level) + later_gain, axis, level))
         return max(cuts, key=lambda cut: cut.gain, default=_NO_CUT)
 
     @property
@@ -193,17 +198,24 @@ def _without_unused_vertices(vertices: Vector, faces: Faces) -> _Part:
     return _Part(vertices[used], new_indices.reshape(faces.shape))
 
 
-def _rounded(vertices: Vector, faces: Faces) -> _Part:
-    """Round the vertices of a mesh to a grid, and remove faces that become lines or points, and duplicates."""
-    points, new_indices = np.unique(np.round(vertices / _GRID), axis=0, return_inverse=True)
-    corners = new_indices.reshape(-1)[faces]
-    first, second, third = corners.T
-    is_face = (first != second) & (second != third) & (third != first)
-    kept = np.unique(np.sort(corners[is_face], axis=1), axis=0)
-    return _without_unused_vertices(points * _GRID, kept)
+def _round_to_grid(vertices: Vector, faces: Faces) -> _Part:
+    """Round the vertices of a mesh to a grid, and remove faces that become lines or points, and duplicates.
+
+    Args:
+        vertices: vertices of the mesh, shape (n, 3) [m].
+        faces: indices of the vertices of each face, shape (m, 3).
+    """
+    grid_points, new_indices = np.unique(np.round(vertices / _GRID), axis=0, return_inverse=True)
+    new_faces = new_indices.reshape(-1)[faces]
+    first, second, third = new_faces.T
+    has_three_corners = (first != second) & (second != third) & (third != first)
+    # Faces with the same corners are equal if the corners are sorted. The order, which gives a face its outer side, is
+    # lost, but no hull depends on it.
+    distinct_faces = np.unique(np.sort(new_faces[has_three_corners], axis=1), axis=0)
+    return _without_unused_vertices(grid_points * _GRID, distinct_faces)
 
 
-@heard_afterwards()
+@heard_afterwards()  # an interrupt by the user (Ctrl-C) takes effect when the function returns
 def convex_parts(vertices: Vector, faces: NDArray[np.int64]) -> list[Vector]:
     """Cut a mesh into convex parts.
 
@@ -218,21 +230,21 @@ def convex_parts(vertices: Vector, faces: NDArray[np.int64]) -> list[Vector]:
     Raises:
         UnreadableMesh: the mesh is flat or too small for a hull.
     """
-    whole = _rounded(vertices, faces)
-    parts = [whole]
+    whole = _round_to_grid(vertices, faces)
     if whole.is_convex:
         return [whole.corners]
-    least = _LEAST_GAIN * whole.volume
+    least_gain = _LEAST_GAIN * whole.volume
+    parts = [whole]
     while len(parts) < MOST_PARTS:
         index = int(np.argmax([part.best_cut.gain for part in parts]))
         cut = parts[index].best_cut
-        if cut.gain < least:
+        if cut.gain < least_gain:
             # No single cut helps. Two cuts, one after the other, may: see `best_first_cut`.
             index = int(np.argmax([part.best_first_cut.gain for part in parts]))
             cut = parts[index].best_first_cut
-        if cut.gain < least:
+        if cut.gain < least_gain:
             break
-        parts[index : index + 1] = parts[index].halves(cut.axis, cut.level)
+        parts[index : index + 1] = parts[index].halves(cut.axis, cut.level)  # in place of the part
     return [part.corners for part in parts]
 
 
@@ -248,13 +260,25 @@ def cached_convex_parts(vertices: Vector, faces: NDArray[np.int64]) -> list[Vect
     entry = cache_entry("convex_parts", made_of=content, made_by=_CODE)
     file = entry / "corners.txt"
     if file.is_file():
-        text = content_of(file, _LARGEST_ENTRY).decode()
-        # A line holds the number of the part and the position of one corner [m].
-        rows = np.array([line.split() for line in text.splitlines()], dtype=float)
-        part_starts = np.flatnonzero(np.diff(rows[:, 0])) + 1
-        return [np.asarray(part[:, 1:]) for part in np.split(rows, part_starts)]
+        return _parts_of_text(content_of(file, _LARGEST_ENTRY).decode())
     parts = convex_parts(vertices, faces)
-    lines = [f"{number} {x!r} {y!r} {z!r}" for number, part in enumerate(parts) for x, y, z in part.tolist()]
     with suppress(OutputError):  # a cache that cannot be written only costs time
-        written_at_once(file, "\n".join(lines) + "\n")
+        written_at_once(file, _text_of_parts(parts))
     return parts
+
+
+def _text_of_parts(parts: list[Vector]) -> str:
+    """Text of a cache entry. Each line holds the number of the part and the position of one corner [m]."""
+    lines = []
+    for number, corners in enumerate(parts):
+        for x, y, z in corners.tolist():
+            lines.append(f"{number} {x!r} {y!r} {z!r}")
+    return "\n".join(lines) + "\n"
+
+
+def _parts_of_text(text: str) -> list[Vector]:
+    """Read the parts from the text of a cache entry."""
+    rows = np.array([line.split() for line in text.splitlines()], dtype=float)
+    # A part begins at a line whose number differs from that of the line before.
+    part_starts = np.flatnonzero(np.diff(rows[:, 0])) + 1
+    return [np.asarray(part[:, 1:]) for part in np.split(rows, part_starts)]

@@ -18,9 +18,10 @@ _IN_JOINT, _IN_PARENT, _TENDON = 0, 1, 3  # mjtTrn
 _OF_JOINT = 1  # mjtWrap
 _FIXED, _NONE, _AFFINE = 0, 0, 1  # mjtGain; mjtBias twice
 _CONNECT, _WELD, _COUPLED = 0, 1, 2  # mjtEq
-_ANCHOR = 3  # numbers of a point [m]
+_ANCHOR_NUMBERS = 3  # count of numbers of a point in eq_data
 _SITE = 6  # mjtObj
-_POLYNOMIAL = 5  # coefficients of a coupling of two joints
+_POLYNOMIAL_NUMBERS = 5  # count of coefficients in eq_data of an equality of two joints
+_DIGITS = 9  # decimals of positions that are written [m]
 _HOME = "home"
 
 
@@ -163,53 +164,68 @@ class DriveWriter:
             if kind in (_CONNECT, _WELD) and all(body in self.bodies for body in ends):
                 between = "' and '".join(name_of(self.bodies[body]) for body in ends)
                 loop = ET.SubElement(self.robot, "loop_joint", name=f"{name} of '{between}'")
+                # A connection of sites has no anchors in the bodies, which a ball joint needs.
                 if kind == _CONNECT and model.eq_objtype[index] != _SITE:
-                    self._write_ball(loop, index, name, ends)
+                    loop.append(self._ball_coupling(index, name, ends).element())
                 continue
             if kind == _COUPLED and ends[0] in first:
-                self._write_coupling(index, name, ends, first)
+                self._write_mimic(index, name, ends, first)
                 continue
             self.report.add("lost", f"constraint '{name}'", "is not simulated")
 
-    def _write_ball(self, loop: ET.Element, index: int, name: str, ends: Sequence[int]) -> None:
-        """Write the coupling into a loop that a connection of two bodies is: a ball joint at its anchor."""
-        anchors = np.asarray(self.model.eq_data[index][: 2 * _ANCHOR]).reshape(2, _ANCHOR)
-        closing = LoopCoupling(
-            name=re.sub(r"\W+", "_", name, flags=re.ASCII),
+    def _ball_coupling(self, index: int, name: str, ends: Sequence[int]) -> LoopCoupling:
+        """Make the coupling that replaces a connection of two bodies: a ball joint.
+
+        Args:
+            index: index of the constraint in the model.
+            name: name of the constraint.
+            ends: indices of the two bodies in the model.
+        """
+        # MuJoCo gives the anchor in the frames of both bodies.
+        anchor, other_anchor = np.asarray(self.model.eq_data[index][: 2 * _ANCHOR_NUMBERS]).reshape(2, _ANCHOR_NUMBERS)
+        return LoopCoupling(
+            name=re.sub(r"\W+", "_", name, flags=re.ASCII),  # a key of a station's file
             kind="ball",
             body=name_of(self.bodies[ends[0]]),
             other=name_of(self.bodies[ends[1]]),
-            place=[round(number, 9) + 0.0 for number in anchors[0].tolist()],
-            other_place=[round(number, 9) + 0.0 for number in anchors[1].tolist()],
+            place=[round(number, _DIGITS) + 0.0 for number in anchor.tolist()],  # the sum makes 0 of -0
+            other_place=[round(number, _DIGITS) + 0.0 for number in other_anchor.tolist()],
         )
-        loop.append(closing.element())
 
-    def _write_coupling(self, index: int, name: str, ends: Sequence[int], first: Mapping[int, ET.Element]) -> None:
-        """Write an equality of two joints as a ``mimic`` of the first one.
+    def _write_mimic(self, index: int, name: str, ends: Sequence[int], elements: Mapping[int, ET.Element]) -> None:
+        """Write an equality of two joints as an element ``mimic`` of the first joint, which makes it follow the second.
 
-        MuJoCo counts both from their positions in its zero posture, y - y0 = sum of c_k (x - x0)^k, and holds a joint
-        at y0 + c_0 where there is no other one. Of the polynomial its slope in the zero posture is taken.
+        MuJoCo's equality is y - y0 = sum of c_k (x - x0)^k, with the position y of the first joint, the position x of
+        the second, and their positions y0 and x0 in the model's zero posture. A ``mimic`` is linear, so only c_0 and
+        the slope c_1 are written. Without a second joint, the first one is held at y0 + c_0: a multiplier of 0.
+
+        Args:
+            index: index of the constraint in the model.
+            name: name of the constraint, for the report.
+            ends: indices of the two joints in the model; the second is negative if there is none.
+            elements: URDF elements of the joints, by their indices in the model.
         """
         model = self.model
-        constant, slope, *higher = np.asarray(model.eq_data[index][:_POLYNOMIAL]).tolist()
-        follower, leader = first[ends[0]], first.get(ends[1])
-        zero = float(model.qpos0[model.jnt_qposadr[ends[0]]])
+        where = f"constraint '{name}'"
+        follower = elements[ends[0]]
         if follower.find("mimic") is not None:
             problem = f"joint '{name_of(follower)}' follows another one already: this coupling is not simulated"
-            self.report.add("lost", f"constraint '{name}'", problem)
+            self.report.add("lost", where, problem)
             return
+        constant, slope, *higher = np.asarray(model.eq_data[index][:_POLYNOMIAL_NUMBERS]).tolist()
+        follower_zero = float(model.qpos0[model.jnt_qposadr[ends[0]]])
         if ends[1] < 0:
-            stands = {"joint": name_of(follower), "multiplier": "0", "offset": written(zero + constant)}
-            ET.SubElement(follower, "mimic", stands)
+            position = written(follower_zero + constant)
+            ET.SubElement(follower, "mimic", joint=name_of(follower), multiplier="0", offset=position)
             return
+        leader = elements.get(ends[1])
         if leader is None:
-            self.report.add("lost", f"constraint '{name}'", "its other joint is not there: it is not simulated")
+            self.report.add("lost", where, "its other joint is not there: it is not simulated")
             return
         if any(higher):
-            problem = (
-                f"a polynomial of higher degree; joint '{name_of(follower)}' follows by its slope at zero, {slope:g}"
-            )
-            self.report.add("lost", f"constraint '{name}'", problem)
-        offset = zero + constant - slope * float(model.qpos0[model.jnt_qposadr[ends[1]]])
-        follows = {"joint": name_of(leader), "multiplier": written(slope), "offset": written(offset)}
-        ET.SubElement(follower, "mimic", follows)
+            problem = f"joint '{name_of(follower)}' follows by its slope at zero, {slope:g}"
+            self.report.add("lost", where, f"a polynomial of higher degree; {problem}")
+        # y = c_1 x + offset, with offset = y0 + c_0 - c_1 x0.
+        leader_zero = float(model.qpos0[model.jnt_qposadr[ends[1]]])
+        offset = follower_zero + constant - slope * leader_zero
+        ET.SubElement(follower, "mimic", joint=name_of(leader), multiplier=written(slope), offset=written(offset))

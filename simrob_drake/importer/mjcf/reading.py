@@ -10,6 +10,7 @@ from functools import cached_property
 from importlib.util import find_spec
 from pathlib import Path, PurePosixPath
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,7 +32,7 @@ from simrob_drake.robots.urdf_check import numbers_in
 TIME_LIMIT = 120.0  # of a compilation [s]
 _MOST_FILES = 100  # that a model may include
 _MOST_COPIES = 1000
-"""Elements that all ``replicate`` elements of a model stand for."""
+"""Largest count of elements that all ``replicate`` elements of a model make; MuJoCo copies the content of each."""
 _SOFT = {
     "deformable": "what is soft is not simulated",
     "flexcomp": "what is soft is not simulated",
@@ -192,26 +193,37 @@ def _leave_out(root: ET.Element, report: ImportReport) -> None:
 
 
 def _check_replicates(root: ET.Element, report: ImportReport) -> None:
-    """Check how many elements the ``replicate`` elements stand for, nested ones too.
+    """Check how many elements the ``replicate`` elements of a model make, nested ones too.
 
     Raises:
-        InvalidModel: they stand for more than can be imported in a few seconds.
+        InvalidModel: they make more than can be imported in a few seconds.
     """
-    total = 0
-    waiting = [(root, 1)]  # elements, each with the number of its copies
-    while waiting:
-        element, copies = waiting.pop()
-        total += copies if copies > 1 else 0
-        if element.tag == "replicate":
-            copies *= _count_of(element)
-        if total > _MOST_COPIES or copies > _MOST_COPIES:
-            where = f"<replicate count='{shortened(element.get('count', ''))}'>" if element.tag == "replicate" else ""
+    total = 0  # count of the elements that were visited, with all their copies
+    elements_left = [_CopiedElement(root, 1)]
+    while elements_left:
+        element, own_copies = elements_left.pop()
+        if own_copies > 1:
+            total += own_copies
+        is_replicate = element.tag == "replicate"
+        child_copies = own_copies * _copies_by(element) if is_replicate else own_copies
+        if total > _MOST_COPIES or child_copies > _MOST_COPIES:
+            where = f"<replicate count='{shortened(element.get('count', ''))}'>" if is_replicate else ""
             raise report.refusal(where, f"more than {_MOST_COPIES} elements with all that is replicated")
-        waiting += [(child, copies) for child in element]
+        elements_left += [_CopiedElement(child, child_copies) for child in element]
 
 
-def _count_of(replicate: ET.Element) -> int:
-    """Return the number of copies that a ``replicate`` element makes; 1 if it is no number, which MuJoCo refuses."""
+class _CopiedElement(NamedTuple):
+    """An element of a model, and the count of its copies that the ``replicate`` elements around it make."""
+
+    element: ET.Element
+    copies: int
+
+
+def _copies_by(replicate: ET.Element) -> int:
+    """Count of copies that a ``replicate`` element makes of its content.
+
+    It is 1 if the element has no valid count, which MuJoCo refuses later.
+    """
     numbers = numbers_in(replicate.get("count", "")) or ()
     if len(numbers) != 1 or not np.isfinite(numbers[0]):
         return 1

@@ -1,8 +1,13 @@
-"""Drives: every joint that moves has one motor that Drake reads, strong and fast enough for what hangs on it."""
+"""Repair the drives of a robot (a URDF): every joint that moves has one motor that Drake reads.
+
+The format describes a motor by an ``<actuator>`` in a ``<transmission>``, and its largest torque or force (effort) and
+speed by the ``<limit>`` of the joint. Efforts that are missing are estimated from what hangs on the joint. Every change
+adds an entry to the report of the import.
+"""
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -32,137 +37,259 @@ from simrob_drake.robots.urdf import (
 from simrob_drake.robots.urdf_check import numbers_in
 
 SIMPLE = "SimpleTransmission"
+"""End of the name of the only type of transmission that Drake reads."""
 
-SAFETY = 3.0  # how many times a motor can hold, stretched out, what hangs on it
+SAFETY = 3.0
+"""Ratio of an estimated effort to the effort that holds the load against gravity."""
 REVOLUTE_ACCELERATION = 10.0
 """Acceleration [rad/s²] that estimated motors give to what they move, their own rotors included, while they hold it.
-From rest to half a turn a second, the speed of joints without one, in a third of a second."""
+A joint reaches half a turn a second, the speed of joints without a given speed, in a third of a second."""
 PRISMATIC_ACCELERATION = 5.0
-"""Likewise [m/s²]; half of gravity."""
-UNKNOWN_EFFORT = 10.0  # where nothing is known of the masses [N·m or N]
-LEAST_TORQUE, LEAST_FORCE = 1.0, 10.0  # least default efforts [N·m, N]
-REVOLUTE_SPEED, PRISMATIC_SPEED = math.pi, 1.0  # default velocities [rad/s, m/s]
-_SHARE = 0.1  # of the strongest motor: less would be a toy on the same robot
-_ENDLESS = 1e9  # N·m or N; what absurd masses would ask for
-_STRONGEST = 1e5  # N·m or N; efforts above stand for "no limit" and are no measure
+"""Acceleration that estimated motors of prismatic joints give [m/s²]; half of gravity."""
+UNKNOWN_EFFORT = 10.0  # estimated effort if no mass is known [N·m or N]
+LEAST_TORQUE = 1.0  # least estimated effort of a revolute joint [N·m]
+LEAST_FORCE = 10.0  # least estimated effort of a prismatic joint [N]
+REVOLUTE_SPEED = math.pi  # default speed of a revolute joint [rad/s]
+PRISMATIC_SPEED = 1.0  # default speed of a prismatic joint [m/s]
+_SHARE_OF_STRONGEST = 0.1  # least estimated effort, as a fraction of the strongest motor of the same robot
+_LARGEST_EFFORT = 1e9  # bound of estimated efforts, which absurd masses would exceed [N·m or N]
+_LARGEST_REAL_EFFORT = 1e5  # larger efforts of a file stand for "no limit" and say nothing of other motors [N·m or N]
+
+_LEAST_GEAR_VALUES = {"mechanicalReduction": -math.inf, "gear_ratio": 0.0, "rotor_inertia": 0.0}
+"""Smallest value of the elements of an actuator that hold a number, by tag. A reduction may turn the joint's sense."""
 
 
 def repair_drives(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
     """Give every movable joint of a robot one simple transmission, an effort and a velocity, in place."""
-    movable, driven = dict.fromkeys(movable_joints(robot)), set[str]()
+    movable = dict.fromkeys(movable_joints(robot))  # names in file order; a dict finds each of thousands at once
+    driven = set[str]()  # names of the joints that have a motor
     for drive in list(robot.iterfind("transmission")):
-        _settle(robot, drive, movable, driven, report)
+        driven.update(_repair_transmission(robot, drive, movable, driven, report))
     idle = [joint for joint in movable if joint not in driven]
     for joint in idle:
         add_motor(robot, joint, drive=f"{joint}_drive")
     if idle:
-        listed = "', '".join(idle)
-        report.add("defaulted", f"joints '{listed}'", "no transmission drives them; a motor made for each")
-    free = FreeNames()
+        names = "', '".join(idle)
+        report.add("defaulted", f"joints '{names}'", "no transmission drives them; a motor made for each")
+    _rename_duplicate_motors(robot, report)
+    _repair_efforts_and_speeds(robot, options, report)
+
+
+def _rename_duplicate_motors(robot: ET.Element, report: ImportReport) -> None:
+    """Give another name to each motor whose name an earlier motor has, in place."""
+    free_names = FreeNames()
     for drive in robot.iterfind("transmission"):
         for actuator in drive.iterfind("actuator"):
             name = name_of(actuator)
-            new = free.take(name)
+            new = free_names.take(name)
             if new != name:
                 actuator.set("name", new)
                 report.add("repaired", f"transmission '{name_of(drive)}'", f"a second motor called '{name}'; '{new}'")
-    _repair_efforts(robot, options, report)
 
 
-def _settle(
-    robot: ET.Element, drive: ET.Element, movable: Collection[str], driven: set[str], report: ImportReport
-) -> None:
-    """Keep a transmission that Drake reads; of any other, make a motor of their own for its joints."""
-    where, actuators = f"transmission '{name_of(drive)}'", drive.findall("actuator")
-    joints = list(dict.fromkeys(name_of(joint).strip() for joint in drive.iterfind("joint")))
-    undriven = [joint for joint in joints if joint in movable and joint not in driven]
-    driven.update(undriven)
-    written_types = (drive.findtext("type"), drive.get("type"), drive.findtext("plugin"))  # of ROS 1 and ROS 2
-    kind = next((text.strip() for text in written_types if text and text.strip()), "")
-    read_by_drake = (drive.findtext("type") or "").strip().endswith(SIMPLE) and len(drive.findall("joint")) == 1
-    if len(joints) == len(undriven) == len(actuators) == 1 and read_by_drake and name_of(actuators[0]).strip():
+def _repair_transmission(
+    robot: ET.Element, drive: ET.Element, movable: Collection[str], driven: Collection[str], report: ImportReport
+) -> list[str]:
+    """Keep a transmission that Drake reads, or replace it by a simple transmission for each of its joints, in place.
+
+    Args:
+        robot: the robot.
+        drive: the transmission, an element of the robot.
+        movable: names of the joints that move.
+        driven: names of the joints that have a motor already. They do not get another one.
+        report: report of the import.
+
+    Returns:
+        names of the joints that have got their motor from this transmission.
+    """
+    where = f"transmission '{name_of(drive)}'"
+    actuators = drive.findall("actuator")
+    joints = list(dict.fromkeys(name_of(joint).strip() for joint in drive.iterfind("joint")))  # each name once
+    new_joints = [joint for joint in joints if joint in movable and joint not in driven]
+    if _is_read_by_drake(drive) and new_joints == joints:
         _repair_gears(actuators[0], where, report)
-        return
+        return new_joints
     robot.remove(drive)
-    for index, joint in enumerate(undriven):
-        old = actuators[index] if len(actuators) == len(undriven) else None
-        new = add_motor(robot, joint, drive=f"{joint}_drive", motor="" if old is None else name_of(old).strip())
-        new.extend([] if old is None else list(old))  # its own gears go with it
-        _repair_gears(new, where, report)
-    report.add("repaired" if undriven else "dropped", where, _why(joints, undriven, kind, movable))
+    for index, joint in enumerate(new_joints):
+        # If there are as many motors as joints, each joint keeps its motor with its gears.
+        if len(actuators) == len(new_joints):
+            old_motor = actuators[index]
+            motor = add_motor(robot, joint, drive=f"{joint}_drive", motor=name_of(old_motor).strip())
+            motor.extend(list(old_motor))
+        else:
+            motor = add_motor(robot, joint, drive=f"{joint}_drive")
+        _repair_gears(motor, where, report)
+    report.add("repaired" if new_joints else "dropped", where, _reason(drive, joints, new_joints, movable))
+    return new_joints
 
 
-def _why(joints: list[str], undriven: list[str], kind: str, movable: Collection[str]) -> str:
-    listed = "', '".join(undriven)
-    made = f"{SIMPLE} of '{listed}'"
+def _is_read_by_drake(drive: ET.Element) -> bool:
+    """Whether Drake reads a transmission: a simple one with one joint, and one motor with a name."""
+    kind = (drive.findtext("type") or "").strip()
+    actuators = drive.findall("actuator")
+    if not kind.endswith(SIMPLE) or len(actuators) != 1 or len(drive.findall("joint")) != 1:
+        return False
+    return bool(name_of(actuators[0]).strip())
+
+
+def _reason(drive: ET.Element, joints: list[str], new_joints: list[str], movable: Collection[str]) -> str:
+    """Say in words why a transmission was replaced or removed.
+
+    Args:
+        drive: the transmission.
+        joints: names of its joints.
+        new_joints: names of those of its joints that get a motor in its place.
+        movable: names of the joints of the robot that move.
+    """
     if not joints:
         return "drives no joint"
-    if not undriven:
-        what = "has a motor already" if all(joint in movable for joint in joints) else "is no joint that moves"
-        return f"'{', '.join(joints)}' {what}"
-    if len(undriven) > 1:
-        return f"drives {len(undriven)} joints; each gets a motor of its own: {made}"
+    if not new_joints:
+        have_motors = all(joint in movable for joint in joints)
+        problem = "has a motor already" if have_motors else "is no joint that moves"
+        return f"'{', '.join(joints)}' {problem}"
+    names = "', '".join(new_joints)
+    replacement = f"{SIMPLE} of '{names}'"
+    if len(new_joints) > 1:
+        return f"drives {len(new_joints)} joints; each gets a motor of its own: {replacement}"
+    kind = _transmission_type(drive)
+    if not kind:
+        return f"has no type; {replacement}"
     if not kind.endswith(SIMPLE):
-        return f"its type is '{kind}', which Drake does not simulate; {made}" if kind else f"has no type; {made}"
-    return f"written as Drake reads it; {made}"
+        return f"its type is '{kind}', which Drake does not simulate; {replacement}"
+    return f"written as Drake reads it; {replacement}"
+
+
+def _transmission_type(drive: ET.Element) -> str:
+    """Type of a transmission, as ROS 1 or ROS 2 writes it; empty if it has none."""
+    for text in (drive.findtext("type"), drive.get("type"), drive.findtext("plugin")):
+        if text and text.strip():
+            return text.strip()
+    return ""
 
 
 def _repair_gears(actuator: ET.Element, where: str, report: ImportReport) -> None:
-    """Leave out gear figures that no motor has."""
+    """Remove gear ratios and rotor inertias that no motor can have from an actuator, in place.
+
+    Args:
+        actuator: the ``<actuator>`` of a motor.
+        where: name of its transmission, for the report.
+        report: report of the import.
+    """
     for gear in list(actuator):
         tag = gear.tag.removeprefix(DRAKE)
-        if tag not in ("mechanicalReduction", "gear_ratio", "rotor_inertia"):
+        if tag not in _LEAST_GEAR_VALUES:
             continue
-        values = numbers_in((gear.text if tag == "mechanicalReduction" else gear.get("value")) or "") or []
-        least = {"mechanicalReduction": -math.inf, "gear_ratio": 0.0, "rotor_inertia": 0.0}[tag]
-        if len(values) != 1 or values[0] < least or (values[0] == 0 and tag != "rotor_inertia"):
+        text = gear.text if tag == "mechanicalReduction" else gear.get("value")
+        values = numbers_in(text or "") or []
+        is_number = len(values) == 1
+        # Only the rotor inertia can be 0: a ratio of 0 would let the motor move nothing.
+        is_possible = is_number and values[0] >= _LEAST_GEAR_VALUES[tag] and (values[0] != 0 or tag == "rotor_inertia")
+        if not is_possible:
             actuator.remove(gear)
             report.add("dropped", where, f"its {tag} is no number that a motor can have")
 
 
-def _repair_efforts(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
-    """Give every movable joint of a robot a positive effort and velocity, in place."""
-    loads, floats = _loads(robot), find_base(robot, options)[0] == "floating"
+def _repair_efforts_and_speeds(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
+    """Give every movable joint of a robot a positive effort and velocity, in place, and report doubtful efforts."""
+    loads = _loads(robot)
     rotors = _rotor_inertias(robot)
-    whole = loads[root_link(robot)].mass if floats else 0.0
-    joints = [joint for joint in robot.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS]
+    base, _ = find_base(robot, options)
+    floating_mass = loads[root_link(robot)].mass if base == "floating" else 0.0
     for name, (effort, mass) in doubtful_efforts(robot).items():
         text = f"effort {effort:g} N·m for a link of {mass:.3g} kg is doubtful: no motor of its size has it"
         report.add("open", f"joint '{name}' <limit>", text)
-    for prismatic in (False, True):
-        group = [joint for joint in joints if (joint.get("type") == "prismatic") == prismatic]
-        efforts = [number(joint.find("limit"), "effort") or 0.0 for joint in group]
-        missing = [joint for joint, effort in zip(group, efforts, strict=True) if effort <= 0]
-        held = [_effort(loads[link_of(joint, "child")], whole, rotors[name_of(joint)], prismatic) for joint in missing]
-        likely = [_SHARE * effort for effort in (*efforts, *held) if effort <= _STRONGEST]
-        least = max([LEAST_FORCE if prismatic else LEAST_TORQUE, *likely])
-        for joint, effort in zip(missing, held, strict=True):
-            rotor = rotors[name_of(joint)]
-            carried = f"by what it carries and its armature of {rotor:.3g}" if rotor else "by what it carries"
-            why = carried if effort >= least else "the least beside the robot's other motors"
-            known = loads[link_of(joint, "child")].mass > 0 or rotor > 0
-            _set_effort(joint, max(effort, least), why if known else "a guess, for no mass is known", report)
-        slow = [joint for joint in group if (number(joint.find("limit"), "velocity") or 0.0) <= 0]
-        speed, unit = (PRISMATIC_SPEED, "m/s") if prismatic else (REVOLUTE_SPEED, "rad/s")
-        for joint in slow:
-            child_of(joint, "limit").set("velocity", written(speed))
-        if slow:
-            listed = "', '".join(name_of(joint) for joint in slow)
-            report.add("defaulted", f"joints '{listed}' <limit>", f"no velocity above 0; {speed:.4g} {unit}")
+    movable = [joint for joint in robot.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS]
+    revolute = [joint for joint in movable if joint.get("type") != "prismatic"]
+    prismatic = [joint for joint in movable if joint.get("type") == "prismatic"]
+    _repair_efforts(revolute, LEAST_TORQUE, loads, rotors, floating_mass, report)
+    _repair_speeds(revolute, REVOLUTE_SPEED, "rad/s", report)
+    _repair_efforts(prismatic, LEAST_FORCE, loads, rotors, floating_mass, report)
+    _repair_speeds(prismatic, PRISMATIC_SPEED, "m/s", report)
+
+
+def _repair_speeds(joints: Sequence[ET.Element], speed: float, unit: str, report: ImportReport) -> None:
+    """Give joints without a positive velocity a default speed, in place.
+
+    Args:
+        joints: joints of one kind.
+        speed: the default speed.
+        unit: unit of the speed, for the report.
+        report: report of the import.
+    """
+    slow = [joint for joint in joints if (number(joint.find("limit"), "velocity") or 0.0) <= 0]
+    for joint in slow:
+        child_of(joint, "limit").set("velocity", written(speed))
+    if slow:
+        names = "', '".join(name_of(joint) for joint in slow)
+        report.add("defaulted", f"joints '{names}' <limit>", f"no velocity above 0; {speed:.4g} {unit}")
 
 
 class _Load(NamedTuple):
-    mass: float  # the link's own included [kg]
-    moment: float  # of all masses about the link's origin, when stretched out [kg m]
-    reach: float  # to the farthest joint or centre of mass [m]
-    inertia: float  # of all links about the link's origin, when stretched out [kg m²]
+    """Load on a joint: the link behind it and all that hangs on this link, in one stretched line.
+
+    Attributes:
+        mass: mass [kg].
+        moment: sum of the masses times their distances from the link's origin [kg m].
+        reach: distance from the link's origin to the farthest joint or centre of mass [m].
+        inertia: moment of inertia about the link's origin [kg m²].
+    """
+
+    mass: float
+    moment: float
+    reach: float
+    inertia: float
+
+
+def _repair_efforts(
+    joints: Sequence[ET.Element],
+    least_effort: float,
+    loads: Mapping[str, _Load],
+    rotors: Mapping[str, float],
+    floating_mass: float,
+    report: ImportReport,
+) -> None:
+    """Give joints without a positive effort an estimated effort, in place.
+
+    Args:
+        joints: joints of one kind: all revolute and continuous joints, or all prismatic joints.
+        least_effort: least estimated effort [N·m or N].
+        loads: load on each link, by the link's name.
+        rotors: inertia of each motor's rotor as its joint feels it, by the joint's name [kg m² or kg].
+        floating_mass: mass of the robot if it floats, else 0 [kg].
+        report: report of the import.
+    """
+    efforts = [number(joint.find("limit"), "effort") or 0.0 for joint in joints]
+    without_effort = [joint for joint, effort in zip(joints, efforts, strict=True) if effort <= 0]
+    estimates = []
+    for joint in without_effort:
+        load = loads[link_of(joint, "child")]
+        estimates.append(_estimate_effort(joint, load, rotors[name_of(joint)], floating_mass))
+    # A motor is not weaker than a fraction of the robot's other motors of the same kind.
+    shares = [_SHARE_OF_STRONGEST * effort for effort in (*efforts, *estimates) if effort <= _LARGEST_REAL_EFFORT]
+    least = max([least_effort, *shares])
+    for joint, estimate in zip(without_effort, estimates, strict=True):
+        rotor = rotors[name_of(joint)]
+        is_mass_known = loads[link_of(joint, "child")].mass > 0 or rotor > 0
+        if not is_mass_known:
+            why = "a guess, for no mass is known"
+        elif estimate < least:
+            why = "the least beside the robot's other motors"
+        elif rotor:
+            why = f"by what it carries and its armature of {rotor:.3g}"
+        else:
+            why = "by what it carries"
+        _set_effort(joint, max(estimate, least), why, report)
 
 
 def _rotor_inertias(robot: ET.Element) -> Mapping[str, float]:
-    """Inertias of the motors' rotors as their joints feel them, by joint [kg m² or kg]; 0 without one."""
+    """Inertia of each motor's rotor as its joint feels it, by the name of the joint [kg m² or kg].
+
+    A joint feels J n², with the inertia J of the rotor and the gear ratio n. It is 0 if the file gives no inertia.
+    """
     rotors = dict.fromkeys(movable_joints(robot), 0.0)
     for drive in robot.iterfind("transmission"):
-        actuator, joint = drive.find("actuator"), drive.find("joint")
+        actuator = drive.find("actuator")
+        joint = drive.find("joint")
         if actuator is None or joint is None or name_of(joint) not in rotors:
             continue
         inertia = number(actuator.find(f"{DRAKE}rotor_inertia"), "value") or 0.0
@@ -172,61 +299,94 @@ def _rotor_inertias(robot: ET.Element) -> Mapping[str, float]:
 
 
 def _loads(robot: ET.Element) -> Mapping[str, _Load]:
-    starts, links = joints_at(robot), {name_of(link): link for link in robot.iterfind("link")}
-    order = [root_link(robot), *(link_of(joint, "child") for joint in outward(starts, root_link(robot)))]
+    """Compute the load on each link of a robot, by the link's name, from the tips of its tree to its root."""
+    joints_of_link = joints_at(robot)  # joints whose parent the link is
+    links = {name_of(link): link for link in robot.iterfind("link")}
+    root = root_link(robot)
+    order = [root, *(link_of(joint, "child") for joint in outward(joints_of_link, root))]
     loads: dict[str, _Load] = {}
     for link in reversed(order):
-        mass, reach = mass_of(links[link]), _offset(links[link].find("inertial"))
+        mass = mass_of(links[link])
+        reach = _offset(links[link].find("inertial"))
         moment = mass * reach
         inertia = moment * reach + _largest_moment(links[link])
-        for joint in starts[link]:
-            hung, offset = loads[link_of(joint, "child")], _offset(joint)
-            mass += hung.mass
-            moment += hung.moment + hung.mass * offset
-            # Masses at distances r from the joint are at r + offset from this link's origin, stretched out.
-            inertia += hung.inertia + 2 * offset * hung.moment + hung.mass * offset**2
-            reach = max(reach, offset + hung.reach)
+        for joint in joints_of_link[link]:
+            load = loads[link_of(joint, "child")]
+            offset = _offset(joint)
+            mass += load.mass
+            moment += load.moment + load.mass * offset
+            # A mass at a distance r from the joint is at r + offset from this link's origin, if all is stretched out:
+            # sum of m (r + offset)² = sum of m r² + 2 offset (sum of m r) + offset² (sum of m).
+            inertia += load.inertia + 2 * offset * load.moment + load.mass * offset**2
+            reach = max(reach, offset + load.reach)
         loads[link] = _Load(mass=mass, moment=moment, reach=reach, inertia=inertia)
     return loads
 
 
 def _largest_moment(link: ET.Element) -> float:
-    """Bound on a link's moment of inertia about any axis through its centre of mass [kg m²]; 0 without an inertia."""
+    """Largest moment of inertia of a link about an axis through its centre of mass [kg m²].
+
+    It is 0 if the link has no inertia or no mass.
+    """
     inertial = link.find("inertial")
-    return 0.0 if inertial is None or not mass_of(link) else float(np.linalg.norm(moments_of(inertial), 2))
+    if inertial is None or not mass_of(link):
+        return 0.0
+    return float(np.linalg.norm(moments_of(inertial), 2))  # the largest eigenvalue
 
 
 def _offset(element: ET.Element | None) -> float:
-    """Return how far an element's origin lies from where it is measured from [m]."""
+    """Distance of a joint from its parent link's origin, or of an ``<inertial>`` from its link's origin [m].
+
+    It is 0 if there is no such element.
+    """
     return 0.0 if element is None else float(np.linalg.norm(pose_of(element).translation()))
 
 
-def _effort(load: _Load, whole: float, rotor: float, prismatic: bool) -> float:
-    """Estimate an effort [N·m or N] that moves a joint in the posture in which it is hardest, all stretched out.
+def _estimate_effort(joint: ET.Element, load: _Load, rotor: float, floating_mass: float) -> float:
+    """Estimate an effort [N·m or N] that moves a joint in the hardest posture, with all stretched out.
 
-    The largest of: three times what holds the load against gravity; what holds it once and accelerates it with the
-    rotor as stated above; and, where the robot floats, what carries the rest of the robot on this joint's end.
+    It is the largest of three efforts:
+
+    - SAFETY times the effort that holds the load against gravity;
+    - the effort that holds the load and accelerates load and rotor by REVOLUTE_ACCELERATION or PRISMATIC_ACCELERATION;
+    - for a robot that floats, such as one on legs: the effort that carries the rest of the robot on the far end.
 
     Args:
-        load: what hangs on the joint.
-        whole: mass of the robot if it floats, else 0 [kg].
+        joint: the joint.
+        load: load on the joint's child link.
         rotor: inertia of the rotor as the joint feels it [kg m² or kg].
-        prismatic: whether the joint slides.
+        floating_mass: mass of the robot if it floats, else 0 [kg].
     """
     if not load.mass and not rotor:
         return UNKNOWN_EFFORT
-    weight = STANDARD_GRAVITY * (load.mass if prismatic else load.moment)
-    moved = rotor + (load.mass if prismatic else load.inertia)
-    acceleration = PRISMATIC_ACCELERATION if prismatic else REVOLUTE_ACCELERATION
-    rest = STANDARD_GRAVITY * max(whole - load.mass, 0.0) * (1.0 if prismatic else load.reach)
-    return max(SAFETY * weight, weight + moved * acceleration, rest)
+    rest_mass = max(floating_mass - load.mass, 0.0)
+    if joint.get("type") == "prismatic":
+        holding = STANDARD_GRAVITY * load.mass
+        accelerating = (rotor + load.mass) * PRISMATIC_ACCELERATION
+        carrying = STANDARD_GRAVITY * rest_mass
+    else:
+        holding = STANDARD_GRAVITY * load.moment
+        accelerating = (rotor + load.inertia) * REVOLUTE_ACCELERATION
+        carrying = STANDARD_GRAVITY * rest_mass * load.reach
+    return max(SAFETY * holding, holding + accelerating, carrying)
 
 
 def _set_effort(joint: ET.Element, effort: float, why: str, report: ImportReport) -> None:
-    limit, effort = child_of(joint, "limit"), min(effort, _ENDLESS)
-    digit = 10.0 ** (math.floor(math.log10(effort)) - 1)  # the second one that counts, to which it is rounded up
-    effort = float(f"{math.ceil(round(effort / digit, 6)) * digit:.2g}")
-    text, unit = limit.get("effort"), "N" if joint.get("type") == "prismatic" else "N·m"
-    limit.set("effort", written(effort))
-    message = "has no effort" if text is None else f"effort {text} would not move it"
-    report.add("defaulted", f"joint '{name_of(joint)}' <limit>", f"{message}; {effort:g} {unit}, {why}")
+    """Set the effort of a joint, rounded up to two significant digits, in place.
+
+    Args:
+        joint: the joint.
+        effort: the effort [N·m or N].
+        why: origin of the number, for the report.
+        report: report of the import.
+    """
+    bounded = min(effort, _LARGEST_EFFORT)
+    second_digit = 10.0 ** (math.floor(math.log10(bounded)) - 1)  # value of a 1 at the second significant digit
+    digits = math.ceil(round(bounded / second_digit, 6))  # the inner rounding removes rounding errors
+    rounded = float(f"{digits * second_digit:.2g}")
+    limit = child_of(joint, "limit")
+    old_text = limit.get("effort")
+    limit.set("effort", written(rounded))
+    unit = "N" if joint.get("type") == "prismatic" else "N·m"
+    problem = "has no effort" if old_text is None else f"effort {old_text} would not move it"
+    report.add("defaulted", f"joint '{name_of(joint)}' <limit>", f"{problem}; {rounded:g} {unit}, {why}")

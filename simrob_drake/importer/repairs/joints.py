@@ -1,4 +1,8 @@
-"""Joints that Drake can move: their types, axes, friction and ranges, and whether they are on their own."""
+"""Repair the joints of a robot (a URDF) so that Drake can move them: types, axes, friction, limits, and followers.
+
+A follower is a joint that moves with another joint, its leader, as the element ``mimic`` of the format says:
+position = multiplier * position of the leader + offset. Every change adds an entry to the report of the import.
+"""
 
 import difflib
 import math
@@ -29,70 +33,94 @@ from simrob_drake.robots.urdf import (
 )
 from simrob_drake.robots.urdf_check import numbers_in
 
-_TYPES = (*MOVABLE_JOINTS, "fixed", "floating", "planar")
+_TYPES = (*MOVABLE_JOINTS, "fixed", "floating", "planar")  # of the URDF format
 _OF_OTHER_FORMATS = ("revolute2", "screw", "ball", "universal", "gearbox", "spherical", "cylindrical")
-_WAYS_OUT = {
+_ADVICE = {
     "floating": "only the root of a robot can float; give its links joints that motors can move, or make it fixed",
     "planar": "write it as two prismatic joints and a revolute or continuous one, or make it fixed",
 }
 _DEFAULT_AXIS = "1 0 0"  # of the URDF format
 
-DEFAULT_STROKE = 1.0  # of a prismatic joint without limits, to each side [m]
-_ENDLESS = 1e4  # rad: larger limits are a way to write that there are none
-_ROUNDED = 1e-4  # rad or m: limits that differ by less were rounded
+DEFAULT_STROKE = 1.0  # range of a prismatic joint without limits, to each side [m]
+_ENDLESS = 1e4  # larger limits are a way to write that there are none [rad]
+_ROUNDING = 1e-4  # limits that differ by less were rounded [rad or m]
+_NO_DIRECTION = 1e-6  # a shorter axis vector has no direction
+_UNIT_LENGTH = 1e-3  # an axis vector is a unit vector, up to rounding, if its length differs from 1 by less
+_TYPE_LIKENESS = 0.75  # least likeness of a misspelled type to a known one, from 0 to 1 (of difflib)
 _ACCELERATION = f"{DRAKE}acceleration"
 _FIXED_AT = "simrob_fixed_at"
 """Attribute of a joint that was fixed where its equal limits hold it [rad or m], until its followers are repaired."""
 
 
 def repair_joints(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
-    """Repair a robot's joints in place: types, axes, limits, dynamics; raises InvalidModel: what none can drive."""
+    """Repair a robot's joints in place: types, axes, limits, dynamics and followers.
+
+    Raises:
+        InvalidModel: no motor can drive a joint, a repair is not possible, or no joint moves.
+    """
     for joint in robot.iterfind("joint"):
         _repair_type(joint, report)
-    _free_root(robot, report)
+    _replace_floating_joint(robot, report)
     for joint in robot.iterfind("joint"):
-        where, kind = f"joint '{name_of(joint)}'", joint.get("type", "")
-        if kind in _WAYS_OUT:
-            raise report.refusal(where, f"is {kind}, which no motor can drive; {_WAYS_OUT[kind]}")
+        where = f"joint '{name_of(joint)}'"
+        kind = joint.get("type", "")
+        if kind in _ADVICE:
+            raise report.refusal(where, f"is {kind}, which no motor can drive; {_ADVICE[kind]}")
         if kind != "fixed":
             _repair_axis(joint, where, report)
             _repair_limits(joint, where, report)
             _repair_dynamics(joint, where, options, report)
     _check_followers(robot, report)
     _fix_still_followers(robot, report)
+    _report_followers(robot, report)
     _widen_followers(robot, report)
+    # Joints may have been fixed above, so this check comes late.
     if not movable_joints(robot):
         raise report.refusal("", "has no joint that moves, so no motor could; a rigid thing is a piece, not a robot")
     drop_lost_frames(robot, report)
 
 
 def _repair_type(joint: ET.Element, report: ImportReport) -> None:
-    where, kind = f"joint '{name_of(joint)}'", joint.get("type", "")
+    """Correct a misspelled type of a joint, in place.
+
+    Raises:
+        InvalidModel: the type is missing, unknown or belongs to another format.
+    """
+    where = f"joint '{name_of(joint)}'"
+    kind = joint.get("type", "")
     if kind in _TYPES:
         return
     plain = kind.strip().lower()
-    close = difflib.get_close_matches(plain, _TYPES, n=1, cutoff=0.75)
-    if plain in _OF_OTHER_FORMATS or not close:
+    similar = difflib.get_close_matches(plain, _TYPES, n=1, cutoff=_TYPE_LIKENESS)
+    if plain in _OF_OTHER_FORMATS or not similar:
         known = ", ".join((*MOVABLE_JOINTS, "fixed"))
         message = f"its type is '{kind}'" if kind else "it has no type"
         raise report.refusal(where, f"{message}; a station's robot has joints of the types {known}")
-    joint.set("type", close[0])
-    report.add("repaired", where, f"its type is '{kind}'; {close[0]}")
+    joint.set("type", similar[0])
+    report.add("repaired", where, f"its type is '{kind}'; {similar[0]}")
 
 
-def _free_root(robot: ET.Element, report: ImportReport) -> None:
-    """Turn a floating joint at an empty root into what it means: the link behind it is a root that floats."""
-    held = {link_of(joint, "child") for joint in robot.iterfind("joint")}
-    roots = [link for link in robot.iterfind("link") if name_of(link) not in held]
-    joints = joints_at(robot)[name_of(roots[0])] if roots else []
-    if len(joints) != 1 or joints[0].get("type") != "floating" or len(roots[0]):
+def _replace_floating_joint(robot: ET.Element, report: ImportReport) -> None:
+    """Remove a floating joint at an empty root link, in place, so that the link behind it is a root that floats.
+
+    Nothing is done unless that joint is the only one at the root. A mark at the robot's element says that it floats.
+    """
+    child_links = {link_of(joint, "child") for joint in robot.iterfind("joint")}
+    roots = [link for link in robot.iterfind("link") if name_of(link) not in child_links]
+    if not roots:
         return
-    robot.remove(joints[0])
-    robot.remove(roots[0])
+    root = roots[0]
+    joints = joints_at(robot)[name_of(root)]
+    is_empty = len(root) == 0  # no inertia, no shapes
+    if len(joints) != 1 or joints[0].get("type") != "floating" or not is_empty:
+        return
+    joint = joints[0]
+    robot.remove(joint)
+    robot.remove(root)
     robot.set(FLOATING_MARK, "floating")
-    top = link_of(joints[0], "child")
-    why = f"floats below '{name_of(roots[0])}', which is left out; '{top}' is a root that floats"
-    report.add("repaired", f"joint '{name_of(joints[0])}'", why)
+    new_root = link_of(joint, "child")
+    why = f"floats below '{name_of(root)}', which is left out; '{new_root}' is a root that floats"
+    report.add("repaired", f"joint '{name_of(joint)}'", why)
 
 
 def _check_followers(robot: ET.Element, report: ImportReport) -> None:
@@ -105,33 +133,44 @@ def _check_followers(robot: ET.Element, report: ImportReport) -> None:
     joints = {name_of(joint): joint for joint in robot.iterfind("joint")}
     followers = {name: joint for name, joint in joints.items() if joint.find("mimic") is not None}
     for name, joint in followers.items():
-        mimic, where = child_of(joint, "mimic"), f"joint '{name}'"
-        leader = mimic.get("joint", "")
-        said = f"mimics '{leader}'"
+        where = f"joint '{name}'"
+        mimic = child_of(joint, "mimic")
         _repair_mimic(mimic, where, report)
+        multiplier, _ = mimic_line(mimic)
+        leader = mimic.get("joint", "")
+        statement = f"mimics '{leader}'"
         if joint.get("type") == "fixed":
             joint.remove(mimic)
-            report.add("dropped", where, f"{said}: fixed joints move with nothing")
-        elif mimic_line(mimic)[0] == 0:
-            continue  # it stands, whatever leads it
-        elif leader not in joints or _leads_back(joints, name):
+            report.add("dropped", where, f"{statement}: fixed joints move with nothing")
+        elif multiplier == 0:
+            continue  # the joint does not move, whatever its leader is
+        elif leader not in joints:
             joint.remove(mimic)
-            problem = (
-                "which leads back to itself" if leader in joints else f"which is no joint{nearest(leader, joints)}"
-            )
-            report.add("lost", where, f"{said}, {problem}; it moves on its own")
-    for name, joint in followers.items():
+            problem = f"which is no joint{nearest(leader, joints)}"
+            report.add("lost", where, f"{statement}, {problem}; it moves on its own")
+        elif _leads_back(joints, name):
+            joint.remove(mimic)
+            report.add("lost", where, f"{statement}, which leads back to itself; it moves on its own")
+    # The tag is renamed last: _leads_back looks for the old one.
+    for joint in followers.values():
         follows = joint.find("mimic")
+        if follows is not None:
+            follows.tag = FOLLOWS
+
+
+def _report_followers(robot: ET.Element, report: ImportReport) -> None:
+    """Report each joint that still follows another one: stations couple them."""
+    for joint in robot.iterfind("joint"):
+        follows = joint.find(FOLLOWS)
         if follows is None:
             continue
-        follows.tag = FOLLOWS
-        factor, offset = mimic_line(follows)
-        said = f"mimics '{follows.get('joint', '')}' by {factor:g} with an offset of {offset:g}"
-        report.add("read", f"joint '{name}'", f"{said}: stations couple them")
+        multiplier, offset = mimic_line(follows)
+        statement = f"mimics '{follows.get('joint', '')}' by {multiplier:g} with an offset of {offset:g}"
+        report.add("read", f"joint '{name_of(joint)}'", f"{statement}: stations couple them")
 
 
 def _repair_mimic(mimic: ET.Element, where: str, report: ImportReport) -> None:
-    """Put the format's defaults in the place of a multiplier and an offset that are no numbers, in place."""
+    """Replace a multiplier and an offset that are no numbers by the format's defaults, in place."""
     for key, default in (("multiplier", "1"), ("offset", "0")):
         text = mimic.get(key)
         if text is not None and len(numbers_in(text) or []) != 1:
@@ -142,81 +181,111 @@ def _repair_mimic(mimic: ET.Element, where: str, report: ImportReport) -> None:
 
 def _leads_back(joints: Mapping[str, ET.Element], name: str) -> bool:
     """Whether the joint that a joint mimics follows that joint itself, directly or through others."""
-    passed, here = set[str](), name
-    while here in joints and here not in passed:
-        passed.add(here)
-        mimic = joints[here].find("mimic")
+    visited = set[str]()
+    current = name
+    while current in joints and current not in visited:
+        visited.add(current)
+        mimic = joints[current].find("mimic")
         if mimic is None:
             return False
-        here = mimic.get("joint", "")
-    return here == name
+        current = mimic.get("joint", "")
+    return current == name
 
 
 def _fix_still_followers(robot: ET.Element, report: ImportReport) -> None:
-    """Fix the joints that follow what does not move, in place, where that holds them.
+    """Turn the joints that follow a joint that does not move into fixed joints, in place.
 
-    In a chain each one is fixed after its leader.
+    Each is fixed at the position that it has by its leader's position.
     """
-    while True:
-        joints = {name_of(joint): joint for joint in robot.iterfind("joint")}
-        for name, joint in joints.items():
-            follows = joint.find(FOLLOWS)
-            if follows is None:
-                continue
-            factor, offset = mimic_line(follows)
-            leader = joints.get(follows.get("joint", ""), joint)
-            if factor and leader.get("type") in MOVABLE_JOINTS:
-                continue
-            # The position of a fixed joint counts as 0, but one that was fixed here stands where it was fixed.
-            position = factor * float(leader.get(_FIXED_AT, "0")) + offset
-            joint.remove(follows)
-            _fix_at(joint, position)
-            joint.set(_FIXED_AT, written(position))
-            why = f"follows '{name_of(leader)}', which does not move" if factor else "follows with a multiplier of 0"
-            report.add("repaired", f"joint '{name}'", f"{why}; fixed at {position:g}")
-            break
-        else:
-            for joint in joints.values():
-                joint.attrib.pop(_FIXED_AT, None)
-            return
+    joints = {name_of(joint): joint for joint in robot.iterfind("joint")}
+    # A joint that was fixed may lead others, earlier in the file: so search from the beginning after each one.
+    follower = _find_still_follower(joints)
+    while follower is not None:
+        follows = child_of(follower, FOLLOWS)
+        multiplier, offset = mimic_line(follows)
+        leader = _leader_of(joints, follower)
+        # The position of a fixed joint counts as 0, unless this module has fixed the joint at another position.
+        position = multiplier * float(leader.get(_FIXED_AT, "0")) + offset
+        follower.remove(follows)
+        _fix_at(follower, position)
+        still_leader = f"follows '{name_of(leader)}', which does not move"
+        why = still_leader if multiplier else "follows with a multiplier of 0"
+        report.add("repaired", f"joint '{name_of(follower)}'", f"{why}; fixed at {position:g}")
+        follower = _find_still_follower(joints)
+    for joint in joints.values():
+        joint.attrib.pop(_FIXED_AT, None)
+
+
+def _find_still_follower(joints: Mapping[str, ET.Element]) -> ET.Element | None:
+    """Find the first follower of a joint that does not move, or with a multiplier of 0.
+
+    Returns None if there is no such follower.
+    """
+    for joint in joints.values():
+        follows = joint.find(FOLLOWS)
+        if follows is None:
+            continue
+        multiplier, _ = mimic_line(follows)
+        if multiplier == 0 or _leader_of(joints, joint).get("type") not in MOVABLE_JOINTS:
+            return joint
+    return None
+
+
+def _leader_of(joints: Mapping[str, ET.Element], follower: ET.Element) -> ET.Element:
+    """Joint that a follower follows. It is the follower itself if the leader is missing (with a multiplier of 0)."""
+    return joints.get(child_of(follower, FOLLOWS).get("joint", ""), follower)
 
 
 def _widen_followers(robot: ET.Element, report: ImportReport) -> None:
-    """Let every joint that follows another go as far as that takes it, in place; in a chain the leaders come first."""
+    """Widen the limits of every follower so that it can go wherever its leader takes it, in place."""
     joints = {name_of(joint): joint for joint in robot.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS}
-    done: set[str] = set()
+    finished = set[str]()  # names of the followers that are done
 
-    def widen(name: str) -> None:
-        """Widen the limits of a joint after those of the joint that it follows."""
+    def widen_after_leader(name: str) -> None:
+        """Widen the limits of a joint, if it is a follower, after those of its leader, which may follow, too."""
         joint = joints[name]
         follows = joint.find(FOLLOWS)
-        if name in done or follows is None:
+        if name in finished or follows is None:
             return
-        done.add(name)
+        finished.add(name)
         leader = joints[follows.get("joint", "")]
-        widen(name_of(leader))
-        factor, offset = mimic_line(follows)
-        ends = [factor * end + offset for end in joint_limits(leader)]
-        own = joint_limits(joint)
-        wide = min(*ends, *own), max(*ends, *own)
-        if np.allclose(wide, own, rtol=0, atol=_ROUNDED):
-            return
-        said = f"[{own[0]:.4g}, {own[1]:.4g}] leave out where '{name_of(leader)}' takes it, which it follows"
-        if np.isfinite(wide).all():
-            limit = child_of(joint, "limit")
-            limit.set("lower", f"{wide[0]:.12g}")
-            limit.set("upper", f"{wide[1]:.12g}")
-            report.add("repaired", f"joint '{name}'", f"its limits {said}; [{wide[0]:.4g}, {wide[1]:.4g}]")
-        elif joint.get("type") == "revolute":
-            _set_range(joint, None, None)
-            joint.set("type", "continuous")
-            report.add("repaired", f"joint '{name}'", f"its limits {said}; continuous instead of revolute")
+        widen_after_leader(name_of(leader))
+        _widen_follower(joint, leader, report)
 
     for name in joints:
-        widen(name)
+        widen_after_leader(name)
+
+
+def _widen_follower(joint: ET.Element, leader: ET.Element, report: ImportReport) -> None:
+    """Widen the limits of one follower so that it can go wherever its leader takes it, in place."""
+    multiplier, offset = mimic_line(child_of(joint, FOLLOWS))
+    ends = [multiplier * limit + offset for limit in joint_limits(leader)]
+    own_limits = joint_limits(joint)
+    lower = min(*ends, *own_limits)
+    upper = max(*ends, *own_limits)
+    if np.allclose((lower, upper), own_limits, rtol=0, atol=_ROUNDING):
+        return
+    where = f"joint '{name_of(joint)}'"
+    own_range = f"[{own_limits[0]:.4g}, {own_limits[1]:.4g}]"
+    problem = f"its limits {own_range} leave out where '{name_of(leader)}' takes it, which it follows"
+    if np.isfinite((lower, upper)).all():
+        limit = child_of(joint, "limit")
+        limit.set("lower", f"{lower:.12g}")
+        limit.set("upper", f"{upper:.12g}")
+        report.add("repaired", where, f"{problem}; [{lower:.4g}, {upper:.4g}]")
+    elif joint.get("type") == "revolute":
+        # The leader has no limits, so the follower turns without end.
+        _set_range(joint, None, None)
+        joint.set("type", "continuous")
+        report.add("repaired", where, f"{problem}; continuous instead of revolute")
 
 
 def _repair_axis(joint: ET.Element, where: str, report: ImportReport) -> None:
+    """Make the axis of a joint a unit vector, in place; a missing axis gets the format's default.
+
+    Raises:
+        InvalidModel: the axis is zero.
+    """
     axis = child_of(joint, "axis")
     if "xyz" not in axis.attrib:
         axis.set("xyz", _DEFAULT_AXIS)
@@ -225,90 +294,128 @@ def _repair_axis(joint: ET.Element, where: str, report: ImportReport) -> None:
     text = axis.attrib["xyz"]
     direction = np.array(text.split(), dtype=float)
     length = float(np.linalg.norm(direction))
-    if length < 1e-6:
+    if length < _NO_DIRECTION:
         raise report.refusal(f"{where} <axis>", f'xyz="{text}" is no direction; write one, or make the joint fixed')
-    if abs(length - 1) > 1e-3:  # Drake makes it one anyway; a length that differs by more than rounding may be a slip
+    # Drake normalizes the axis anyway. A length that differs by more than rounding may be a mistake of the file, which
+    # the user should see.
+    if abs(length - 1) > _UNIT_LENGTH:
         axis.set("xyz", " ".join(written(value) for value in (direction / length).tolist()))
         report.add("repaired", f"{where} <axis>", f'xyz="{text}" is {length:.4g} long; "{axis.get("xyz")}"')
 
 
 def _repair_dynamics(joint: ET.Element, where: str, options: ImportOptions, report: ImportReport) -> None:
+    """Repair the damping of a joint, in place, and remove its dry friction, or add it to the damping if so chosen.
+
+    Args:
+        joint: the joint.
+        where: name of the joint, for the report.
+        options: options of the import; `friction_as_damping` adds the friction to the damping.
+        report: report of the import.
+    """
     dynamics = joint.find("dynamics")
     if dynamics is None:
         return
-    where = f"{where} <dynamics>"
+    place_in_file = f"{where} <dynamics>"
     for key in ("damping", "friction"):
         value = number(dynamics, key)
         if value is not None and value < 0:
             dynamics.set(key, "0")
-            report.add("repaired", where, f"{key} {value:g} is negative; 0")
+            report.add("repaired", place_in_file, f"{key} {value:g} is negative; 0")
     friction = number(dynamics, "friction")
     if not friction:
         return
     del dynamics.attrib["friction"]
     if options.friction_as_damping:
         damping = number(dynamics, "damping") or 0.0
-        dynamics.set("damping", written(damping + friction))
-        report.add("repaired", where, f"damping {damping:g} plus friction {friction:g}: damping {damping + friction:g}")
+        total = damping + friction
+        dynamics.set("damping", written(total))
+        report.add("repaired", place_in_file, f"damping {damping:g} plus friction {friction:g}: damping {total:g}")
     else:
-        back = "drives.friction of a robot brings it back, --friction-as-damping adds it"
-        report.add("lost", where, f"friction {friction:g}, seldom measured; {back}")
+        advice = "drives.friction of a robot brings it back, --friction-as-damping adds it"
+        report.add("lost", place_in_file, f"friction {friction:g}, seldom measured; {advice}")
 
 
 def _repair_limits(joint: ET.Element, where: str, report: ImportReport) -> None:
-    """Repair the lower and upper limit of a joint that moves, in place; effort and velocity come later.
+    """Repair the limits of position and acceleration of a joint that moves, in place.
 
-    A continuous joint has limits all the same if they are whole, for Drake heeds them. Both zero is how they are left
-    out, and a joint without limits moves.
+    Another module repairs the limits of effort and velocity later.
+
+    Args:
+        joint: the joint: continuous, revolute or prismatic.
+        where: name of the joint, for the report.
+        report: report of the import.
     """
-    where, limit, kind = f"{where} <limit>", joint.find("limit"), joint.get("type")
+    place_in_file = f"{where} <limit>"
+    limit = joint.find("limit")
+    kind = joint.get("type")
     acceleration = number(limit, _ACCELERATION)
     if limit is not None and acceleration is not None and acceleration <= 0:
         del limit.attrib[_ACCELERATION]
-        report.add("dropped", where, f"acceleration {acceleration:g} is not positive")
-    lower, upper = number(limit, "lower"), number(limit, "upper")
-    said = _range_text(lower, upper)
-    if kind == "continuous" and lower is not None and upper is not None and lower < upper:
-        report.add("read", where, f"limits {lower:g} and {upper:g} of a continuous joint are heeded")
-    elif kind == "continuous" and (lower is not None or upper is not None):
-        _set_range(joint, None, None)
-        report.add("dropped", where, f"{said}, which are no range; a continuous joint needs none")
-    elif kind != "continuous" and (lower or upper):
-        _repair_range(joint, lower, upper, where, report)
+        report.add("dropped", place_in_file, f"acceleration {acceleration:g} is not positive")
+
+    lower = number(limit, "lower")
+    upper = number(limit, "upper")
+    range_text = _range_text(lower, upper)
+    if kind == "continuous":
+        # Drake keeps the limits of a continuous joint if there are both.
+        if lower is not None and upper is not None and lower < upper:
+            report.add("read", place_in_file, f"limits {lower:g} and {upper:g} of a continuous joint are heeded")
+        elif lower is not None or upper is not None:
+            _set_range(joint, None, None)
+            report.add("dropped", place_in_file, f"{range_text}, which are no range; a continuous joint needs none")
+    elif lower or upper:
+        _repair_range(joint, lower, upper, place_in_file, report)
+    # From here on both limits are missing or 0, by which files say that there are none.
     elif kind == "prismatic":
         _set_range(joint, -DEFAULT_STROKE, DEFAULT_STROKE)
-        report.add("defaulted", where, f"{said}; a prismatic joint needs a range, ±{DEFAULT_STROKE:g} m")
+        problem = f"{range_text}; a prismatic joint needs a range, ±{DEFAULT_STROKE:g} m"
+        report.add("defaulted", place_in_file, problem)
     elif kind == "revolute":
         _set_range(joint, None, None)
         joint.set("type", "continuous")
-        report.add("defaulted", where, f"{said}, so nothing stops it; continuous instead of revolute")
+        report.add("defaulted", place_in_file, f"{range_text}, so nothing stops it; continuous instead of revolute")
 
 
 def _repair_range(
     joint: ET.Element, lower: float | None, upper: float | None, where: str, report: ImportReport
 ) -> None:
+    """Repair the limits of a revolute or prismatic joint, of which at least one is not 0, in place.
+
+    A joint whose limits are equal becomes fixed there, and a revolute joint with very large limits continuous.
+
+    Args:
+        joint: the joint.
+        lower: lower limit [rad or m]; None if it is missing.
+        upper: upper limit [rad or m]; None if it is missing.
+        where: name of the joint and of its element, for the report.
+        report: report of the import.
+    """
     for key, value in (("lower", lower), ("upper", upper)):
         if value is None:
             report.add("defaulted", where, f"has no {key}; 0, as the format has it")
-    low, high = lower or 0.0, upper or 0.0
-    if low > high:
-        report.add("repaired", where, f"lower {low:g} is above upper {high:g}; exchanged")
-        low, high = high, low
+    first = lower or 0.0
+    second = upper or 0.0
+    if first > second:
+        report.add("repaired", where, f"lower {first:g} is above upper {second:g}; exchanged")
+    low = min(first, second)
+    high = max(first, second)
     if low == high:
         _fix_at(joint, low)
-        joint.set(_FIXED_AT, written(low))
         report.add("repaired", where, f"lower and upper are both {low:g}, so it can't move; fixed there")
         return
-    _set_range(joint, low, high)
-    largest, said = max(-low, high), _range_text(low, high)
-    if joint.get("type") == "revolute" and largest > _ENDLESS:
+    if joint.get("type") == "revolute" and max(-low, high) > _ENDLESS:
         _set_range(joint, None, None)
         joint.set("type", "continuous")
-        report.add("repaired", where, f"{said} rad stop nothing; continuous instead of revolute")
+        report.add("repaired", where, f"{_range_text(low, high)} rad stop nothing; continuous instead of revolute")
+    else:
+        _set_range(joint, low, high)
 
 
 def _fix_at(joint: ET.Element, position: float) -> None:
-    """Make a joint fixed at a position [rad or m], in place."""
+    """Turn a joint that moves into a fixed joint at a position [rad or m], in place, and record the position.
+
+    The record is the attribute _FIXED_AT, which :func:`_fix_still_followers` reads and removes.
+    """
     x, y, z = (float(word) for word in child_of(joint, "axis").get("xyz", "").split())
     length = math.hypot(x, y, z)
     direction = [x / length, y / length, z / length]
@@ -318,21 +425,26 @@ def _fix_at(joint: ET.Element, position: float) -> None:
         motion = RigidTransform(RotationMatrix(AngleAxis(angle=position, axis=direction)), [0, 0, 0])
     place(joint, pose_of(joint) @ motion)
     joint.set("type", "fixed")
+    joint.set(_FIXED_AT, written(position))
     for element in [child for child in joint if child.tag in ("axis", "limit", "dynamics")]:
         joint.remove(element)
 
 
 def _set_range(joint: ET.Element, lower: float | None, upper: float | None) -> None:
-    """Write limits of a joint that are others than it has; None takes them out."""
+    """Set the limits of a joint [rad or m], in place. None removes a limit; equal limits keep their text."""
     for key, value in (("lower", lower), ("upper", upper)):
         limit = joint.find("limit")
-        if value is not None and number(limit, key) != value:
+        if value is None:
+            if limit is not None:
+                limit.attrib.pop(key, None)
+        elif number(limit, key) != value:
             child_of(joint, "limit").set(key, written(value))
-        elif value is None and limit is not None:
-            limit.attrib.pop(key, None)
 
 
 def _range_text(lower: float | None, upper: float | None) -> str:
+    """Describe the limits of a joint [rad or m], of which each is None if it is missing."""
     if lower is None and upper is None:
         return "no limits"
-    return f"lower {'missing' if lower is None else f'{lower:g}'}, upper {'missing' if upper is None else f'{upper:g}'}"
+    lower_text = "missing" if lower is None else f"{lower:g}"
+    upper_text = "missing" if upper is None else f"{upper:g}"
+    return f"lower {lower_text}, upper {upper_text}"

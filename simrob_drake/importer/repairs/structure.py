@@ -1,10 +1,15 @@
-"""The structure of a robot: elements that are used, numbers that are numbers, names that differ, and one tree."""
+"""Repair the structure of a robot (a URDF): unknown elements, malformed numbers, duplicate names, and its tree.
+
+A robot is an XML tree of elements, and its links are a second tree, which its joints form: each joint has a parent link
+and a child link. Every change adds an entry to the report of the import.
+"""
 
 import re
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from simrob_drake.errors import listed, nearest, shortened
 from simrob_drake.importer.loops import TAG as CLOSING
@@ -16,109 +21,162 @@ from simrob_drake.robots.urdf import DRAKE, MOMENTS, MOVABLE_JOINTS, joints_at, 
 from simrob_drake.robots.urdf_check import NUMBER, NUMBER_COUNTS, SHAPE_SIZES, check_parents, check_size
 
 LARGEST = 1e30
-"""Larger figures count as infinite: no length, mass or torque is near it, and their squares would overflow."""
+"""Larger numbers count as infinite: no length, mass or torque is near it, and their squares would overflow."""
 
-SMALLEST = 1e-30  # smaller ones count as zero
+SMALLEST = 1e-30
+"""Smaller absolute values count as zero."""
 
 _UNITS = {"xyz": "m", "size": "m", "radius": "m", "length": "m", "rpy": "rad", "lower": "rad", "upper": "rad"}
-_CHECKED = ("link", "joint", "material")
-_LEFTOVER = re.compile(r"\$\{.*?\}|\$\(.*?\)")
+"""Unit that a number of an attribute may be written with, by the attribute's name."""
+_DEFAULT_UNIT = "kg"  # the unit of the other attributes
+_CHECKED = ("link", "joint", "material")  # tags of the elements in which all numbers are checked
+_XACRO_EXPRESSION = re.compile(r"\$\{.*?\}|\$\(.*?\)")
 
 
 @dataclass(frozen=True)
-class _Rule:
-    """How many numbers an attribute holds, and what stands for unreadable ones."""
+class _NumberRule:
+    """Rule for an attribute that holds numbers.
+
+    Attributes:
+        counts: counts of numbers that are allowed.
+        default: text that replaces unreadable numbers. If it is None, the attribute is removed.
+        is_required: whether unreadable numbers are an error, because nothing can replace them.
+    """
 
     counts: tuple[int, ...] = (1,)
-    default: str | None = None  # None removes the attribute, so that it counts as missing
-    needed: bool = False  # nothing can be put in their place
+    default: str | None = None
+    is_required: bool = False
 
 
-_ZERO = _Rule((3,), "0 0 0")
-_RULES: dict[tuple[str, str], _Rule] = {
+_ZERO = _NumberRule((3,), "0 0 0")
+_RULES: dict[tuple[str, str], _NumberRule] = {
     **{(tag, key): _ZERO for tag in ("origin", "frame") for key in ("xyz", "rpy")},
-    ("axis", "xyz"): _Rule((3,), needed=True),
-    **{("limit", key): _Rule() for key in ("lower", "upper", "effort", "velocity", f"{DRAKE}acceleration")},
-    **{("dynamics", key): _Rule(default="0") for key in ("damping", "friction")},
-    ("mass", "value"): _Rule(),
-    **{("inertia", key): _Rule() for key in MOMENTS},
-    **{(tag, "radius"): _Rule() for tag in ("cylinder", "sphere", "capsule", f"{DRAKE}capsule")},
-    **{(tag, "length"): _Rule() for tag in ("cylinder", "capsule", f"{DRAKE}capsule")},
-    **{(f"{DRAKE}ellipsoid", key): _Rule() for key in "abc"},
-    ("box", "size"): _Rule((3,)),
-    ("mesh", "scale"): _Rule((1, 3)),
-    ("color", "rgba"): _Rule((3, 4)),
-    (f"{DRAKE}gear_ratio", "value"): _Rule(),
-    (f"{DRAKE}rotor_inertia", "value"): _Rule(),
-}  # by tag and attribute
+    ("axis", "xyz"): _NumberRule((3,), is_required=True),
+    **{("limit", key): _NumberRule() for key in ("lower", "upper", "effort", "velocity", f"{DRAKE}acceleration")},
+    **{("dynamics", key): _NumberRule(default="0") for key in ("damping", "friction")},
+    ("mass", "value"): _NumberRule(),
+    **{("inertia", key): _NumberRule() for key in MOMENTS},
+    **{(tag, "radius"): _NumberRule() for tag in ("cylinder", "sphere", "capsule", f"{DRAKE}capsule")},
+    **{(tag, "length"): _NumberRule() for tag in ("cylinder", "capsule", f"{DRAKE}capsule")},
+    **{(f"{DRAKE}ellipsoid", key): _NumberRule() for key in "abc"},
+    ("box", "size"): _NumberRule((3,)),
+    ("mesh", "scale"): _NumberRule((1, 3)),
+    ("color", "rgba"): _NumberRule((3, 4)),
+    (f"{DRAKE}gear_ratio", "value"): _NumberRule(),
+    (f"{DRAKE}rotor_inertia", "value"): _NumberRule(),
+}
+"""Rules by the tag of the element and the name of the attribute."""
 
-_ANYWHERE = {key: _Rule(counts) for key, counts in NUMBER_COUNTS.items()}
-"""By attribute alone: the rule of places where no reader looks, but where the check wants numbers all the same."""
+_RULES_OF_OTHER_TAGS = {key: _NumberRule(counts) for key, counts in NUMBER_COUNTS.items()}
+"""Rules by the name of the attribute, for elements with other tags: no reader uses their numbers, but the final check
+of an import requires numbers there, too."""
 
 
 def mend_numbers(robot: ET.Element, report: ImportReport) -> None:
-    """Mend every number of a robot that is malformed, in place.
+    """Repair every number of a robot that is malformed, in place.
 
-    Decimal commas, commas between numbers, brackets and units of the SI are understood. What is not becomes the default
-    of its attribute where there is one, and is removed otherwise, so that it counts as missing. Raises InvalidModel: an
-    expression of xacro was not expanded, or a joint's axis is not readable.
+    Decimal commas, commas between numbers, brackets and units of the SI are understood. Other text is replaced by the
+    default of its attribute if there is one, and is removed otherwise, so that it counts as missing.
+
+    Raises:
+        InvalidModel: an expression of xacro was not expanded, or a joint's axis is not readable.
     """
-    for where, element in _placed(robot):
+    for place in _elements_with_places(robot):
+        element = place.element
         for key, value in element.attrib.items():
-            leftover = _LEFTOVER.search(value)
-            if leftover:
-                raise report.refusal(
-                    where, f'{key}="{shortened(value)}" is an expression of xacro; import the xacro file itself'
-                )
+            if _XACRO_EXPRESSION.search(value):
+                problem = f'{key}="{shortened(value)}" is an expression of xacro; import the xacro file itself'
+                raise report.refusal(place.words, problem)
+        is_checked = place.words.startswith(_CHECKED)
         for key in list(element.attrib):
-            rule = _RULES.get((element.tag, key), _ANYWHERE.get(key) if where.startswith(_CHECKED) else None)
-            if rule is not None and key in element.attrib:  # an unreadable moment takes the others with it
-                _mend(element, key, rule, where, report)
+            rule = _RULES.get((element.tag, key))
+            if rule is None and is_checked:
+                rule = _RULES_OF_OTHER_TAGS.get(key)
+            # The repair of an unreadable moment of inertia removes the other moments, too.
+            if rule is not None and key in element.attrib:
+                _repair_numbers(element, key, rule, place.words, report)
 
 
 def number(element: ET.Element | None, key: str) -> float | None:
-    """Return a mended number; None where it is missing."""
+    """Read a number that is repaired already. Returns None if the element or its attribute is missing."""
     text = None if element is None else element.get(key)
     return None if text is None else float(text)
 
 
-def _placed(robot: ET.Element) -> Iterator[tuple[str, ET.Element]]:
-    """Yield every element with the words that say where it is."""
-    yield "<robot>", robot
+class _Place(NamedTuple):
+    """An element of a robot, and its place in words.
+
+    Attributes:
+        words: the place, such as "joint 'elbow' <limit>".
+        element: the element.
+    """
+
+    words: str
+    element: ET.Element
+
+
+def _elements_with_places(robot: ET.Element) -> Iterator[_Place]:
+    """Yield every element of a robot, itself included, with its place in words."""
+    yield _Place("<robot>", robot)
     for top in robot:
-        whose = f"{top.tag} '{name_of(top)}'"
+        owner = f"{top.tag} '{name_of(top)}'"
         for element in top.iter():
-            yield (whose if element is top else f"{whose} <{element.tag.removeprefix(DRAKE)}>"), element
+            tag = element.tag.removeprefix(DRAKE)
+            yield _Place(owner if element is top else f"{owner} <{tag}>", element)
 
 
-def _mend(element: ET.Element, key: str, rule: _Rule, where: str, report: ImportReport) -> None:
+def _repair_numbers(element: ET.Element, key: str, rule: _NumberRule, where: str, report: ImportReport) -> None:
+    """Repair the numbers of one attribute, in place.
+
+    Args:
+        element: the element.
+        key: name of the attribute.
+        rule: rule for its numbers.
+        where: place of the element in words, for the report.
+        report: report of the import.
+
+    Raises:
+        InvalidModel: the numbers are not readable, and the rule requires them.
+    """
     text = element.attrib[key]
     words = [word for word in re.split(r"[ \t\r\n]+", text) if word]
-    if len(words) in rule.counts and all(_is_finite(word) and not 0 < abs(float(word)) < SMALLEST for word in words):
+    if len(words) in rule.counts and all(_is_plain_number(word) for word in words):
         return
-    readable = _readable(text, rule.counts, _UNITS.get(key, "kg"))
-    shown = f'{key}="{shortened(text)}"'
-    if readable is not None:
-        element.set(key, " ".join(readable))
-        report.add("repaired", where, f'{shown} written as "{element.get(key)}"')
-    elif rule.needed and text.strip():
-        raise report.refusal(where, f"{shown} is not {_counted(rule.counts)}")
+    value = f'{key}="{shortened(text)}"'
+    problem = f"{value} is not {_count_text(rule.counts)}"
+    numbers = _understand_numbers(text, rule.counts, _UNITS.get(key, _DEFAULT_UNIT))
+    if numbers is not None:
+        element.set(key, " ".join(numbers))
+        report.add("repaired", where, f'{value} written as "{element.get(key)}"')
+    elif rule.is_required and text.strip():
+        raise report.refusal(where, problem)
     elif rule.default is not None:
         element.set(key, rule.default)
-        report.add("defaulted", where, f'{shown} is not {_counted(rule.counts)}; "{rule.default}" instead')
+        report.add("defaulted", where, f'{problem}; "{rule.default}" instead')
     elif element.tag == "inertia":
+        # Some moments without the others would be those of another body.
         for moment in MOMENTS:
             element.attrib.pop(moment, None)
-        report.add("dropped", where, f"{shown} is not {_counted(rule.counts)}; the moments count as missing")
+        report.add("dropped", where, f"{problem}; the moments count as missing")
     else:
         del element.attrib[key]
-        report.add("dropped", where, f"{shown} is not {_counted(rule.counts)}; it counts as missing")
+        report.add("dropped", where, f"{problem}; it counts as missing")
 
 
-def _readable(text: str, counts: tuple[int, ...], unit: str) -> list[str] | None:
-    """Return the numbers that a text surely means; None if it is not sure."""
-    bare = text.replace("\N{MINUS SIGN}", "-").strip("()[]{} \t\r\n")
-    spaced = re.sub(r"[,;]\s+|;", " ", bare)
+def _understand_numbers(text: str, counts: tuple[int, ...], unit: str) -> list[str] | None:
+    """Read the numbers that a malformed text means, in order.
+
+    Args:
+        text: the text, such as "(1,5; 2; 3)".
+        counts: counts of numbers that are allowed.
+        unit: unit that may follow a number.
+
+    Returns:
+        the numbers as they were written; None if the text cannot be understood.
+    """
+    plain = text.replace("\N{MINUS SIGN}", "-").strip("()[]{} \t\r\n")
+    spaced = re.sub(r"[,;]\s+|;", " ", plain)
+    # A comma that is left separates numbers, or else it is a decimal comma.
     for candidate in (spaced, spaced.replace(",", " "), spaced.replace(",", ".")):
         words = [_without_unit(word, unit) for word in candidate.split()]
         if len(words) in counts and all(_is_finite(word) for word in words):
@@ -127,21 +185,33 @@ def _readable(text: str, counts: tuple[int, ...], unit: str) -> list[str] | None
 
 
 def _without_unit(word: str, unit: str) -> str:
-    """Return a number without the unit that it has anyway, or the f of a programming language."""
-    bare = (word.removesuffix(end) for end in (unit, "f", "F") if word.endswith(end))
-    return next((rest for rest in bare if NUMBER.fullmatch(rest)), word)
+    """Remove the unit or the suffix f from a number, such as 1.5m or 1.5f; other text is returned as it is."""
+    for suffix in (unit, "f", "F"):
+        rest = word.removesuffix(suffix)
+        if word.endswith(suffix) and NUMBER.fullmatch(rest):
+            return rest
+    return word
 
 
 def _is_finite(word: str) -> bool:
+    """Whether a word is a number, and not so large that it counts as infinite."""
     return NUMBER.fullmatch(word) is not None and abs(float(word)) < LARGEST
 
 
-def _counted(counts: tuple[int, ...]) -> str:
-    listed = " or ".join(str(count) for count in counts)
-    return "a finite number" if counts == (1,) else f"{listed} finite numbers"
+def _is_plain_number(word: str) -> bool:
+    """Whether a word is a finite number that needs no repair: 0, or not so small that it counts as 0."""
+    return _is_finite(word) and not 0 < abs(float(word)) < SMALLEST
 
 
-_GROUPS = (f"{DRAKE}ignored_collision_filter_group", f"{DRAKE}member_group")
+def _count_text(counts: tuple[int, ...]) -> str:
+    """Describe counts of numbers, such as "3 or 4 finite numbers"."""
+    if counts == (1,):
+        return "a finite number"
+    alternatives = " or ".join(str(count) for count in counts)
+    return f"{alternatives} finite numbers"
+
+
+_GROUPS = (f"{DRAKE}ignored_collision_filter_group", f"{DRAKE}member_group")  # elements that name another group
 _VISUAL = {f"{DRAKE}{name}" for name in ("illustration_properties", "perception_properties", "accepting_renderer")}
 _KNOWN: dict[str, set[str]] = {
     "robot": {"link", "joint", "material", "transmission", "frame"},
@@ -153,26 +223,38 @@ _KNOWN: dict[str, set[str]] = {
     "geometry": {"mesh", *SHAPE_SIZES},
     "mesh": {f"{DRAKE}declare_convex"},
     "material": {"color", "texture"},
-}  # by tag, what may stand in it
+}
+"""Tags of the elements that may be in an element, by its tag."""
 _OPAQUE = ("transmission", "collision_filter_group", "linear_bushing_rpy", "proximity_properties")
-"""What is read by a stage of its own, or by Drake alone."""
+"""Elements whose content is not checked here: another stage of the import, or Drake alone, reads it."""
 _REPEATED = {"link", "joint", "material", "transmission", "frame", "visual", "collision", *_VISUAL}
-_KEPT_OF_DRAKE = {f"{DRAKE}collision_filter_group", f"{DRAKE}linear_bushing_rpy"}
-_CLOSING = ("loop_joint", f"{DRAKE}joint", f"{DRAKE}ball_constraint", f"{DRAKE}tendon_constraint")
+"""Elements of which an element may contain several."""
+_KEPT_OF_DRAKE = {f"{DRAKE}collision_filter_group", f"{DRAKE}linear_bushing_rpy"}  # additional elements in a robot
+_LOOP_TAGS = ("loop_joint", f"{DRAKE}joint", f"{DRAKE}ball_constraint", f"{DRAKE}tendon_constraint")
+"""Elements that close a loop, or move in a way that no motor drives."""
 
 
 def repair_structure(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
-    """Repair a robot's elements, numbers, names and tree in place; raises InvalidModel: a defect without a repair."""
+    """Repair a robot's elements, numbers, names and tree in place.
+
+    If the options ask for couplings in place of joints that close loops, their elements are added at the end of the
+    robot.
+
+    Raises:
+        InvalidModel: a defect has no repair.
+    """
     check_size(robot, report.refusal)
-    closings = list[ET.Element]()
-    _keep_known_elements(robot, options, report, closings)
-    repair_names(robot, report)  # first, since of two joints that are alike one goes
+    # Loops come first: the next step would remove their elements as unknown ones.
+    closings = _take_out_loops(robot, options, report)
+    _keep_known_elements(robot, report)
+    repair_names(robot, report)  # before the next step: of two joints that are equal, one is removed here
     closings += _closings_of_second_parents(robot, options, report)
-    mend_numbers(robot, report)
+    mend_numbers(robot, report)  # only of elements that are left
     if not names(robot, "link"):
         raise report.refusal("", "has no link")
-    dangling = _drop_dangling(robot, report)
-    _keep_one_tree(robot, dangling, set(check_parents(robot, report.refusal)), report)
+    dropped_joints = _drop_dangling_joints(robot, report)
+    child_links = set(check_parents(robot, report.refusal))
+    _keep_one_tree(robot, dropped_joints, child_links, report)
     drop_lost_frames(robot, report)
     robot.extend(closings)
 
@@ -180,17 +262,22 @@ def repair_structure(robot: ET.Element, options: ImportOptions, report: ImportRe
 def _closings_of_second_parents(
     robot: ET.Element, options: ImportOptions, report: ImportReport
 ) -> Iterator[ET.Element]:
-    """Take out joints that give a link a second parent, and yield the couplings that replace them.
+    """Take joints that give a link a second parent out of a robot, in place, and yield the couplings that replace them.
+
+    A coupling is yielded as an XML element, which the stages of the import pass on. A joint without such a coupling
+    stays in the robot if the options do not allow to drop it: the check of parents refuses it later.
 
     Raises:
-        InvalidModel: there is such a joint, and the options do not ask for couplings or for leaving it out.
+        InvalidModel: a coupling could replace a joint, but the options do not ask for couplings or for leaving it out.
     """
     for joint in list(second_parents(robot)):
         child = link_of(joint, "child")
-        first = next(one for one in robot.iterfind("joint") if link_of(one, "child") == child)
+        # The first joint keeps the link as its child.
+        first = next(other for other in robot.iterfind("joint") if link_of(other, "child") == child)
         where = f"link '{child}'"
         problem = f"is the child of two joints, '{name_of(first)}' and '{name_of(joint)}'; a URDF is a tree"
-        closing = closing_of_joint(joint) if link_of(joint, "parent") != child else None
+        joins_two_links = link_of(joint, "parent") != child
+        closing = closing_of_joint(joint) if joins_two_links else None
         if closing is not None and options.couple:
             robot.remove(joint)
             yield closing.element()
@@ -203,48 +290,53 @@ def _closings_of_second_parents(
             raise report.refusal(where, f"{problem}; {advice}station, or let --couple do both")
 
 
-def _keep_known_elements(
-    robot: ET.Element, options: ImportOptions, report: ImportReport, closings: list[ET.Element]
-) -> None:
-    """Leave out, in place, what no simulation here uses, told once a tag; move misplaced links and joints up.
+def _take_out_loops(robot: ET.Element, options: ImportOptions, report: ImportReport) -> list[ET.Element]:
+    """Take the elements that close loops, or move in a way that no motor drives, out of a robot, in place.
 
-    Couplings of loops that the options ask for are added to ``closings``.
+    Returns:
+        XML elements of the couplings that replace them, if the options ask for couplings.
 
-    Raises InvalidModel: the robot closes a loop, or moves in a way that no station can drive.
+    Raises:
+        InvalidModel: there is such an element, and the options do not ask for couplings or for leaving it out.
     """
-    for element in [element for element in robot if element.tag in _CLOSING]:
+    closings = []
+    for element in [element for element in robot if element.tag in _LOOP_TAGS]:
         where = f"<{element.tag.removeprefix(DRAKE)}> '{name_of(element)}'"
         problem = "is no part of a tree of motored joints, which a station's robot is"
         coupling = element.find(CLOSING)
+        line = "" if coupling is None else LoopCoupling.of_element(coupling).line
         if coupling is not None and options.couple:
             robot.remove(element)
             closings.append(coupling)
-            report.add("read", where, f"a coupling of the first station: {LoopCoupling.of_element(coupling).line}")
-            continue
-        if not options.drop_loops:
-            advice = "remove it, or leave it out with --drop-loops"
-            if coupling is not None:
-                line = LoopCoupling.of_element(coupling).line
-                advice = (
-                    f"leave it out with --drop-loops and write `{line}` under couplings of a station with discrete "
-                )
-                advice += "steps, or let --couple do both"
-            raise report.refusal(where, f"{problem}; {advice}")
-        robot.remove(element)
-        report.add("lost", where, f"{problem}; left out")
-    _lift(robot, robot, report)
-    dropped: Counter[tuple[str, str]] = Counter()
-    _prune(robot, dropped)
-    for (tag, place), count in dropped.items():
-        report.add("dropped", f"<{tag}> in <{place}>", f"{count} ×: no simulation here uses it")
-    _drop_second_ones(robot, report)
+            report.add("read", where, f"a coupling of the first station: {line}")
+        elif options.drop_loops:
+            robot.remove(element)
+            report.add("lost", where, f"{problem}; left out")
+        elif coupling is not None:
+            advice = (
+                f"leave it out with --drop-loops and write `{line}` under couplings of a station with discrete steps"
+            )
+            raise report.refusal(where, f"{problem}; {advice}, or let --couple do both")
+        else:
+            raise report.refusal(where, f"{problem}; remove it, or leave it out with --drop-loops")
+    return closings
 
 
-def _lift(robot: ET.Element, element: ET.Element, report: ImportReport) -> None:
-    """Move links and joints that stand within links, joints or groups of them to where they belong."""
+def _keep_known_elements(robot: ET.Element, report: ImportReport) -> None:
+    """Move misplaced links and joints to the top of a robot, and remove elements that no simulation uses, in place."""
+    _move_to_top(robot, robot, report)
+    removed_counts: Counter[_Nesting] = Counter()
+    _remove_unknown(robot, removed_counts)
+    for nesting, count in removed_counts.items():
+        report.add("dropped", f"<{nesting.tag}> in <{nesting.parent}>", f"{count} ×: no simulation here uses it")
+    _remove_repeated(robot, report)
+
+
+def _move_to_top(robot: ET.Element, element: ET.Element, report: ImportReport) -> None:
+    """Move the links and joints within an element of a robot, and within its links, joints and groups, to the robot."""
     for child in list(element):
         if child.tag in ("link", "joint", "group"):
-            _lift(robot, child, report)
+            _move_to_top(robot, child, report)
             if element is not robot and child.tag != "group":
                 element.remove(child)
                 robot.append(child)
@@ -253,7 +345,15 @@ def _lift(robot: ET.Element, element: ET.Element, report: ImportReport) -> None:
                 )
 
 
-def _prune(element: ET.Element, dropped: Counter[tuple[str, str]]) -> None:
+class _Nesting(NamedTuple):
+    """Tag of an element, and tag of the element that contains it."""
+
+    tag: str
+    parent: str
+
+
+def _remove_unknown(element: ET.Element, removed_counts: Counter[_Nesting]) -> None:
+    """Remove elements that no simulation uses from an element and all below it, in place, and count them."""
     if element.tag.removeprefix(DRAKE) in _OPAQUE or element.tag in _VISUAL:
         return
     allowed = _KNOWN.get(element.tag, set())
@@ -261,101 +361,172 @@ def _prune(element: ET.Element, dropped: Counter[tuple[str, str]]) -> None:
         allowed = allowed | _KEPT_OF_DRAKE
     for child in list(element):
         if child.tag in allowed:
-            _prune(child, dropped)
+            _remove_unknown(child, removed_counts)
         else:
             element.remove(child)
-            dropped[child.tag.replace(DRAKE, "drake:"), element.tag] += 1
+            removed_counts[_Nesting(child.tag.replace(DRAKE, "drake:"), element.tag)] += 1
 
 
-def _drop_second_ones(robot: ET.Element, report: ImportReport) -> None:
-    """Keep the first of what stands once; readers of URDFs, Drake's among them, see no other."""
+def _remove_repeated(robot: ET.Element, report: ImportReport) -> None:
+    """Remove the second and further elements of a tag that may occur only once in an element, in place.
+
+    Readers of URDFs, such as Drake's, use the first one only.
+    """
     for top in robot:
         if top.tag not in ("link", "joint", "material"):
             continue
         for element in top.iter():
-            for place in [child.tag for child in element if child.tag not in _REPEATED]:
-                for second in element.findall(place)[1:]:
-                    element.remove(second)
-                    report.add("dropped", f"{top.tag} '{name_of(top)}'", f"a second <{place}> in its <{element.tag}>")
+            # A list of tags, since elements are removed from what is iterated.
+            for tag in [child.tag for child in element if child.tag not in _REPEATED]:
+                for repeated in element.findall(tag)[1:]:
+                    element.remove(repeated)
+                    report.add("dropped", f"{top.tag} '{name_of(top)}'", f"a second <{tag}> in its <{element.tag}>")
 
 
 def drop_lost_frames(robot: ET.Element, report: ImportReport) -> None:
-    """Leave out, in place, Drake's frames, groups and bushings where they name what is not there."""
+    """Remove Drake's frames, collision filter groups and bushings that name missing elements, in place.
+
+    Drake would refuse them.
+    """
     links = set(names(robot, "link"))
-    welded = {link_of(joint, "child") for joint in robot.iterfind("joint") if joint.get("type") == "fixed"}
-    taken = set(links)
+    taken_names = set(links)
     for frame in list(robot.iterfind("frame")):
         name = name_of(frame)
-        if not name or name in taken or frame.get("link") not in links:
+        if not name or name in taken_names or frame.get("link") not in links:
             robot.remove(frame)
             report.add("dropped", f"frame '{name}'", "its link is not there, or its name is missing or taken")
-        taken.add(name)
-    for group in list(robot.iterfind(f"{DRAKE}collision_filter_group")):
-        members = {member.get("link", "") for member in group.iterfind(f"{DRAKE}member")}
-        name = f"collision filter group '{name_of(group)}'"
-        if not name_of(group) or name in taken or not members or not members <= links - welded:
-            robot.remove(group)
-            report.add("dropped", name, "its name is missing or taken, or a member is no link or welded to another")
-        taken.add(name)
-    kept = {name_of(group) for group in robot.iterfind(f"{DRAKE}collision_filter_group")}
-    for group in robot.iterfind(f"{DRAKE}collision_filter_group"):
-        for other in [other for tag in _GROUPS for other in group.findall(tag) if name_of(other) not in kept]:
-            group.remove(other)
-            report.add("dropped", f"collision filter group '{name_of(group)}'", f"'{name_of(other)}' is no group")
+        taken_names.add(name)
+    _drop_lost_groups(robot, links, taken_names, report)
     for bushing in list(robot.iterfind(f"{DRAKE}linear_bushing_rpy")):
+        # A bushing names its two frames in <bushing_frameA> and <bushing_frameC>.
         ends = {frame.get("name", "") for tag in "AC" for frame in bushing.iterfind(f"{DRAKE}bushing_frame{tag}")}
-        if len(ends) != 2 or not ends <= taken:
+        if len(ends) != 2 or not ends <= taken_names:
             robot.remove(bushing)
             report.add("dropped", "drake:linear_bushing_rpy", "a frame of it is not there")
 
 
-def _drop_dangling(robot: ET.Element, report: ImportReport) -> list[tuple[str, str]]:
-    """Leave out joints that do not join two links, and return their names with what is wrong."""
+def _drop_lost_groups(robot: ET.Element, links: set[str], taken_names: set[str], report: ImportReport) -> None:
+    """Remove collision filter groups that name missing or welded links, and names of missing groups, in place.
+
+    Args:
+        robot: the robot.
+        links: names of its links.
+        taken_names: names of links and frames, to which those of the groups are added.
+        report: report of the import.
+    """
+    welded_links = {link_of(joint, "child") for joint in robot.iterfind("joint") if joint.get("type") == "fixed"}
+    for group in list(robot.iterfind(f"{DRAKE}collision_filter_group")):
+        members = {member.get("link", "") for member in group.iterfind(f"{DRAKE}member")}
+        name = f"collision filter group '{name_of(group)}'"
+        has_free_name = bool(name_of(group)) and name not in taken_names
+        # A link that is welded to another one may be merged with it later in the import.
+        has_known_members = bool(members) and members <= links - welded_links
+        if not has_free_name or not has_known_members:
+            robot.remove(group)
+            report.add("dropped", name, "its name is missing or taken, or a member is no link or welded to another")
+        taken_names.add(name)
+    group_names = {name_of(group) for group in robot.iterfind(f"{DRAKE}collision_filter_group")}
+    for group in robot.iterfind(f"{DRAKE}collision_filter_group"):
+        for tag in _GROUPS:
+            for other in group.findall(tag):
+                if name_of(other) not in group_names:
+                    group.remove(other)
+                    where = f"collision filter group '{name_of(group)}'"
+                    report.add("dropped", where, f"'{name_of(other)}' is no group")
+
+
+class _DroppedJoint(NamedTuple):
+    """A joint that was removed because it does not join two links.
+
+    Attributes:
+        where: the joint in words, such as "joint 'elbow'".
+        problem: what is wrong with it.
+    """
+
+    where: str
+    problem: str
+
+
+def _drop_dangling_joints(robot: ET.Element, report: ImportReport) -> list[_DroppedJoint]:
+    """Remove joints that do not join two links, in place; names of links that differ in case only are corrected.
+
+    Raises:
+        InvalidModel: a joint that moves an existing link has no parent link.
+    """
     links = set(names(robot, "link"))
-    by_case = {link.lower(): link for link in links}
+    link_in_any_case = {link.lower(): link for link in links}
+    is_case_unique = len(link_in_any_case) == len(links)
     dropped = []
     for joint in list(robot.iterfind("joint")):
         where = f"joint '{name_of(joint)}'"
         for end in ("parent", "child"):
-            link, element = link_of(joint, end), joint.find(end)
+            link = link_of(joint, end)
+            element = joint.find(end)
             if link in links:
                 continue
-            meant = by_case.get(link.lower())
-            if element is not None and meant is not None and len(by_case) == len(links):
-                element.set("link", meant)
-                report.add("repaired", where, f"its {end} '{link}' is no link; '{meant}', which differs in case")
+            # If two links differ in case only, the intended one is not known.
+            intended = link_in_any_case.get(link.lower())
+            if element is not None and intended is not None and is_case_unique:
+                element.set("link", intended)
+                report.add("repaired", where, f"its {end} '{link}' is no link; '{intended}', which differs in case")
                 continue
             robot.remove(joint)
             problem = f"its {end} '{link}' is no link{nearest(link, links)}" if link else f"it has no {end}"
             if end == "parent" and joint.get("type") in MOVABLE_JOINTS and link_of(joint, "child") in links:
                 raise report.refusal(where, f"{problem}; without it the robot falls apart")
             report.add("dropped", where, f"{problem}; the joint is left out")
-            dropped.append((where, problem))
+            dropped.append(_DroppedJoint(where, problem))
             break
     return dropped
 
 
-def _keep_one_tree(robot: ET.Element, dangling: list[tuple[str, str]], held: set[str], report: ImportReport) -> None:
-    """Keep the one tree that is the robot: the only one that moves, or if none does, the largest."""
-    roots = [name for name in names(robot, "link") if name not in held]
+def _keep_one_tree(
+    robot: ET.Element, dropped_joints: list[_DroppedJoint], child_links: Collection[str], report: ImportReport
+) -> None:
+    """Keep one tree of links, in place: the only one that moves, or if none does, the largest.
+
+    Args:
+        robot: the robot.
+        dropped_joints: joints that were removed, one of which may have connected the trees.
+        child_links: names of the links that are the child of a joint; the others are roots.
+        report: report of the import.
+
+    Raises:
+        InvalidModel: several trees move, or none moves and the largest is not the only one of its size.
+    """
+    roots = [name for name in names(robot, "link") if name not in child_links]
     if len(roots) == 1:
         return
-    starts = joints_at(robot)
-    trees = {root: outward(starts, root) for root in roots}
+    joints_of_link = joints_at(robot)
+    trees = {root: outward(joints_of_link, root) for root in roots}  # joints of each tree, by the name of its root
     moving = [root for root, joints in trees.items() if any(joint.get("type") != "fixed" for joint in joints)]
     largest = max(roots, key=lambda root: len(trees[root]))
-    alone = sum(len(joints) == len(trees[largest]) for joints in trees.values()) == 1
-    kept = moving[0] if len(moving) == 1 else largest
-    if len(moving) > 1 or (not moving and not alone):
-        for where, problem in dangling:
-            raise report.refusal(where, f"{problem}; without it the robot falls apart")
+    as_large = [root for root in roots if len(trees[root]) == len(trees[largest])]
+    if len(moving) > 1 or (not moving and len(as_large) > 1):
+        if dropped_joints:
+            joint = dropped_joints[0]
+            raise report.refusal(joint.where, f"{joint.problem}; without it the robot falls apart")
         ends = moving or roots
         raise report.refusal("", f"has {len(ends)} root links ({listed(ends, 6)}); join them to one tree by joints")
+    # What is left is a robot with loose links, such as those of a scene, or rigid trees of different sizes.
+    kept = moving[0] if moving else largest
     for root in roots:
         if root != kept:
-            hung = [link_of(joint, "child") for joint in trees[root]]
-            lost = {root, *hung}
-            for element in [*trees[root], *(link for link in robot.iterfind("link") if name_of(link) in lost)]:
-                robot.remove(element)
-            with_it = f" with {listed(hung, 6)}" if hung else ""
-            report.add("dropped", f"link '{root}'", f"no joint leads to it; left out{with_it}")
+            _remove_tree(robot, root, trees[root], report)
+
+
+def _remove_tree(robot: ET.Element, root: str, joints: list[ET.Element], report: ImportReport) -> None:
+    """Remove a tree of links from a robot, in place.
+
+    Args:
+        robot: the robot.
+        root: name of the tree's root link.
+        joints: joints of the tree.
+        report: report of the import.
+    """
+    other_links = [link_of(joint, "child") for joint in joints]
+    lost_links = {root, *other_links}
+    for element in [*joints, *(link for link in robot.iterfind("link") if name_of(link) in lost_links)]:
+        robot.remove(element)
+    addition = f" with {listed(other_links, 6)}" if other_links else ""
+    report.add("dropped", f"link '{root}'", f"no joint leads to it; left out{addition}")

@@ -37,7 +37,7 @@ from simrob_drake.yaml_files import read_yaml
 _MOVING = ("revolute", "continuous", "prismatic", "ball", "universal", "revolute2", "screw")
 _AXES = {"universal": ("axis", "axis2"), "revolute2": ("axis", "axis2"), "ball": ("x", "y", "z")}
 _IN_MODEL_FRAME = (1, 4)  # the last version in which axes were in the model's frame
-_MIMIC = {"multiplier": "1", "offset": "0", "reference": "0"}  # what SDF puts in the place of what is missing
+_MIMIC_DEFAULTS = {"multiplier": "1", "offset": "0", "reference": "0"}  # of the SDF format
 _DEFAULT_INERTIA = {"ixx": "1", "iyy": "1", "izz": "1"}
 
 
@@ -55,6 +55,27 @@ class _Edge(NamedTuple):
     element: ET.Element
     parent: str
     child: str
+
+
+class _AxisName(NamedTuple):
+    """Full name of an SDF joint, and tag of one of its axes, such as ``axis2``."""
+
+    joint: str
+    axis: str
+
+
+class _Mimic(NamedTuple):
+    """A statement that a joint follows another one.
+
+    Attributes:
+        prefix: scope in which the name of the other joint counts.
+        follower: joint of the URDF that follows.
+        element: the ``<mimic>`` of the SDF, with the name of the other joint.
+    """
+
+    prefix: str
+    follower: ET.Element
+    element: ET.Element
 
 
 @dataclass
@@ -81,8 +102,9 @@ class RobotWriter:
         }
         self._free = FreeNames(self._names.values())
         self._origins: dict[str, RigidTransform] = {}  # of the links of the URDF in the model
-        self._parts: dict[tuple[str, str], ET.Element] = {}  # joints of the URDF, by the SDF joint and its axis
-        self._mimics: list[tuple[_Edge, ET.Element, ET.Element]] = []  # joints of the URDF with their <mimic>
+        # Joints of the URDF, by the axis of the SDF joint that each stands for: each axis becomes a joint.
+        self._joint_of_axis: dict[_AxisName, ET.Element] = {}
+        self._mimics: list[_Mimic] = []
 
     def written(self) -> ET.Element:
         """Return the ``robot`` element; raises InvalidModel: frames that name none, or a joint that is none."""
@@ -152,28 +174,33 @@ class RobotWriter:
                 ET.SubElement(element, "axis", xyz=text(sense * direction))
                 write_limits(element, axis)
                 write_drive(self.robot, element, axis, joint if len(parts) == 1 else None, self.report)
-                self._parts[edge.name, part] = element
-                self._mimics += [
-                    (edge, element, mimic) for mimic in (axis.findall("mimic") if axis is not None else [])
-                ]
+                self._joint_of_axis[_AxisName(edge.name, part)] = element
+                if axis is not None:
+                    self._mimics += [_Mimic(edge.prefix, element, mimic) for mimic in axis.findall("mimic")]
             carrier, start = to, RigidTransform()
         if len(parts) > 1:
             message = f"is {kind}; {len(parts)} joints, between which are links of next to no mass"
             self.report.add("approximated" if kind == "ball" else "repaired", f"joint '{edge.name}'", message)
 
     def _write_mimics(self) -> None:
-        """Write what joints mimic, once all joints are there: the leader may stand later in the file.
+        """Write the ``mimic`` of every follower, after all joints: its leader may be later in the file.
 
-        SDF counts the position of the leader from a reference: follower = multiplier (leader - reference) + offset.
+        The position of a follower is multiplier * (leader - reference) + offset in SDF, without the reference in a
+        URDF. A leader that does not exist is written by its name, which a later stage of the import reports.
         """
-        for edge, element, mimic in self._mimics:
-            full = named(edge.prefix, mimic.get("joint", ""))
-            leader = self._parts.get((full, mimic.get("axis", "axis")))
-            values = {key: float(_figure(mimic, key) or default) for key, default in _MIMIC.items()}
-            offset = values["offset"] - values["multiplier"] * values["reference"]
-            name = full if leader is None else name_of(leader)
-            follows = {"joint": name, "multiplier": written(values["multiplier"]), "offset": written(offset)}
-            ET.SubElement(element, "mimic", follows)
+        for mimic in self._mimics:
+            leader_name = named(mimic.prefix, mimic.element.get("joint", ""))
+            leader = self._joint_of_axis.get(_AxisName(leader_name, mimic.element.get("axis", "axis")))
+            values = {key: float(_figure(mimic.element, key) or text) for key, text in _MIMIC_DEFAULTS.items()}
+            multiplier = values["multiplier"]
+            offset = values["offset"] - multiplier * values["reference"]
+            ET.SubElement(
+                mimic.follower,
+                "mimic",
+                joint=leader_name if leader is None else name_of(leader),
+                multiplier=written(multiplier),
+                offset=written(offset),
+            )
 
     def _direction(self, edge: _Edge, axis: ET.Element | None, place: RigidTransform) -> Vector:
         xyz = None if axis is None else axis.find("xyz")

@@ -1,5 +1,8 @@
 """Neural networks from ONNX files, checked before they run and bounded while they run.
 
+An ONNX file describes a network as a graph of nodes. Each node applies an operator, such as a matrix product. An
+operator can also be a function: a graph of its own, which the same file defines.
+
 A file from a stranger must not stop a run or change its result from one run to the next. So a network has no
 loops, no branches and no random numbers, and its memory and its first evaluation time are bounded.
 """
@@ -8,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from threading import Timer
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,35 +21,44 @@ from simrob_drake.files import NotRead, content_of
 from simrob_drake.frames import Vector
 
 _LARGEST_FILE = 10_000_000
-"""Size of a file [bytes]. A network of a million weights has less than half of it."""
+"""Largest size of a file [bytes]. A network of a million weights has less than half of it."""
 _MOST_NODES = 100_000
-"""Number of operators of a network whose functions are written out."""
+"""Largest count of a network's nodes, after the calls of functions are replaced by the functions' nodes."""
 _MOST_MEMORY = 256 * 2**20
-"""Memory that the values of all networks take while they are evaluated [bytes]."""
+"""Largest memory of the values of all networks while they are evaluated [bytes]."""
 _LONGEST_TRIAL = 5.0
-"""Time for the first evaluation [s]. A network of a million weights takes about 1 ms."""
+"""Longest duration of the first evaluation [s]. A network of a million weights takes about 1 ms."""
 _FLOATS = {"tensor(float)": np.float32, "tensor(double)": np.float64}
+"""Types of numbers that inputs and outputs may have, by ONNX Runtime's names."""
 _CONTROL_FLOW = frozenset({"Loop", "If", "Scan", "SequenceMap", "BeamSearch", "WhisperBeamSearch", "GreedySearch"})
+"""Operators with loops or branches."""
 _RANDOM = frozenset(
     {
         *("RandomNormal", "RandomNormalLike", "RandomUniform", "RandomUniformLike", "Bernoulli", "Multinomial"),
         *("Sampling", "BiasDropout", "BitmaskDropout", "BitmaskBiasDropout"),
     }
 )
+"""Operators that draw random numbers."""
 _TRAINING_INPUT = 2
 """Index of Dropout's input ``training_mode``: it draws random numbers if that is true."""
 
 
 class Network:
-    """A function of one vector that gives one, from an ONNX file, evaluated by ONNX Runtime on one thread.
+    """A function of one vector with one vector as its result, read from an ONNX file.
+
+    ONNX Runtime evaluates it on one thread.
 
     Attributes:
-        inputs: size of the vector that it takes.
-        outputs: size of the vector that it gives.
+        inputs: size of the input vector.
+        outputs: size of the output vector.
     """
 
     def __init__(self, file: Path, key: str) -> None:
         """Read a file with a network of one input and one output, of shapes (size,) or (batch, size).
+
+        Args:
+            file: the ONNX file.
+            key: key of the station file that names the file, for error messages.
 
         Raises:
             SimrobError: the file cannot be read, is no network, has a loop, a branch or a random operator, needs too
@@ -70,39 +82,55 @@ class Network:
         except Exception as problem:  # ONNX Runtime has many classes of its own, without a base
             detail = " ".join(str(problem).split())
             raise InvalidParameter(key, file, f"a network as ONNX ({detail})") from problem
-        takes = self._session.get_inputs()
-        gives = self._session.get_outputs()
-        if len(takes) != 1 or len(gives) != 1:
-            detail = f"a network of one input and one output (it has {len(takes)} and {len(gives)})"
+
+        inputs = self._session.get_inputs()
+        outputs = self._session.get_outputs()
+        if len(inputs) != 1 or len(outputs) != 1:
+            detail = f"a network of one input and one output (it has {len(inputs)} and {len(outputs)})"
             raise InvalidParameter(key, file, detail)
-        self.inputs = _size(takes[0], file, key)
-        self.outputs = _size(gives[0], file, key)
-        self._input = takes[0].name
-        self._output = gives[0].name
-        self._kind = _FLOATS[takes[0].type]
-        self._shape = (1, self.inputs) if len(takes[0].shape) == 2 else (self.inputs,)
+        self.inputs = _vector_size(inputs[0], file, key)
+        self.outputs = _vector_size(outputs[0], file, key)
+        self._input_name = inputs[0].name
+        self._output_name = outputs[0].name
+        self._number_type = _FLOATS[inputs[0].type]
+        # A network for batches of inputs gets a batch of one.
+        has_batches = len(inputs[0].shape) == 2
+        self._input_shape = (1, self.inputs) if has_batches else (self.inputs,)
         self._try_once(onnxruntime.RunOptions(), file, key)
 
     def __call__(self, values: Vector) -> Vector:
-        """Return the network's output (outputs,) for an input (inputs,)."""
+        """Compute the network's output (outputs,) for an input (inputs,)."""
         return self._evaluate(values)
 
     def _evaluate(self, values: Vector, options: Any = None) -> Vector:
-        """Return the output (outputs,) for an input (inputs,), with ONNX Runtime's options for one evaluation."""
-        fed = np.asarray(values, dtype=self._kind).reshape(self._shape)
-        (output,) = self._session.run([self._output], {self._input: fed}, options)
+        """Compute the output (outputs,) for an input (inputs,).
+
+        Args:
+            values: the input.
+            options: ONNX Runtime's options for this evaluation, its defaults if None.
+        """
+        input_tensor = np.asarray(values, dtype=self._number_type).reshape(self._input_shape)
+        (output,) = self._session.run([self._output_name], {self._input_name: input_tensor}, options)
         return np.asarray(output, dtype=float).reshape(self.outputs)
 
     def _try_once(self, options: Any, file: Path, key: str) -> None:
-        """Evaluate the network at zero, with a deadline.
+        """Evaluate the network at zero, with a deadline, so that a network that fails does so before a run.
 
-        A later evaluation would fail in the same way, but in the middle of a run.
+        Args:
+            options: new options of ONNX Runtime for this evaluation. At the deadline, their attribute ``terminate``
+                is set, which stops the evaluation.
+            file: the network's file, for error messages.
+            key: key of the station file that names the file, for error messages.
 
         Raises:
             InvalidParameter: the evaluation fails, needs more memory than the bound, or is not done at the deadline.
         """
-        options.log_severity_level = 4
-        deadline = Timer(_LONGEST_TRIAL, lambda: setattr(options, "terminate", True))
+
+        def stop_evaluation() -> None:
+            options.terminate = True
+
+        options.log_severity_level = 4  # only fatal errors
+        deadline = Timer(_LONGEST_TRIAL, stop_evaluation)
         deadline.daemon = True
         deadline.start()
         try:
@@ -121,7 +149,10 @@ class Network:
 
 @cache
 def _bound_memory() -> None:
-    """Make the allocator that all networks of this process share, which refuses what exceeds the bound."""
+    """Register an allocator that all networks of this process share, and that refuses more than _MOST_MEMORY.
+
+    The allocator is registered at the first call only, which is what the cache is for.
+    """
     import onnxruntime
 
     unset = -1  # ONNX Runtime's default
@@ -133,7 +164,11 @@ def _bound_memory() -> None:
 
 
 def _new_session(content: bytes) -> Any:
-    """Return an ONNX Runtime session on one thread with bounded memory, for the bytes of a file."""
+    """Make an ONNX Runtime session, which evaluates a network, on one thread with bounded memory.
+
+    Args:
+        content: the bytes of the ONNX file.
+    """
     import onnxruntime
 
     _bound_memory()
@@ -141,7 +176,7 @@ def _new_session(content: bytes) -> Any:
     # A policy is small, and several runs share the machine.
     options.intra_op_num_threads = 1
     options.inter_op_num_threads = 1
-    options.log_severity_level = 4
+    options.log_severity_level = 4  # only fatal errors
     options.add_session_config_entry("session.use_env_allocators", "1")
     # Constants would be computed while the session is made, where the memory has no bound.
     return onnxruntime.InferenceSession(
@@ -149,71 +184,119 @@ def _new_session(content: bytes) -> Any:
     )
 
 
+class _FunctionName(NamedTuple):
+    """Name by which the nodes of an ONNX file call an operator or one of the file's functions.
+
+    Attributes:
+        domain: namespace of the name; empty for ONNX's standard operators.
+        name: the name in that namespace, such as ``MatMul``.
+    """
+
+    domain: str
+    name: str
+
+
 def _check_operators(model: Any, file: Path, key: str) -> None:
     """Check the operators of a model's graph, subgraphs and functions.
+
+    Args:
+        model: the content of the file, as an ``onnx.ModelProto``.
+        file: the network's file, for error messages.
+        key: key of the station file that names the file, for error messages.
 
     Raises:
         InvalidParameter: there is a loop, a branch, a random operator, or too many operators.
     """
-    functions = {(function.domain, function.name): function for function in model.functions}
+    functions = {_FunctionName(function.domain, function.name): function for function in model.functions}
     constants = {tensor.name: tensor for tensor in model.graph.initializer}
-    bodies = [model.graph, *functions.values()]
-    for node in (node for body in bodies for node in _all_nodes(body)):
-        # A function of the model may have the name of an operator; its own body is checked instead.
-        if (node.domain, node.op_type) in functions:
-            continue
-        if node.op_type in _CONTROL_FLOW:
-            expected = f"a network without loops and branches (it has the operator {node.op_type})"
-            raise InvalidParameter(key, file, expected)
-        if node.op_type in _RANDOM or _is_training_dropout(node, constants):
-            expected = f"a network without random numbers (it has the operator {node.op_type})"
-            raise InvalidParameter(key, file, expected)
-    if _written_out(model.graph, functions) > _MOST_NODES:
+    for body in (model.graph, *functions.values()):
+        for node in _all_nodes(body):
+            # A function of the model may have the name of an operator; its own body is checked instead.
+            if _called_by(node) in functions:
+                continue
+            if node.op_type in _CONTROL_FLOW:
+                expected = f"a network without loops and branches (it has the operator {node.op_type})"
+                raise InvalidParameter(key, file, expected)
+            if node.op_type in _RANDOM or _is_training_dropout(node, constants):
+                expected = f"a network without random numbers (it has the operator {node.op_type})"
+                raise InvalidParameter(key, file, expected)
+    if _count_expanded_nodes(model.graph, functions) > _MOST_NODES:
         expected = f"a network of at most {_MOST_NODES} operators, with its functions written out"
         raise InvalidParameter(key, file, expected)
 
 
+def _called_by(node: Any) -> _FunctionName:
+    """Name of the operator or function that a node applies."""
+    return _FunctionName(node.domain, node.op_type)
+
+
 def _is_training_dropout(node: Any, constants: Mapping[str, Any]) -> bool:
-    """Tell whether a node is a Dropout that may draw random numbers: its training mode is not a constant false."""
-    if node.op_type != "Dropout" or len(node.input) <= _TRAINING_INPUT or not node.input[_TRAINING_INPUT]:
+    """Whether a node is a Dropout that may draw random numbers: its training mode is not a constant false.
+
+    Args:
+        node: a node of a graph, an ``onnx.NodeProto``.
+        constants: the constant tensors of the model, by name.
+    """
+    if node.op_type != "Dropout":
+        return False
+    # The input is optional: it can be missing or have an empty name. Then the training mode is off.
+    if len(node.input) <= _TRAINING_INPUT or not node.input[_TRAINING_INPUT]:
         return False
     mode = constants.get(node.input[_TRAINING_INPUT])
-    return mode is None or any(mode.raw_data) or any(mode.int32_data)
+    if mode is None:
+        return True  # computed while the network runs
+    # ONNX stores a boolean in one of these two fields.
+    return any(mode.raw_data) or any(mode.int32_data)
 
 
 def _all_nodes(body: Any) -> Iterator[Any]:
-    """Yield the nodes of a graph or function and of the graphs in their attributes."""
-    waiting = [body]
-    while waiting:
-        for node in waiting.pop().node:
+    """Yield the nodes of a graph or function, and of the graphs that are attributes of its nodes."""
+    bodies_left = [body]
+    while bodies_left:
+        for node in bodies_left.pop().node:
             yield node
             for attribute in node.attribute:
-                waiting += [attribute.g] if attribute.HasField("g") else []
-                waiting += attribute.graphs
+                if attribute.HasField("g"):
+                    bodies_left.append(attribute.g)
+                bodies_left.extend(attribute.graphs)
 
 
-def _written_out(graph: Any, functions: Mapping[tuple[str, str], Any]) -> int:
+def _count_expanded_nodes(graph: Any, functions: Mapping[_FunctionName, Any]) -> int:
     """Count the nodes of a graph after each call of a function is replaced by the function's nodes.
 
     ONNX Runtime replaces them when it reads a model: thirty functions that call each other twice are 2**30 nodes.
-    The count of a function that calls itself is above the bound.
+    So each function's nodes are counted once, and counts stop growing at _MOST_NODES + 1. The count of a function
+    that calls itself has this value, too.
     """
-    counts: dict[tuple[str, str], int] = {}
+    too_many = _MOST_NODES + 1
+    counts: dict[_FunctionName, int] = {}
 
-    def count(name: tuple[str, str]) -> int:
-        if name not in functions:
+    def count(called: _FunctionName) -> int:
+        """Count the nodes that replace a call. A call of an operator is a single node, which stays as it is."""
+        if called not in functions:
             return 1
-        if name not in counts:
-            counts[name] = _MOST_NODES + 1  # counts while the function is open, if it calls itself
-            calls = [count((node.domain, node.op_type)) for node in _all_nodes(functions[name])]
-            counts[name] = min(sum(calls), _MOST_NODES + 1)
-        return counts[name]
+        if called not in counts:
+            # This value is found below if the function calls itself, since its count is not finished.
+            counts[called] = too_many
+            node_counts = [count(_called_by(node)) for node in _all_nodes(functions[called])]
+            counts[called] = min(sum(node_counts), too_many)
+        return counts[called]
 
-    return sum(count((node.domain, node.op_type)) for node in _all_nodes(graph))
+    return sum(count(_called_by(node)) for node in _all_nodes(graph))
 
 
-def _size(port: Any, file: Path, key: str) -> int:
-    """Return the size of an input or output; raises InvalidParameter: it is no vector of floats of a known size."""
+def _vector_size(port: Any, file: Path, key: str) -> int:
+    """Size of the vectors that an input or output of a network has.
+
+    Args:
+        port: description of the input or output by ONNX Runtime, with its name, type and shape.
+        file: the network's file, for error messages.
+        key: key of the station file that names the file, for error messages.
+
+    Raises:
+        InvalidParameter: the values are no floats, or the shape is not (size,) or (batch, size) with a known size.
+    """
+    # A scalar has an empty shape; its size counts as unknown.
     *batch, size = port.shape or [None]
     if port.type not in _FLOATS or len(batch) > 1 or not isinstance(size, int):
         expected = (

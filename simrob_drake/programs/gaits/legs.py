@@ -1,8 +1,8 @@
-"""Angles of a leg that put its foot where it shall be, for many postures at once.
+"""Inverse kinematics of a leg: the angles that bring its foot to desired poses, for many postures at once.
 
-What a leg is asked for depends on its joints: six keep the foot's place and rotation; four (a humanoid without ankle
-roll and hip yaw) keep it ahead, at height and flat, and it goes sideways with the trunk; three (a quadruped) keep the
-place.
+The count of its joints determines which coordinates of the foot a leg can reach. Six joints reach a position and a
+rotation. Four (a humanoid without ankle roll and hip yaw) reach the position ahead, the height and a flat foot, while
+the foot moves sideways with the trunk. Three (a quadruped) reach a position.
 """
 
 import numpy as np
@@ -14,68 +14,95 @@ from simrob_drake.programs.gaits.walker import Foot
 from simrob_drake.robots.catalog import RobotModel
 
 ROWS = {6: [0, 1, 2, 3, 4, 5], 4: [0, 2, 3, 4], 3: [0, 1, 2]}
-"""Which of [ahead, left, up, roll, pitch, yaw] a leg of so many joints is asked for."""
+"""Indices of the coordinates [ahead, left, up, roll, pitch, yaw] that a leg can reach, by the count of its joints."""
 
-_STEPS = 300  # most of the search
-_CLOSE = np.array([1e-9, 1e-9])  # when it stops [m, rad]
-_FLATNESS = 3.0  # metres that a radian counts for where a foot cannot get to its place
-_WRONG = 1e-4  # what counts as out of reach [m, rad]
+_POSITION_ROWS = 3  # the first three coordinates are those of the position
+_MOST_ITERATIONS = 300  # largest count of iterations of the inverse kinematics
+_TOLERANCE = np.array([1e-9, 1e-9])  # errors of position [m] and rotation [rad] at which the iteration stops
+_METRES_PER_RADIAN = 3.0  # weight of a rotation error, for targets that the leg cannot reach: a foot stays nearly flat
+_LARGEST_ERROR = 1e-4  # a target with a larger error of a coordinate is out of reach [m or rad]
 
 
 class OutOfReach(SimrobError):
-    """A leg that cannot get where its foot shall be."""
+    """Raised when a leg cannot bring its foot to a pose, or only beyond a limit of a joint."""
 
 
 def leg_angles(
     model: RobotModel, foot: Foot, target: Vector, root: Vector, start: Vector, times: Vector | None = None
 ) -> Vector:
-    """Return the robot's angles (m, n) [rad] with those of one leg solved.
+    """Compute the angles of one leg for m poses of its foot.
 
-    The poses of the foot's point, turned from flat and ahead, and of the root are (m, 4, 4); ``start`` are the angles
-    of all axes to begin with (m, n) [rad]; the times (m,) [s] are for messages. Raises OutOfReach: names the leg, by
-    how much it is too short, and when; InvalidParameter: a leg that has neither three, four nor six joints.
+    Args:
+        model: the robot.
+        foot: the foot, with the leg that carries it.
+        target: desired poses of the foot's point in the world, shape (m, 4, 4); an identity rotation is flat and ahead.
+        root: poses of the robot's root link in the world, shape (m, 4, 4).
+        start: angles of all n axes from which the search begins, shape (m, n) [rad].
+        times: times of the poses, shape (m,) [s], for messages. If it is None, their indices are used.
+
+    Returns:
+        the angles `start` with those of the leg's axes replaced, shape (m, n) [rad].
+
+    Raises:
+        OutOfReach: the leg is too short for a pose, or a joint is beyond a limit; names the time and the excess.
+        InvalidParameter: the leg has neither three, four nor six joints.
     """
-    axes = list(foot.axes)
+    axes = list(foot.axes)  # indices of the leg's axes
     if len(axes) not in ROWS:
         raise InvalidParameter(f"leg of {foot.name}", f"{len(axes)} joints", "three, four or six joints")
     rows = ROWS[len(axes)]
-    weights = np.zeros(6)
-    weights[rows] = [1.0 if row < 3 else _FLATNESS**2 for row in rows]
+    weights = np.zeros(6)  # of squared errors; a coordinate that the leg cannot reach has the weight 0
+    weights[rows] = [1.0 if row < _POSITION_ROWS else _METRES_PER_RADIAN**2 for row in rows]
     fit = fit_postures(
-        foot.leg, target, start[:, axes], weights=weights, tolerance=_CLOSE, iterations=_STEPS, base=root
+        foot.leg,
+        target,
+        start[:, axes],
+        weights=weights,
+        tolerance=_TOLERANCE,
+        iterations=_MOST_ITERATIONS,
+        base=root,
     )
     angles = start.copy()
     angles[:, axes] = fit.postures
-    when = np.arange(len(angles), dtype=float) if times is None else times
-    if np.abs(fit.errors[:, rows]).max() > _WRONG:
-        short = np.linalg.norm(fit.errors[:, [row for row in rows if row < 3]], axis=1)
-        worst = int(short.argmax())
+    message_times = np.arange(len(angles), dtype=float) if times is None else times
+    if np.abs(fit.errors[:, rows]).max() > _LARGEST_ERROR:
+        position_rows = [row for row in rows if row < _POSITION_ROWS]
+        distances = np.linalg.norm(fit.errors[:, position_rows], axis=1)
+        worst = int(distances.argmax())
+        distance = _two_digits(1e3 * distances[worst])
         raise OutOfReach(
-            f"the leg of {foot.name} is out of reach by {_digits(1e3 * short[worst])} mm at {when[worst]:.2f} s;"
+            f"the leg of {foot.name} is out of reach by {distance} mm at {message_times[worst]:.2f} s;"
             " take shorter or lower steps, or let the hips come down"
         )
-    _check_limits(model, foot, angles, when)
+    _check_limits(model, foot, angles, message_times)
     return angles
 
 
-def _digits(value: float) -> str:
-    """Return a number that is never shown as zero: at least two digits that count."""
+def _two_digits(value: float) -> str:
+    """Write a positive number with its first two significant digits, or as an integer from 10 on."""
     return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
 
 
-def _check_limits(model: RobotModel, foot: Foot, angles: Vector, when: Vector) -> None:
-    """Check that every joint of a leg stays within its limits in postures (m, n) [rad] at times (m,) [s].
+def _check_limits(model: RobotModel, foot: Foot, angles: Vector, times: Vector) -> None:
+    """Check that every joint of a leg stays within its limits.
+
+    Args:
+        model: the robot.
+        foot: the foot, with the axes of its leg.
+        angles: angles of all n axes of the robot in m postures, shape (m, n) [rad].
+        times: times of the postures for the message, shape (m,) [s].
 
     Raises:
-        OutOfReach: a joint is beyond a limit; the message names the posture that is furthest beyond.
+        OutOfReach: a joint is beyond a limit; the message names the posture in which it is furthest beyond.
     """
     excess = model.limits.excess(angles)
     for axis in foot.axes:
         row = int(excess[:, axis].argmax())
-        violation = model.limits.of_axes([axis]).find_violation(angles[row : row + 1, [axis]])
+        worst_angle = angles[row : row + 1, [axis]]  # shape (1, 1)
+        violation = model.limits.of_axes([axis]).find_violation(worst_angle)
         if violation is not None:
             name = list(model.axes)[axis]
             raise OutOfReach(
-                f"{name} would need {violation.value} deg at {when[row]:.2f} s, {violation.excess} deg beyond its"
+                f"{name} would need {violation.value} deg at {times[row]:.2f} s, {violation.excess} deg beyond its"
                 f" limits of {violation.limits}"
             )

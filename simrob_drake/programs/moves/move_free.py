@@ -1,4 +1,10 @@
-"""A move of an arm around obstacles, or of several at once, with what they carry."""
+"""A move of an arm around obstacles, or of several arms at once, with what they carry.
+
+A goal is a posture that reaches the target of the move: a pose of the tool can be reached by several postures. A search
+finds a path to one of the goals, which is then rounded or optimised, and timed.
+
+`Planning` describes the start of one robot's move: its posture, its chain of axes, its limits and its surroundings.
+"""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -17,74 +23,81 @@ from simrob_drake.frames import Vector
 from simrob_drake.interpolation import stacked
 from simrob_drake.kinematics.every_branch import goal_postures
 from simrob_drake.programs.errors import GoalInCollision
-from simrob_drake.programs.free_path import FreeSpace, Search, metres
+from simrob_drake.programs.free_path import FreeSpace, Search, TimelessPath, metres_per_radian
 from simrob_drake.programs.moves.motion import ArmMotion, Row
 from simrob_drake.programs.plan import CHECKED, Plan, check_limits
 from simrob_drake.programs.planning import POINTS, Planning, PoseTargets, WorkObject, degrees_hint, points_of, zone_of
-from simrob_drake.programs.segments import Segment, tool_length
-from simrob_drake.programs.smooth_path import shortened
+from simrob_drake.programs.segments import PathPoint, Segment, tool_length
+from simrob_drake.programs.smooth_path import RateLimits, find_faster_path
 from simrob_drake.programs.tape import recorded
 from simrob_drake.programs.timing import How, is_free, timed
 from simrob_drake.programs.torques import slowed_for_motors
 from simrob_drake.sections import Boolean, Integer, Pose, Positive
 from simrob_drake.stations.collisions import Overlap
 
-PLANNING_TIME = 10.0  # how long a search for a way may take unless told [s]
-_MOST_SEED = 2**31 - 2
-_TURNS = 24  # about the tool, where that is free
-_STRAIGHT = 2  # corners of a way that nothing makes shorter
-_GOALS, _TRIED = 16, 400  # that a search is for, and that are looked at
+PLANNING_TIME = 10.0  # longest duration of a search by default [s]
+_LARGEST_SEED = 2**31 - 2
+_TURNS = 24  # count of angles about the tool's z axis that are tried if the tool may turn about it
+_STRAIGHT = 2  # count of corners of a straight path, which cannot be shortened
+_MOST_GOALS = 16  # largest count of goals of a search
+_MOST_TRIES = 400  # largest count of goals that are checked for collisions
 
 
 class MoveFree(ArmMotion):
-    """A tool that goes around what stands in its way; see :meth:`Arm.move_free`."""
+    """A move of the tool around obstacles; see :meth:`Arm.move_free`."""
 
     key: ClassVar[str] = "move_free"
     title: ClassVar[str] = "MoveFree"
 
     wobj: str | Pose | None = None
-    """In whose frame the target is: a piece, one of its frames as `piece.frame`, a robot's tool or a pose; the world
-    unless given."""
+    """Frame of the target: a piece, one of its frames as `piece.frame`, a robot's tool or a pose; the world unless
+    given."""
     piece: str | None = None
-    """Instead of a pose: the piece, or one of its frames as `piece.frame`, where the tool is to be."""
+    """Target instead of a pose: a piece, or one of its frames as `piece.frame`, to which the tool is moved."""
     joints: Row | str | None = None
-    """Instead of a pose: the posture [rad or m], or one of the robot's by name, such as `home`."""
+    """Target instead of a pose: a posture [rad or m], or the name of one of the robot's postures, such as `home`."""
     joints_deg: Row | None = None
-    """The same in degrees."""
+    """Target instead of a pose: a posture in degrees (sliding axes in metres)."""
     free_turn: Boolean = False
-    """The tool may turn about its z axis as it likes."""
+    """Whether the tool may reach the target at any angle about its z axis."""
     seed: Integer = 0
-    """Of the search; another one finds another way."""
+    """Seed of the search; another seed finds another path."""
     planning_time: Positive = PLANNING_TIME
-    """How long the search may take [s]."""
+    """Longest duration of the search [s]."""
     show_search: Boolean = False
-    """The recording shows the ways of the tool that the search tried."""
+    """Whether the recording shows the paths of the tool that the search tried."""
 
     @model_validator(mode="after")
     def _one_unit(self) -> Self:
-        ways = [self.targets, self.targets_deg, self.piece, self.joints, self.joints_deg]
-        if sum(value is not None for value in ways) != 1:
+        """Check that the target is given by exactly one key."""
+        targets = [self.targets, self.targets_deg, self.piece, self.joints, self.joints_deg]
+        requests = [target for target in targets if target is not None]
+        if len(requests) != 1:
             raise ValueError("where to is given by one of targets, targets_deg, piece, joints and joints_deg")
         return self
 
     def posture(self, planning: Planning) -> npt.ArrayLike | str | None:
-        """Return the posture that it leads to in SI units, if one is given."""
+        """Target posture in SI units, or its name. It is None if the target is a pose or a piece."""
+        # Degrees for a wrong count of axes cannot be converted: the planner refuses them with a message.
         if self.joints_deg is None or len(self.joints_deg) != planning.chain.size:
             return self.joints or self.joints_deg
         return np.asarray(self.joints_deg * planning.model.user_units)
 
     def pieces(self) -> Iterable[str]:
-        """Return the piece that it leads to, or that is its work object."""
-        return super().pieces() if self.piece is None else (self.piece.split(".", 1)[0],)
+        """Names of the pieces that the move refers to: its target, or else its work object."""
+        if self.piece is None:
+            return super().pieces()
+        name, _, _ = self.piece.partition(".")  # without the name of a frame
+        return (name,)
 
     def goals(self, planning: Planning) -> Vector:
-        """Return the postures that will do, shape (m, n)."""
+        """Compute the postures that reach the target, shape (m, n) [rad or m], the nearest first."""
         return goals_of(
             planning, self.piece or self.rows(planning), self.posture(planning), self.wobj, self.free_turn, self.seed
         )
 
     def plan(self, planning: Planning) -> Plan:
-        """Return the move, planned."""
+        """Plan the move; see :func:`plan_move_free`."""
         return plan_move_free(
             planning, self.piece or self.rows(planning), joints=self.posture(planning), wobj=self.wobj,
             free_turn=self.free_turn, seed=self.seed, planning_time=self.planning_time, show_search=self.show_search,
@@ -110,47 +123,67 @@ def plan_move_free(
     has a collision, not even of the arm with itself. Bodies that touch at the start may touch during the whole move.
 
     Args:
-        planning: what the move starts from.
+        planning: the start of the move: posture, limits, surroundings.
         targets: a pose of the tool in the work object's frame, a place (3,) that keeps its orientation, or the name of
             a piece or of one of its frames, where the tool is to be.
         joints: instead of it a posture (n,) [rad or m], or one of the robot's by name, such as ``home``.
         wobj: the work object.
-        free_turn: the tool may turn about its z axis as it likes.
+        free_turn: whether the tool may reach the target at any angle about its z axis.
         seed: seed of the search. The same seed gives the same path, if the search has enough time.
         planning_time: longest duration of the search [s].
         show_search: whether the recording shows the paths of the tool that the search tried.
         how: see :class:`How`.
 
     Raises:
-        StartInCollision, GoalInCollision: says what is in what, and how deep.
-        Unreachable: no posture within the limits brings the tool there.
-        NoFreePath: no way was found in the time; says how near the search came, and what was in its way.
-        SimrobError: as of other moves.
+        StartInCollision, GoalInCollision: bodies overlap at the start or at every goal; names them and the depth.
+        Unreachable: no posture within the limits brings the tool to the target.
+        NoFreePath: no path was found in the time; says how near the search came, and names the bodies in the way.
+        SimrobError: the errors of other moves.
     """
     goals = goals_of(planning, targets, joints, wobj, free_turn, seed)
     (plan,) = plan_around([planning], [goals], how, seed, planning_time, show_search=truth(show_search, "show_search"))
-    own: dict[str, Any] = {
+    # Keys of the move in a program's file; None leaves a key out, which then has its default.
+    piece = targets if isinstance(targets, str) else None
+    poses = None if isinstance(targets, str) else targets
+    own_keys: dict[str, Any] = {
         "joints": None if joints is None else np.asarray(joints).tolist(),
         "free_turn": free_turn or None,
         "show_search": show_search or None,
+        "seed": seed or None,
+        "planning_time": None if planning_time == PLANNING_TIME else planning_time,
+        "piece": piece,
     }
-    own |= {"seed": seed or None, "planning_time": None if planning_time == PLANNING_TIME else planning_time}
-    own["piece"], poses = (targets, None) if isinstance(targets, str) else (None, targets)
-    return recorded(plan, MoveFree.key, planning, poses, how, wobj=wobj, solver="auto", **own)
+    return recorded(plan, MoveFree.key, planning, poses, how, wobj=wobj, solver="auto", **own_keys)
 
 
 def plan_together(moves: Sequence[MoveFree], plannings: Sequence[Planning]) -> list[Plan]:
-    """Plan moves of several robots as one, around each other; raises InvalidParameter: moves done in different ways."""
-    first, robots = moves[0], [planning.robot for planning in plannings]
-    if any(move.how != first.how for move in moves) or len({*robots}) < len(robots):
+    """Plan moves of several robots that move at the same time, around each other.
+
+    Args:
+        moves: one move for each robot. The seed of the first move is used.
+        plannings: the start of each move.
+
+    Returns:
+        one plan for each robot, all of the same duration.
+
+    Raises:
+        InvalidParameter: two moves have different durations, speeds or other options, or the same robot.
+        SimrobError: see :func:`plan_move_free`.
+    """
+    first = moves[0]
+    robots = {planning.robot for planning in plannings}
+    have_equal_options = all(move.how == first.how for move in moves)
+    if not have_equal_options or len(robots) < len(plannings):
         raise InvalidParameter("moves around obstacles together", "different", "of different robots, in the same time")
     goals = [move.goals(planning) for move, planning in zip(moves, plannings, strict=True)]
-    shown, longest = any(move.show_search for move in moves), max(move.planning_time for move in moves)
-    plans = plan_around(plannings, goals, first.how, first.seed, longest, show_search=shown)
-    return [
-        replace(plan, entry=move.model_copy(update={"robot": plan.robot}).entry())
-        for move, plan in zip(moves, plans, strict=True)
-    ]
+    show_search = any(move.show_search for move in moves)
+    planning_time = max(move.planning_time for move in moves)
+    plans = plan_around(plannings, goals, first.how, first.seed, planning_time, show_search=show_search)
+    recorded_plans = []
+    for move, plan in zip(moves, plans, strict=True):
+        named_move = move.model_copy(update={"robot": plan.robot})  # also if the file leaves the robot out
+        recorded_plans.append(replace(plan, entry=named_move.entry()))
+    return recorded_plans
 
 
 def goals_of(
@@ -161,34 +194,65 @@ def goals_of(
     free_turn: bool,
     seed: int,
 ) -> Vector:
-    """Return the postures (m, n) within the limits that will do, nearest first.
+    """Compute the postures within the limits that reach a target, shape (m, n) [rad or m], the nearest first.
 
-    Raises InvalidParameter: none or several targets, or what is no target; Unreachable: there is no posture.
+    Args:
+        planning: the start of the move.
+        targets: a pose of the tool, or the name of a piece or frame; None if `joints` is given.
+        joints: a posture (n,) [rad or m] or its name; None if `targets` is given.
+        wobj: the work object, in whose frame a pose is.
+        free_turn: whether the tool may reach a pose at any angle about its z axis.
+        seed: seed of the inverse kinematics, which may start from random postures.
+
+    Raises:
+        InvalidParameter: the target is missing, given twice, or no single pose or posture; the seed is out of range.
+        JointLimitExceeded: the given posture is beyond a limit.
+        Unreachable: no posture within the limits reaches the pose.
     """
-    whole(seed, "seed", 0, _MOST_SEED)
+    whole(seed, "seed", 0, _LARGEST_SEED)
     if (targets is None) == (joints is None):
         raise InvalidParameter("the target", "given twice" if joints is not None else "missing", "a pose or joints=")
-    chain, start = planning.chain, planning.start
     if joints is not None:
-        rows = planning.postures(joints, "joints")
-        check_limits(chain, np.zeros(len(rows)), rows, lambda _: (1, "the target"), degrees_hint(chain, rows))
+        return _posture_goal(planning, joints)
+    if isinstance(targets, str):
+        poses = planning.frame(targets).GetAsMatrix4()[np.newaxis]
     else:
-        poses = planning.frame(targets).GetAsMatrix4()[np.newaxis] if isinstance(targets, str) else None
-        rows = planning.poses(targets, wobj) if poses is None else poses
-    if len(rows) != 1:
-        raise InvalidParameter("targets", f"{len(rows)} of them", "one: a move around obstacles has one target")
-    if joints is not None:
-        return rows
+        poses = planning.poses(targets, wobj)
+    _check_single(poses)
+    chain = planning.chain
+    start = planning.start
     angles = np.linspace(0.0, 2 * np.pi, _TURNS, endpoint=False) if truth(free_turn, "free_turn") else np.zeros(1)
-    turns = np.array([RotationMatrix.MakeZRotation(angle).matrix() for angle in angles])
-    matrices = stacked(np.zeros((len(turns), 3)), turns)
-    found = goal_postures(chain, rows @ matrices, start, seed)
-    if not len(found):
-        solutions = planning.inverse(None).solve(rows, start)
+    rotations = np.array([RotationMatrix.MakeZRotation(angle).matrix() for angle in angles])
+    turns = stacked(np.zeros((len(rotations), 3)), rotations)  # transforms without translation, (k, 4, 4)
+    goals = goal_postures(chain, poses @ turns, start, seed)
+    if not len(goals):
+        # The solver of other moves finds at most one posture, from the start, and the error says how near it came.
+        solutions = planning.inverse(None).solve(poses, start)
         if not solutions.reached.all():
             raise solutions.unreachable(0, "the target")
-        found = solutions.positions
-    return np.asarray(found[np.argsort(np.abs((found - start) * metres(chain)).sum(axis=1), kind="stable")])
+        goals = solutions.positions
+    distances = np.abs((goals - start) * metres_per_radian(chain)).sum(axis=1)
+    return np.asarray(goals[np.argsort(distances, kind="stable")])
+
+
+def _posture_goal(planning: Planning, joints: npt.ArrayLike | str) -> Vector:
+    """Goal of a move to a posture (n,) [rad or m], which is given or named, as a single row (1, n).
+
+    Raises:
+        InvalidParameter: several postures are given.
+        JointLimitExceeded: the posture is beyond a limit.
+    """
+    postures = planning.postures(joints, "joints")
+    hint = degrees_hint(planning.chain, postures)
+    check_limits(planning.chain, np.zeros(len(postures)), postures, lambda _: PathPoint(1, "the target"), hint)
+    _check_single(postures)
+    return postures
+
+
+def _check_single(targets: Vector) -> None:
+    """Check that an array contains a single target: a pose (1, 4, 4) or a posture (1, n)."""
+    if len(targets) != 1:
+        raise InvalidParameter("targets", f"{len(targets)} of them", "one: a move around obstacles has one target")
 
 
 def plan_around(
@@ -216,67 +280,112 @@ def plan_around(
     Raises:
         StartInCollision, GoalInCollision, NoFreePath: see :func:`plan_move_free`.
     """
-    points, first = points_of(how, POINTS), plannings[0]
-    zone_of(how, 1)
-    chains, limits = [planning.chain for planning in plannings], [planning.rate_limits for planning in plannings]
-    space = first.space([planning.robot for planning in plannings])
-    ranges = [_range(planning, own) for planning, own in zip(plannings, goals, strict=True)]
+    points = points_of(how, POINTS)
+    zone_of(how, 1)  # refuses a zone: there is a single target
+    space = plannings[0].space([planning.robot for planning in plannings])
+    ranges = [_search_range(planning, own_goals) for planning, own_goals in zip(plannings, goals, strict=True)]
     lower, upper = np.concatenate(ranges, axis=1)
     search = Search(
-        space,
-        lower,
-        upper,
-        np.concatenate([_metres(planning, space) for planning in plannings]),
-        seed,
-        positive(planning_time, "planning_time", "s"),
+        space=space,
+        lower=lower,
+        upper=upper,
+        scale=np.concatenate([_distance_scale(planning, space) for planning in plannings]),
+        seed=seed,
+        seconds=positive(planning_time, "planning_time", "s"),
     )
-    together = np.concatenate([speeds for speeds, _ in limits]), np.concatenate([pushes for _, pushes in limits])
+    limits = _joined_limits(plannings)
 
-    def plan(path: tuple[Vector, Vector]) -> Plan:
-        """Give a path, fractions (k,) of its length with postures (k, n), its timing."""
-        fractions, postures = path
-        own_postures = space.parts(postures).values()
-        tool_lengths = [tool_length(chain, own) for chain, own in zip(chains, own_postures, strict=True)]
-        segment = Segment(fractions, postures, max(tool_lengths), np.ones(1))
-        motors = partial(first.motors, [*space.start])
-        fastest = timed(first.robot, [segment], how, points, together, motors)
-        # Without a speed or a duration from the user, the move may take as long as the motors need.
-        may_take_longer = is_free(how) and how.get("check", CHECKED) != "nothing"
-        return slowed_for_motors(motors(), fastest) if may_take_longer else fastest
+    corners = search.path(_free_goals(space, goals))
+    round_path = search.round_corners(corners)
+    paths = [round_path]
+    if len(corners) > _STRAIGHT:
+        faster_path = find_faster_path(search, round_path.postures, len(corners), limits)
+        if faster_path is not None:
+            paths.insert(0, faster_path)  # of plans with the same duration the first one is taken
+    joint_plans = [_timed_path(plannings, space, path, limits, how, points) for path in paths]
+    joint_plan = min(joint_plans, key=lambda plan: plan.duration)
 
-    corners = search.path(_free(space, goals))
-    found = [search.rounded(corners)]
-    if len(corners) > _STRAIGHT and (short := shortened(search, found[0][1], len(corners), together)):
-        found.insert(0, short)
-    whole_plan = min(map(plan, found), key=lambda own: own.duration)
-    plans, begin = list[Plan](), 0
-    tried = space.parts(search.branches)
+    plans = []
+    branches = space.split_by_robot(search.branches)
+    first_axis = 0  # index of the robot's first axis among those of all robots
     for planning in plannings:
-        own = whole_plan.of_axes(planning.robot, slice(begin, begin + planning.chain.size))
+        axis_count = planning.chain.size
+        own_plan = joint_plan.of_axes(planning.robot, slice(first_axis, first_axis + axis_count))
+        first_axis += axis_count
         if show_search and len(search.branches):
-            tool = planning.chain.forward(tried[planning.robot].reshape(-1, planning.chain.size))
-            own = replace(own, search=tool[:, :3, 3].reshape(-1, 2, 3))
-        plans.append(planning.looked_at(own, how, own.end[np.newaxis]))
-        begin += planning.chain.size
+            tool_poses = planning.chain.forward(branches[planning.robot].reshape(-1, axis_count))
+            own_plan = replace(own_plan, search=tool_poses[:, :3, 3].reshape(-1, 2, 3))
+        plans.append(planning.looked_at(own_plan, how, own_plan.end[np.newaxis]))
     return plans
 
 
-def _range(planning: Planning, goals: Vector) -> Vector:
-    """Return where axes may go on the way to goals (m, n), shape (2, n): within their limits, fingers no further."""
-    limits, ends = np.array([planning.chain.lower, planning.chain.upper]), np.vstack([planning.start, goals])
-    fingers = list(planning.model.fingers)
-    limits[:, fingers] = [ends.min(axis=0)[fingers], ends.max(axis=0)[fingers]]
-    return limits
+def _timed_path(
+    plannings: Sequence[Planning], space: FreeSpace, path: TimelessPath, limits: RateLimits, how: How, points: int
+) -> Plan:
+    """Give a path its timing.
+
+    Args:
+        plannings: the start of each robot's move.
+        space: the space in which the robots move.
+        path: the path of all robots.
+        limits: limits of the axes of all robots.
+        how: see :class:`How`.
+        points: count of points on the way to the target.
+
+    Returns:
+        one plan with the axes of all robots, under the name of the first robot.
+    """
+    own_postures = space.split_by_robot(path.postures)
+    tool_lengths = [tool_length(planning.chain, own_postures[planning.robot]) for planning in plannings]
+    segment = Segment(path.fractions, path.postures, max(tool_lengths), np.ones(1))
+    first = plannings[0]
+    motors = partial(first.motors, [*space.start])
+    fastest = timed(first.robot, [segment], how, points, limits, motors)
+    # Without a speed or a duration from the user, the move may take as long as the motors need.
+    may_take_longer = is_free(how) and how.get("check", CHECKED) != "nothing"
+    return slowed_for_motors(motors(), fastest) if may_take_longer else fastest
 
 
-def _metres(planning: Planning, space: FreeSpace) -> Vector:
-    """Return how far the tool of a robot, and what it carries, goes at most for a radian of each axis, (n,) [m]."""
+def _joined_limits(plannings: Sequence[Planning]) -> RateLimits:
+    """Limits of the axes of all robots, one robot after the other."""
+    speeds = []
+    accelerations = []
+    for planning in plannings:
+        own_speeds, own_accelerations = planning.rate_limits
+        speeds.append(own_speeds)
+        accelerations.append(own_accelerations)
+    return RateLimits(np.concatenate(speeds), np.concatenate(accelerations))
+
+
+def _search_range(planning: Planning, goals: Vector) -> Vector:
+    """Lowest and highest positions of a robot's axes that a search may use, shape (2, n) [rad or m].
+
+    These are the limits of the axes. But fingers only move between their start and their goals, so that they do not
+    open or close needlessly.
+
+    Args:
+        planning: the start of the robot's move.
+        goals: the goals, shape (m, n) [rad or m].
+    """
+    ends = np.vstack([planning.start, goals])
+    search_range = np.array([planning.chain.lower, planning.chain.upper])
+    fingers = list(planning.model.fingers)  # indices of axes
+    search_range[:, fingers] = [ends.min(axis=0)[fingers], ends.max(axis=0)[fingers]]
+    return search_range
+
+
+def _distance_scale(planning: Planning, space: FreeSpace) -> Vector:
+    """Largest distance that a radian (or metre) of each axis moves the tool or what it carries, shape (n,) [m]."""
     tool = planning.pose
-    return metres(planning.chain, (space.carried(planning.robot) - tool[:3, 3]) @ tool[:3, :3])
+    # From the world to the frame of the tool: R' (p - t), here for rows.
+    carried_points = (space.carried_points(planning.robot) - tool[:3, 3]) @ tool[:3, :3]
+    return metres_per_radian(planning.chain, carried_points)
 
 
-def _free(space: FreeSpace, goals: Sequence[Vector]) -> Vector:
+def _free_goals(space: FreeSpace, goals: Sequence[Vector]) -> Vector:
     """Find the nearest goals without collisions of robots that move at the same time.
+
+    The collision tolerances that the found goals need are recorded in the space, see :meth:`FreeSpace.allow_goal`.
 
     Args:
         space: the space in which the robots move.
@@ -291,18 +400,19 @@ def _free(space: FreeSpace, goals: Sequence[Vector]) -> Vector:
     """
     # A combination takes one goal of each robot. It is the nearer, the smaller the sum of the
     # indices of its goals.
-    combinations = sorted(product(*(range(len(rows)) for rows in goals)), key=sum)[:_TRIED]
+    index_ranges = [range(len(own_goals)) for own_goals in goals]
+    combinations = sorted(product(*index_ranges), key=sum)[:_MOST_TRIES]
     free_postures = list[Vector]()
     hits = list[Overlap]()  # the deepest collision of each goal that is not free
     for indices in combinations:
-        posture = np.concatenate([rows[index] for rows, index in zip(goals, indices, strict=True)])
+        posture = np.concatenate([own_goals[index] for own_goals, index in zip(goals, indices, strict=True)])
         collisions = space.collisions(posture)
         if collisions:
             hits.append(collisions[0])
         else:
             free_postures.append(posture)
             space.allow_goal(posture)
-        if len(free_postures) == _GOALS:
+        if len(free_postures) == _MOST_GOALS:
             break
     if not free_postures:
         least = min(hits, key=lambda hit: hit.depth)

@@ -100,24 +100,24 @@ def add_gears(spec: mujoco.MjSpec, station: ResolvedStation, plant: StationPlant
         equality.solref = [_GEAR_STEPS * spec.option.timestep, _GEAR_DAMPING_RATIO]
         # Equal impedances at both ends make the other three parameters, which blend between them, ineffective.
         equality.solimp = [_GEAR_IMPEDANCE, _GEAR_IMPEDANCE, 1e-3, 0.5, 2.0]
-        levers = gear.levers(plant)  # pairs of a joint and its ratio
-        constant = gear.kept(plant)
-        if len(levers) == 2:
+        coupled = gear.coupled_joints(plant)
+        total = gear.constant_sum(plant)
+        if len(coupled) == 2:
             # Two joints: MuJoCo makes the first a polynomial of the second, q_1 = c / r_1 - (r_2 / r_1) q_2.
-            (first, first_ratio), (second, second_ratio) = levers
+            first, second = coupled
             equality.type = mujoco.mjtEq.mjEQ_JOINT
-            equality.name1 = names.joint(first)
-            equality.name2 = names.joint(second)
-            equality.data[:5] = [constant / first_ratio, -second_ratio / first_ratio, 0.0, 0.0, 0.0]
+            equality.name1 = names.joint(first.joint)
+            equality.name2 = names.joint(second.joint)
+            equality.data[:5] = [total / first.ratio, -second.ratio / first.ratio, 0.0, 0.0, 0.0]
         else:
             # More joints: a tendon whose length is the sum. MuJoCo measures its change since the zero posture of the
             # model, where the sum is 0.
             tendon = spec.add_tendon(name=f"couplings.{name}")
-            for joint, ratio in levers:
-                tendon.wrap_joint(names.joint(joint), ratio)
+            for entry in coupled:
+                tendon.wrap_joint(names.joint(entry.joint), entry.ratio)
             equality.type = mujoco.mjtEq.mjEQ_TENDON
             equality.name1 = tendon.name
-            equality.data[:5] = [constant, 0.0, 0.0, 0.0, 0.0]
+            equality.data[:5] = [total, 0.0, 0.0, 0.0, 0.0]
 
 
 def _add_joint(onto: mujoco.MjsBody, station: StationPlant, joint: Joint, names: Names, armature: float) -> None:
