@@ -10,9 +10,9 @@ from pydrake.math import RigidTransform, RotationMatrix
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import PoseLike, Vector, as_transform, poses_from_matrices
-from simrob_drake.kinematics.analytic import SolverLike, solver_for
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.numeric import NumericSolver
+from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.kinematics.solver import require
 from simrob_drake.programs.branches import Branch, Branches, collision, gaps
 from simrob_drake.programs.model import one_posture
