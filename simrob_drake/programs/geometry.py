@@ -249,6 +249,11 @@ class LeggedGeometry(CellRobot):
         start = robot.root if base == "trunk" else robot.tools[self._tool(base)]
         return model.chain(self.name, robot.tools[self._tool(tool)], start)
 
+    def trunk_chain(self) -> Chain:
+        """Return the axes, with limits, from the world to the trunk: for checks that need no tool."""
+        model = self.cell.model
+        return model.chain(self.name, model.robots[self.name].root)
+
     def pose(self, tool: str, q: npt.ArrayLike | None = None, frame: str = "world") -> Vector:
         """Return where a tool is (forward kinematics).
 

@@ -77,7 +77,7 @@ def planned_gait(
         return gait.changed({**changes, **others}, amplitude, name).plan(walker, steps or 0, amplitude)
 
     motion = _within_reach(plan, gait, bent=(bends or walker.differs) and "bearing" not in changes)
-    check_limits(robot.chain(robot.tools[0]), motion.times, motion.positions, lambda at: (0, f"{name} at {at:.2f} s"))
+    check_limits(robot.trunk_chain(), motion.times, motion.positions, lambda at: (0, f"{name} at {at:.2f} s"))
     return motion
 
 
