@@ -2,6 +2,7 @@
 
 from .dynamics import Dynamics as Dynamics
 from .errors import SimrobError as SimrobError
+from .extension import Extension as Extension
 from .frames import as_transform as as_transform
 from .frames import three_point_frame as three_point_frame
 from .linear import LinearModel as LinearModel

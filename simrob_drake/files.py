@@ -6,7 +6,7 @@ import math
 import os
 import stat
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simrob_drake.errors import InvalidConfig, shortened
+from simrob_drake.extension import addition_folders
 
 LARGEST_TEXT = 1_000_000  # of files that are written by hand [bytes]: a station's has some thousand
 
@@ -195,18 +196,30 @@ def diagrams_root() -> Path:
 
 
 def station_files() -> dict[str, Path]:
-    """Return the files of the stations that come with the package, by name."""
-    return {file.stem: file for file in sorted(diagrams_root().glob("*.yaml"))}
+    """Return the files of the stations that come with the package and with extensions, by name."""
+    return _named_files(diagrams_root(), "stations", "*.yaml", lambda file: file.stem)
 
 
 def robot_files() -> dict[str, Path]:
-    """Return the files of the robots that come with the package, by name."""
-    return {file.parent.name: file for file in sorted(models_root().glob(f"*/{ROBOT_FILE}"))}
+    """Return the files of the robots that come with the package and with extensions, by name."""
+    return _named_files(models_root(), "robots", f"*/{ROBOT_FILE}", lambda file: file.parent.name)
 
 
 def piece_files() -> dict[str, Path]:
-    """Return the files of the pieces that come with the package, by name."""
-    return {file.parent.name: file for file in sorted(models_root().glob(f"pieces/*/{PIECE_FILE}"))}
+    """Return the files of the pieces that come with the package and with extensions, by name."""
+    return _named_files(models_root() / "pieces", "pieces", f"*/{PIECE_FILE}", lambda file: file.parent.name)
+
+
+def _named_files(own: Path, point: str, pattern: str, name_of: Callable[[Path], str]) -> dict[str, Path]:
+    """Find the files of a pattern in the package's own folder and in those that extensions add at a point, by name.
+
+    A name that the package itself has means its own file.
+    """
+    found: dict[str, Path] = {}
+    for folder in (own, *addition_folders(point)):
+        for file in sorted(folder.glob(pattern)):
+            found.setdefault(name_of(file), file)
+    return found
 
 
 def exercise_files() -> list[Path]:

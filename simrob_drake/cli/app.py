@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -23,6 +24,7 @@ import simrob_drake
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.screen import Interrupted, console, errors, tell
 from simrob_drake.errors import InvalidParameter, SimrobError, shortened
+from simrob_drake.extension import additions, load_addition, register_core_names
 
 _MODULES = {
     **dict.fromkeys(("listing", "stations", "linear", "legged"), "Stations"),
@@ -30,10 +32,23 @@ _MODULES = {
     **dict.fromkeys(("sweep", "tune", "pushes"), "Many runs"),
     **dict.fromkeys(("simulink", "engines"), "Exchange and other engines"),
     "exercises": "Teaching",
-}  # those with commands, and under which title the help has them, in its order
+    "extensions": "Extensions",
+}
+"""Modules of this package with commands, and the title under which the help lists them, in this order."""
+
+_EXTENSION_TITLE = "Commands of extensions"
 
 
 class _Entry(NamedTuple):
+    """A command as it is known before its module is imported.
+
+    Attributes:
+        module: name of the module.
+        title: title of the help under which the command is listed.
+        function: name of the function in the module.
+        help: docstring of the function.
+    """
+
     module: str
     title: str
     function: str
@@ -42,17 +57,50 @@ class _Entry(NamedTuple):
 
 @cache
 def _entries() -> dict[str, _Entry]:
-    """Return where each command is, and what it says of itself, by its name."""
+    """Find all commands by name, those of the core first. No module of a command is imported."""
+    return _core_entries() | _extension_entries()
+
+
+def _core_entries() -> dict[str, _Entry]:
+    """Find the commands in the tables ``COMMANDS`` of this package's modules."""
     found = {}
-    for module, title in _MODULES.items():
-        tree = ast.parse(Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8"))
-        helps = {node.name: ast.get_docstring(node) or "" for node in tree.body if isinstance(node, ast.FunctionDef)}
+    for name, title in _MODULES.items():
+        tree = ast.parse(Path(__file__).with_name(f"{name}.py").read_text(encoding="utf-8"))
+        helps = _docstrings(tree)
         table = next(node for node in tree.body if isinstance(node, ast.AnnAssign) and _name(node.target) == "COMMANDS")
         assert isinstance(table.value, ast.Dict)
         for key, value in zip(table.value.keys, table.value.values, strict=True):
             function = _name(value)
+            module = f"simrob_drake.cli.{name}"
             found[str(ast.literal_eval(key or value))] = _Entry(module, title, function, helps[function])
     return found
+
+
+def _extension_entries() -> dict[str, _Entry]:
+    """Find the commands that installed extensions add."""
+    found = {}
+    for name, addition in additions("commands").items():
+        module, _, function = addition.target.partition(":")
+        found[name] = _Entry(module, _EXTENSION_TITLE, function, _help_of(module, function, addition.package))
+    return found
+
+
+def _help_of(module: str, function: str, package: str) -> str:
+    """Read the docstring of a function from the source of its module. It is replaced if there is no such source."""
+    try:
+        spec = find_spec(module)
+        source = Path(spec.origin).read_text(encoding="utf-8") if spec and spec.origin else ""
+        return _docstrings(ast.parse(source)).get(function, f"A command of {package}.")
+    except (ImportError, OSError, SyntaxError, ValueError):
+        return f"A command of {package}, which cannot be read: see `simrob extensions`."
+
+
+def _docstrings(tree: ast.Module) -> dict[str, str]:
+    """Docstrings of the functions of a module, by name."""
+    return {node.name: ast.get_docstring(node) or "" for node in tree.body if isinstance(node, ast.FunctionDef)}
+
+
+register_core_names("commands", lambda: iter(_core_entries()))
 
 
 def _name(node: ast.expr) -> str:
@@ -111,8 +159,9 @@ class _Commands(_Group):
 def whole_command(name: str) -> Any:
     """Return a command of ``simrob`` by its name, with all of its options."""
     entry = _entries()[name]
-    alone, module = _typer(add_completion=False), import_module(f"simrob_drake.cli.{entry.module}")
-    function, parts = getattr(module, entry.function), getattr(module, "SUBCOMMANDS", {}).get(name, {})
+    alone = _typer(add_completion=False)
+    function = _function_of(name, entry)
+    parts = getattr(import_module(entry.module), "SUBCOMMANDS", {}).get(name, {})
     if parts:
         alone.callback(cls=_Group, no_args_is_help=True)(function)
         for part, own in parts.items():
@@ -120,6 +169,14 @@ def whole_command(name: str) -> Any:
     else:
         alone.command(name, cls=_Command)(function)
     return typer.main.get_command(alone)
+
+
+def _function_of(name: str, entry: _Entry) -> Any:
+    """Import the function of a command; raises BrokenExtension if it is one of an extension and cannot be imported."""
+    addition = additions("commands").get(name)
+    if addition is not None:
+        return load_addition(addition)
+    return getattr(import_module(entry.module), entry.function)
 
 
 app = _typer(
@@ -133,7 +190,7 @@ app = _typer(
 def load(arguments: list[str]) -> None:
     """Import what the command of some arguments needs."""
     if arguments and (entry := _entries().get(arguments[0])):
-        import_module(f"simrob_drake.cli.{entry.module}")
+        import_module(entry.module)
 
 
 def run_command(arguments: list[str]) -> int:

@@ -4,7 +4,6 @@ from simrob_drake.frames import Targets as Targets
 from simrob_drake.frames import pose_errors as pose_errors
 from simrob_drake.frames import pose_matrices as pose_matrices
 from simrob_drake.kinematics.analytic import AnalyticSolver as AnalyticSolver
-from simrob_drake.kinematics.analytic import make_solver as make_solver
 from simrob_drake.kinematics.chain import Chain as Chain
 from simrob_drake.kinematics.chain import UnsupportedChain as UnsupportedChain
 from simrob_drake.kinematics.closed_form import NoClosedForm as NoClosedForm
@@ -17,6 +16,7 @@ from simrob_drake.kinematics.goals import OrientationCone as OrientationCone
 from simrob_drake.kinematics.goals import PositionBounds as PositionBounds
 from simrob_drake.kinematics.incremental import IncrementalSolver as IncrementalSolver
 from simrob_drake.kinematics.numeric import NumericSolver as NumericSolver
+from simrob_drake.kinematics.registry import make_solver as make_solver
 from simrob_drake.kinematics.solver import Solutions as Solutions
 from simrob_drake.kinematics.solver import Solver as Solver
 from simrob_drake.kinematics.solver import Unreachable as Unreachable

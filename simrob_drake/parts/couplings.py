@@ -484,7 +484,10 @@ class Spring(BetweenPoints):
 
 
 KINDS = Kinds(
-    __name__, {"gear": "Gear", "ball": "Ball", "rod": "Rod", "weld": "Weld", "hinge": "Hinge", "spring": "Spring"}
+    __name__,
+    {"gear": "Gear", "ball": "Ball", "rod": "Rod", "weld": "Weld", "hinge": "Hinge", "spring": "Spring"},
+    base=CouplingSection,
+    point="couplings",
 )
 CouplingConfig = Annotated[CouplingSection, KINDS]
 Couplings = Annotated[dict[str, CouplingConfig], KINDS.names_are_kinds]

@@ -265,6 +265,11 @@ class DragSpring(SampledBlock):
         return {"force": pose.rotation().inverse() @ force}
 
 
-KINDS = Kinds(__name__, {"push": "Push", "drag": "Drag", "sine": "SineForce"})
+KINDS = Kinds(
+    __name__,
+    {"push": "Push", "drag": "Drag", "sine": "SineForce"},
+    base=ForceSection,
+    point="forces",
+)
 ForceConfig = Annotated[ForceSection, KINDS]
 Forces = Annotated[dict[str, ForceConfig], KINDS.names_are_kinds]

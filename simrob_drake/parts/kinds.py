@@ -1,6 +1,7 @@
-"""Sections of a station file that come in kinds, which their key ``kind`` tells apart.
+"""Kinds of sections of a station file, which their key ``kind`` tells apart: the kinds of sensor, of monitor, ...
 
-Their modules are imported when a file names them: a station uses few, and classes of checked sections are dear to make.
+The class of a kind is imported when a station names the kind: a station uses few, and pydantic takes long to make such
+classes. Installed extensions add kinds to each family.
 """
 
 from collections.abc import Iterator, Mapping
@@ -13,61 +14,87 @@ from pydantic import BaseModel, BeforeValidator, Field, GetJsonSchemaHandler, Ty
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, SchemaValidator, core_schema
 
+from simrob_drake.extension import additions, classes_of_extensions, load_addition_class, register_core_names
+
 
 class Kinds:
-    """A family of kinds: as the annotation of a type it checks a section as the kind that the section names."""
+    """A family of kinds. As the annotation of a type, it checks a section by the class of the kind that it names."""
 
-    def __init__(self, family: str, places: Mapping[str, str]) -> None:
-        """Take the module of a family, and by kind the class in it: ``Class``, or ``module.Class`` of a package's."""
-        self._family, self._places = family, places
-        self._validator = lru_cache(self._validator_of)
+    def __init__(self, family: str, classes: Mapping[str, str], *, base: type[BaseModel], point: str) -> None:
+        """Declare the kinds of the core.
+
+        Args:
+            family: name of the module or package that has the classes.
+            classes: for each kind its class in the family: ``Class``, or ``module.Class`` in a package.
+            base: class that the class of every kind is derived from.
+            point: extension point at which extensions add further kinds, such as ``sensors``.
+        """
+        self._family = family
+        self._classes = classes
+        self._base = base
+        self._point = point
+        self._validator = lru_cache(self._make_validator)
+        register_core_names(point, lambda: iter(classes))
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._places)
+        yield from self._classes
+        yield from additions(self._point)
+
+    def __contains__(self, name: object) -> bool:
+        if not isinstance(name, str):
+            return False
+        return name in self._classes or name in additions(self._point)
 
     def model(self, kind: str) -> type[BaseModel]:
-        """Return the class of a kind, which is imported."""
-        module, _, name = f"{self._family}.{self._places[kind]}".rpartition(".")
+        """Import the class of a kind.
+
+        Raises:
+            BrokenExtension: the kind is one of an extension whose module cannot be imported, or the class is not
+                derived from that of the family.
+        """
+        if kind not in self._classes:
+            return load_addition_class(additions(self._point)[kind], self._base)
+        module, _, name = f"{self._family}.{self._classes[kind]}".rpartition(".")
         model: type[BaseModel] = getattr(import_module(module), name)
         return model
 
     @cached_property
     def models(self) -> dict[str, type[BaseModel]]:
-        """The classes of all kinds."""
-        return {kind: self.model(kind) for kind in self}
+        """The classes of all kinds, those of extensions that cannot be imported left out."""
+        core = {kind: self.model(kind) for kind in self._classes}
+        return core | classes_of_extensions(self._point, self._base)
 
     @property
     def names_are_kinds(self) -> BeforeValidator:
-        """Of a mapping of sections: one may do without the key ``kind`` where its name is one."""
+        """Validator of a mapping of sections: a section without ``kind`` is of the kind that its name is."""
 
         def with_kinds(entries: Any) -> Any:
             if not isinstance(entries, dict):
                 return entries
-            return {
-                name: {"kind": name, **(entry or {})} if name in self and isinstance(entry, dict | None) else entry
-                for name, entry in entries.items()
-            }
+            completed = {}
+            for name, entry in entries.items():
+                can_lack_kind = isinstance(entry, dict | None) and name in self
+                completed[name] = {"kind": name, **(entry or {})} if can_lack_kind else entry
+            return completed
 
         return BeforeValidator(with_kinds)
 
-    def __contains__(self, name: object) -> bool:
-        return isinstance(name, str) and name in self._places
-
     def __get_pydantic_core_schema__(self, _source: Any, _handler: Any) -> CoreSchema:
-        """Check a section as the kind that it names, which is imported now."""
-        return core_schema.no_info_plain_validator_function(self._checked)
+        """Check a section as the kind that it names; the class of that kind is imported then."""
+        return core_schema.no_info_plain_validator_function(self._check)
 
     def __get_pydantic_json_schema__(self, _schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
         """Return the schema of a section of any kind."""
         union: Any = Annotated[reduce(or_, self.models.values()), Field(discriminator="kind")]
         return handler(TypeAdapter(union).core_schema)
 
-    def _checked(self, section: Any) -> Any:
+    def _check(self, section: Any) -> Any:
+        """Return a section as an object of the class of its kind; pydantic reports what is wrong with it."""
         kind = section.get("kind") if isinstance(section, dict) else getattr(section, "kind", None)
         return self._validator(kind if kind in self else None).validate_python(section)
 
-    def _validator_of(self, kind: str | None) -> SchemaValidator:
-        """Return what checks a section of a kind; without one, what says which there are."""
+    def _make_validator(self, kind: str | None) -> SchemaValidator:
+        """Make the validator of a kind. Without a kind, it is one of all kinds, whose error lists them."""
         models = self.models if kind is None else {kind: self.model(kind)}
         for model in models.values():
             model.model_rebuild()

@@ -335,5 +335,7 @@ KINDS = Kinds(
         "sine": "SineWave",
         "table": "Table",
     },
+    base=ReferenceSection,
+    point="references",
 )
 ReferenceConfig = Annotated[ReferenceSection, KINDS]

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from simrob_drake.arguments import instance
 from simrob_drake.errors import InvalidParameter
 from simrob_drake.frames import PoseLike
-from simrob_drake.kinematics.analytic import SolverLike
+from simrob_drake.kinematics.registry import SolverLike
 from simrob_drake.programs.geometry import ArmGeometry
 from simrob_drake.programs.moves.joints import JointMove, move_of
 from simrob_drake.programs.moves.kinds import move_from

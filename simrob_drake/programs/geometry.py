@@ -10,9 +10,9 @@ from pydrake.math import RigidTransform, RotationMatrix
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.errors import InvalidParameter, UnknownName
 from simrob_drake.frames import PoseLike, Vector, as_transform, poses_from_matrices
-from simrob_drake.kinematics.analytic import SolverLike, solver_for
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.numeric import NumericSolver
+from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.kinematics.solver import require
 from simrob_drake.programs.branches import Branch, Branches, collision, gaps
 from simrob_drake.programs.model import one_posture
@@ -248,6 +248,11 @@ class LeggedGeometry(CellRobot):
         robot = model.robots[self.name]
         start = robot.root if base == "trunk" else robot.tools[self._tool(base)]
         return model.chain(self.name, robot.tools[self._tool(tool)], start)
+
+    def trunk_chain(self) -> Chain:
+        """Return the axes, with limits, from the world to the trunk: for checks that need no tool."""
+        model = self.cell.model
+        return model.chain(self.name, model.robots[self.name].root)
 
     def pose(self, tool: str, q: npt.ArrayLike | None = None, frame: str = "world") -> Vector:
         """Return where a tool is (forward kinematics).

@@ -79,7 +79,7 @@ def planned_gait(
 
     motion = _within_reach(plan, gait, bent=(bends or walker.differs) and "bearing" not in changes)
     check_limits(
-        robot.chain(robot.tools[0]),
+        robot.trunk_chain(),
         motion.times,
         motion.positions,
         lambda time: PathPoint(0, f"{name} at {time:.2f} s"),

@@ -24,8 +24,8 @@ from simrob_drake.frames import (
     poses_from_matrices,
 )
 from simrob_drake.interpolation import stacked
-from simrob_drake.kinematics.analytic import SolverLike, solver_for
 from simrob_drake.kinematics.chain import Chain
+from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.kinematics.solver import Solver
 from simrob_drake.programs.free_path import FreeSpace
 from simrob_drake.programs.plan import CHECKED, Check, Plan, check_limits, check_rates, check_tool_speed, target_name

@@ -3,7 +3,7 @@
 from typing import Any
 
 from simrob_drake.files import models_root
-from simrob_drake.programs.gaits.registry import Gaits
+from simrob_drake.programs.gaits.registry import gaits_model
 from simrob_drake.programs.program import Program
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.pieces import PieceModel
@@ -17,7 +17,7 @@ def model_schemas() -> dict[str, dict[str, Any]]:
     piece = file_schema(PieceModel, from_place=("folder",))
     for schema in (robot, piece):
         del schema["properties"]["folder"]
-    others = {"gaits.schema.json": file_schema(Gaits), "program.schema.json": file_schema(Program)}
+    others = {"gaits.schema.json": file_schema(gaits_model()), "program.schema.json": file_schema(Program)}
     return {"robot.schema.json": robot, "piece.schema.json": piece, **others}
 
 

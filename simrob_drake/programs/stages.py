@@ -17,7 +17,7 @@ from simrob_drake.programs.gaits.registry import carries, first_gait, gaits_of
 from simrob_drake.programs.gaits.sequences import Posing
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.moves.joints import JointMove, move_of, targets_on
-from simrob_drake.programs.moves.kinds import LEG_KINDS
+from simrob_drake.programs.moves.kinds import leg_kinds
 from simrob_drake.programs.moves.move import Move, Outlook, Stage, checked, move_name, naming
 from simrob_drake.programs.moves.walk import WalkMove
 from simrob_drake.programs.program import Program, run_cells
@@ -74,7 +74,7 @@ def leg_moves(program: Program, file: str = "") -> tuple[Move, ...]:
     """Return the moves of a program for a robot with legs; raises InvalidParameter: one for arms."""
     for number, move in enumerate(program.moves):
         if not move.of_legs:
-            expected = f"one of {', '.join(LEG_KINDS)}: the others are for arms"
+            expected = f"one of {', '.join(leg_kinds())}: the others are for arms"
             raise InvalidParameter(move_name(number, len(program.moves), file), move.key, expected)
     return program.moves
 

@@ -10,7 +10,7 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.arguments import plain, seconds
 from simrob_drake.errors import InvalidParameter, SimrobError
-from simrob_drake.kinematics.analytic import SolverLike
+from simrob_drake.kinematics.registry import SolverLike
 from simrob_drake.parts.site import WORLD
 from simrob_drake.programs.branches import approaches
 from simrob_drake.programs.model import StationModel

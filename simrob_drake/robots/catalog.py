@@ -17,7 +17,7 @@ from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from simrob_drake.arguments import as_path
 from simrob_drake.errors import InvalidParameter, UnknownName, one_of
-from simrob_drake.files import ROBOT_FILE, models_root, robot_files
+from simrob_drake.files import ROBOT_FILE, robot_files
 from simrob_drake.frames import Vector
 from simrob_drake.robots.axis import Axis, axes_by_name
 from simrob_drake.robots.axis_map import PRISMATIC, REVOLUTE, AxisUnit, AxisValues, PositiveAxisValues
@@ -399,7 +399,7 @@ def load_robot(name: str) -> RobotModel:
         UnknownName: no such robot.
         InvalidConfig: its ``robot.yaml`` has a wrong entry.
     """
-    return load_robot_file(models_root() / one_of("robot", name, robot_names()) / ROBOT_FILE)
+    return load_robot_file(robot_files()[one_of("robot", name, robot_names())])
 
 
 def load_robot_file(file: Path | str) -> RobotModel:

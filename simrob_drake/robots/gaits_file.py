@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict
 
 from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.files import models_root
+from simrob_drake.files import robot_files
 from simrob_drake.robots.catalog import RobotModel, robot_names
 from simrob_drake.sections import Number, validated
 from simrob_drake.yaml_files import read_yaml
@@ -50,7 +50,7 @@ def gaits_file(robot: str | RobotModel) -> GaitsFile:
     that cannot be read.
     """
     name = one_of("robot", robot, robot_names()) if isinstance(robot, str) else robot.name
-    folder = models_root() / robot if isinstance(robot, str) else robot.folder
+    folder = robot_files()[name].parent if isinstance(robot, str) else robot.folder
     file = folder / GAITS_FILE
     if not file.is_file():
         raise InvalidParameter(f"robot {name}", "one without gaits", f"one with a file {GAITS_FILE}")

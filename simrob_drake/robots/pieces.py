@@ -16,7 +16,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.tree import CalcSpatialInertia, SpatialInertia
 
 from simrob_drake.errors import InvalidModel, one_of
-from simrob_drake.files import PIECE_FILE, models_root, piece_files
+from simrob_drake.files import piece_files
 from simrob_drake.frames import Vector, pose_from_transform, transform_from_pose
 from simrob_drake.robots.urdf import (
     Solid,
@@ -248,7 +248,7 @@ def piece_names() -> list[str]:
 
 def piece_file(name: str) -> Path:
     """Return the file of a piece of the package; raises UnknownName: no such piece."""
-    return models_root() / "pieces" / one_of("piece", name, piece_names()) / PIECE_FILE
+    return piece_files()[one_of("piece", name, piece_names())]
 
 
 def described_piece(file: Path) -> PieceModel:

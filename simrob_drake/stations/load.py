@@ -314,7 +314,7 @@ def _station_file(name_or_path: str | Path) -> Path:
         raise InvalidParameter("station", quoted(name_or_path), "a name of `simrob list`, or a YAML file")
     path = Path(name_or_path)
     if str(name_or_path) in station_names():
-        return diagrams_root() / f"{name_or_path}.yaml"
+        return station_files()[str(name_or_path)]
     if isdir(path):
         inside = path / "station.yaml"
         hint = f"; did you mean {inside}?" if isfile(inside) else ""

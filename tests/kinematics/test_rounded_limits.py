@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simrob_drake.kinematics.analytic import make_solver
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.every_branch import goal_postures
+from simrob_drake.kinematics.registry import make_solver
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.robots.limits import ANGLE_TOLERANCE, ClampedPosition
 

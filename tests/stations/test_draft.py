@@ -86,15 +86,13 @@ def test_paths_are_relative_to_the_station_where_that_is_near(tmp_path, one_join
 
 def test_joints_of_any_name_become_couplings(tmp_path, one_joint_urdf, write_urdf):
     """Some published files put the robot's name and a colon before each joint's."""
-    follower = one_joint_urdf[
-        one_joint_urdf.index('  <joint name="shoulder"') : one_joint_urdf.index('  <joint name="fl')
-    ]
-    follower = (
-        follower.replace("shoulder", "arm:2nd jaw")
-        .replace("upper", "jaw", 1)
-        .replace("<axis", '<mimic joint="shoulder"/><axis')
-    )
-    link = '<link name="jaw"><inertial><mass value="1"/><inertia ixx=".01" ixy="0" ixz="0" iyy=".01" iyz="0" izz=".01"/></inertial></link>'
-    follower = follower.replace('<child link="upper"/>', '<child link="jaw"/>')
-    config = drafted(tmp_path, write_urdf(one_joint_urdf.replace("</robot>", f"{link}{follower}</robot>")))
+    jaw = """
+      <link name="jaw">
+        <inertial><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>
+      </link>
+      <joint name="arm:2nd jaw" type="revolute">
+        <parent link="base"/><child link="jaw"/><axis xyz="0 1 0"/><mimic joint="shoulder"/>
+        <limit lower="-1" upper="2" effort="10" velocity="3"/>
+      </joint>"""
+    config = drafted(tmp_path, write_urdf(one_joint_urdf.replace("</robot>", f"{jaw}</robot>")))
     assert list(config.couplings) == ["arm_2nd_jaw_follows"]

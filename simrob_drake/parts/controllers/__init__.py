@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any
 
-from simrob_drake.parts.controllers.loop import flows_of, loops_of, readers_of
+from simrob_drake.parts.controllers.loop import LoopSection, flows_of, loops_of, readers_of
 from simrob_drake.parts.controllers.own import own_blocks
 from simrob_drake.parts.kinds import Kinds
 
@@ -24,6 +24,8 @@ KINDS = Kinds(
         "walk": "walk.Walk",
         "get_up": "get_up.GetUp",
     },
+    base=LoopSection,
+    point="controllers",
 )
 ControllerConfig = Annotated[Any, KINDS]
 Controllers = Annotated[dict[str, ControllerConfig], KINDS.names_are_kinds]

@@ -19,6 +19,8 @@ KINDS = Kinds(
         "fall": "sections.Fall",
         "empty_grip": "sections.EmptyGrip",
     },
+    base=MonitorSection,
+    point="monitors",
 )
 MonitorConfig = Annotated[MonitorSection, KINDS]
 Monitors = Annotated[dict[str, MonitorConfig], KINDS.names_are_kinds]

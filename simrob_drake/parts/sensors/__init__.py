@@ -18,6 +18,8 @@ KINDS = Kinds(
         "leg_odometry": "leg_odometry.LegOdometry",
         "camera": "camera.CameraSensor",
     },
+    base=Sensor,
+    point="sensors",
 )
 SensorConfig = Annotated[Sensor, KINDS]
 Sensors = Annotated[dict[str, SensorConfig], KINDS.names_are_kinds]

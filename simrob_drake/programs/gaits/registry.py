@@ -1,15 +1,18 @@
-"""Every gait of a robot under its name; a new kind of gait is a file beside this and a name in the list.
+"""All kinds of gaits, and the gaits of a robot by name.
 
-Each is made for one kind of feet, and carries on others as large.
+A new kind of the core is a file in this folder and a name in the list `_CORE`. Installed extensions add further kinds.
+Each gait is made for one kind of feet; a robot can use it on other feet that are about as large.
 """
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
 from pydantic import Field, create_model
 
 from simrob_drake.errors import InvalidParameter
+from simrob_drake.extension import classes_of_extensions, register_core_names
 from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.biped import BipedWalk, Kick
 from simrob_drake.programs.gaits.climb import Climb
@@ -22,8 +25,11 @@ from simrob_drake.sections import Number, Strict, validated
 from simrob_drake.walking.getting_up import GettingUp
 from simrob_drake.walking.parameters import WalkingParameters
 
-KINDS: tuple[type[Gait], ...] = (BipedWalk, Trot, Crawl, March, Stand, Posing, Kick, Climb)
-"""Kinds of gaits that are planned before they begin."""
+_CORE: tuple[type[Gait], ...] = (BipedWalk, Trot, Crawl, March, Stand, Posing, Kick, Climb)
+"""Kinds of gaits of the core that are planned before they begin."""
+_POINT = "gaits"
+"""Extension point at which extensions add kinds of gaits."""
+register_core_names(_POINT, lambda: (kind.section for kind in _CORE))
 _AS_LARGE = 0.8
 """Part of the length and of the width of a gait's own feet that others have at least: what gaits leave as margin."""
 
@@ -39,12 +45,20 @@ class _Gaits(Strict):
     """How it gets up where it has fallen: moves and controllers of kind `get_up`."""
 
 
-_SECTIONS: dict[str, Any] = {
-    kind.section: (dict[str, kind], Field(default_factory=dict, description=f"{kind.__doc__} By name."))  # type: ignore[valid-type]
-    for kind in KINDS
-}
-Gaits = create_model("Gaits", __base__=_Gaits, __doc__=_Gaits.__doc__, **_SECTIONS)
-"""A file `gaits.yaml`: a section for each kind."""
+@cache
+def gait_kinds() -> tuple[type[Gait], ...]:
+    """Return all kinds of gaits that are planned before they begin, those of installed extensions last."""
+    return (*_CORE, *classes_of_extensions(_POINT, Gait).values())
+
+
+@cache
+def gaits_model() -> type[Strict]:
+    """Make the pydantic model of a file `gaits.yaml`: one section for each kind of gait."""
+    sections: dict[str, Any] = {}
+    for kind in gait_kinds():
+        described = Field(default_factory=dict, description=f"{kind.__doc__} By name.")
+        sections[kind.section] = (dict[str, kind], described)  # type: ignore[valid-type]
+    return create_model("Gaits", __base__=_Gaits, __doc__=_Gaits.__doc__, **sections)
 
 
 def load_gaits(robot: str | RobotModel) -> Any:
@@ -56,13 +70,17 @@ def load_gaits(robot: str | RobotModel) -> Any:
         InvalidConfig: its file has a wrong entry.
     """
     found = gaits_file(robot)
-    return validated(Gaits, dict(found.content), found.file)
+    return validated(gaits_model(), dict(found.content), found.file)
 
 
 def gaits_of(robot: str | RobotModel, *, steps: bool) -> dict[str, Gait]:
     """Return a robot's gaits that go steps, or others; raises InvalidParameter: none; InvalidConfig: a wrong entry."""
     gaits = load_gaits(robot)
-    return {name: gait for kind in KINDS if kind.steps == steps for name, gait in getattr(gaits, kind.section).items()}
+    found: dict[str, Gait] = {}
+    for kind in gait_kinds():
+        if kind.steps == steps:
+            found |= getattr(gaits, kind.section)
+    return found
 
 
 def carries(model: RobotModel, worn: str | None, made: str | None) -> bool:

@@ -1,9 +1,19 @@
-"""All kinds of moves; a new one is a file beside this and a name in the list."""
+"""All kinds of moves, by the key that a program's file names them by.
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+A new kind of the core is a file in this folder and a name in the list `_CORE`. Installed extensions add further kinds,
+which are imported when a program is first read.
+"""
+
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import GetJsonSchemaHandler, TypeAdapter
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, core_schema
 
 from simrob_drake.errors import InvalidConfig, InvalidParameter, nearest, quoted
+from simrob_drake.extension import classes_of_extensions, register_core_names
 from simrob_drake.programs.moves.attach import AttachMove, ReleaseMove
 from simrob_drake.programs.moves.climb import ClimbMove
 from simrob_drake.programs.moves.get_up import GetUpMove
@@ -17,7 +27,7 @@ from simrob_drake.programs.moves.walk import ActMove, GoMove, WalkMove
 
 __all__ = ["KINDS", "ActMove", "AttachMove", "GoMove", "JointMove", "PlayMove", "ReleaseMove", "WaitMove", "WalkMove"]
 
-_ALL: tuple[type[Move], ...] = (
+_CORE: tuple[type[Move], ...] = (
     JointMove,
     WalkMove,
     GoMove,
@@ -35,38 +45,105 @@ _ALL: tuple[type[Move], ...] = (
     OpenMove,
     TogetherMove,
 )
-KINDS: dict[str, type[Move]] = {kind.key: kind for kind in _ALL}  # by the key that tells them apart
-LEG_KINDS = [key for key, kind in KINDS.items() if kind.of_legs]  # the keys of those that robots with legs can do
+"""The kinds of the core, in the order in which the pendant and messages list them."""
+
+_POINT = "moves"
+"""Extension point at which extensions add kinds of moves."""
+
+
+class MoveKinds(Mapping[str, type[Move]]):
+    """All kinds of moves by their key: those of the core, then those of the installed extensions.
+
+    The kinds of extensions are imported when the mapping is first used.
+    """
+
+    @cached_property
+    def _all(self) -> dict[str, type[Move]]:
+        return {kind.key: kind for kind in _CORE} | classes_of_extensions(_POINT, Move)
+
+    @cached_property
+    def adapter(self) -> TypeAdapter[Any]:
+        """Reads and writes a move of any kind, as a program's file has it."""
+        return TypeAdapter(field_of(*self._all.values()))
+
+    def __getitem__(self, key: str) -> type[Move]:
+        return self._all[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._all)
+
+    def __len__(self) -> int:
+        return len(self._all)
+
+
+KINDS = MoveKinds()
+"""All kinds of moves by their key."""
+
+register_core_names(_POINT, lambda: (kind.key for kind in _CORE))
+
+
+def leg_kinds() -> list[str]:
+    """Return the keys of the kinds that robots with legs can do."""
+    return [key for key, kind in KINDS.items() if kind.of_legs]
+
+
+def _validate_move(content: Any) -> Any:
+    """Check a move of any kind. The kinds of extensions are imported when the first move is checked, not before."""
+    return KINDS.adapter.validate_python(content)
+
+
+class _AnyMoveField:
+    """Annotation of a field that holds a move of any kind; which kinds there are is asked when a move is read."""
+
+    def __get_pydantic_core_schema__(self, _source: Any, _handler: Any) -> CoreSchema:
+        """Check a move by its kind, and write it as a program's file has it."""
+        return core_schema.no_info_plain_validator_function(
+            _validate_move,
+            serialization=core_schema.plain_serializer_function_ser_schema(Move.entry),
+        )
+
+    def __get_pydantic_json_schema__(self, _schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        """Return the schema of a move of any kind."""
+        return handler(KINDS.adapter.core_schema)
+
 
 if TYPE_CHECKING:
     AnyMove = Move
 else:
-    AnyMove = field_of(*_ALL)
+    AnyMove = Annotated[Any, _AnyMoveField()]
 
 
 def move_from(
     content: Move | Mapping[str, Any], duration: float | None = None, *, otherwise: float = MOVE_TIME
 ) -> Move:
-    """Return a move of any kind of what a user gave: targets of axes [deg], what would stand in a file, or a move.
+    """Make a move of any kind from what a user gives in Python.
 
-    A move of joints takes its duration [s], ``otherwise`` unless given. Raises SimrobError: as :func:`move_of`; or a
-    mapping that is wrong.
+    Args:
+        content: target angles of axes [deg] by name, an entry of a program's file, or a move.
+        duration: time of a move of joints [s]. None means ``otherwise``.
+        otherwise: default of ``duration`` [s].
+
+    Raises:
+        InvalidParameter: a duration in addition to a move that has its own.
+        InvalidConfig: an entry with a wrong key or value.
     """
     if isinstance(content, Move):
-        made = content
+        move = content
     elif isinstance(content, Mapping) and kind_of(content, KINDS.values()) is not None:
-        made = check_move(content)
+        move = check_move(content)
     else:
         return move_of(content, otherwise if duration is None else duration)
     if duration is not None:
         raise InvalidParameter("duration", duration, "left out: it goes with targets of axes")
-    return made
+    return move
 
 
 def check_move(entry: Any, where: str = "the move", kinds: Mapping[str, type[Move]] = KINDS) -> Move:
-    """Return the move that an entry of a program's file is, checked by itself, so that messages can name it.
+    """Check one entry of a program's file by itself, so that messages can name it, and return its move.
 
-    Raises InvalidConfig: no mapping, a kind that there is not, or a wrong key or value; names ``where``.
+    Raises:
+        InvalidConfig: the entry is no mapping, is of no known kind, or has a wrong key or value. The message begins
+            with ``where``.
     """
     if not isinstance(entry, Mapping):
         raise InvalidConfig(where, "", f"must be a mapping of keys to values (it is {quoted(entry)})")

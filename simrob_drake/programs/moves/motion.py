@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Self, cast
 import numpy as np
 from pydantic import Field, model_validator
 
-from simrob_drake.kinematics.analytic import SolverName
+from simrob_drake.kinematics.registry import SolverName
 from simrob_drake.programs.moves.move import Move, Run
 from simrob_drake.programs.plan import CHECKED, Check, Plan
 from simrob_drake.programs.planning import Planning

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from simrob_drake.arguments import truth
 from simrob_drake.errors import InvalidParameter
-from simrob_drake.kinematics.analytic import SolverLike
+from simrob_drake.kinematics.registry import SolverLike
 from simrob_drake.programs.moves.motion import ArmMotion, Rows, ToolMotion
 from simrob_drake.programs.plan import Plan, target_name
 from simrob_drake.programs.planning import (

@@ -1,0 +1,84 @@
+"""Commands about installed extensions: which there are, and the schema of station files with the parts they add."""
+
+import json
+from collections.abc import Callable
+from typing import Annotated, Any
+
+import typer
+from rich.text import Text
+
+from simrob_drake.cli import ExitCode
+from simrob_drake.cli.screen import console, table
+from simrob_drake.extension import (
+    POINTS,
+    Addition,
+    BrokenExtension,
+    Extension,
+    InstalledExtension,
+    check_addition,
+    installed_extensions,
+)
+
+
+def extensions(
+    check: Annotated[
+        bool, typer.Option("--check", help="Import everything that they add, and report failures.")
+    ] = False,
+) -> ExitCode:
+    """List the installed extensions, what each adds, and why one is left out."""
+    installed = installed_extensions()
+    if not installed:
+        console.print("no extensions are installed")
+        return ExitCode.DONE
+    problems = {entry.package: _problems(entry, is_thorough=check) for entry in installed}
+    rows = [_row(entry, problems[entry.package]) for entry in installed]
+    console.print(table(("package", "version", "adds"), *rows, numbers=False))
+    return ExitCode.BAD_INPUT if check and any(problems.values()) else ExitCode.DONE
+
+
+def schema() -> None:
+    """Print the JSON Schema of station files, with the parts that installed extensions add."""
+    from simrob_drake.stations.schema import station_schema
+
+    # Not through the console, which would break long lines.
+    print(json.dumps(station_schema(), indent=1))
+
+
+def _problems(entry: InstalledExtension, *, is_thorough: bool) -> list[str]:
+    """Find the reasons why an extension, or a part of it, cannot be used. A thorough search imports all parts."""
+    if entry.extension is None:
+        return [entry.problem]
+    if not is_thorough:
+        return []
+    problems = []
+    for point in POINTS:
+        for target in getattr(entry.extension, point).values():
+            try:
+                check_addition(point, Addition(entry.package, target))
+            except BrokenExtension as problem:
+                problems.append(str(problem))
+    return problems
+
+
+def _row(entry: InstalledExtension, problems: list[str]) -> tuple[str, str, Text]:
+    """Make the row of an extension: package, version, and what it adds or why it is left out."""
+    lines = [] if entry.extension is None else _added_lines(entry.extension)
+    text = Text("\n".join(lines))
+    for problem in problems:
+        if text:
+            text.append("\n")
+        text.append(("left out: " if entry.extension is None else "broken: ") + problem, style="red")
+    return entry.package, entry.version, text
+
+
+def _added_lines(extension: Extension) -> list[str]:
+    """Describe what an extension adds, one line for each extension point that it uses."""
+    lines = []
+    for point in POINTS:
+        names = getattr(extension, point)
+        if names:
+            lines.append(f"{point.replace('_', ' ')}: {', '.join(names)}")
+    return lines
+
+
+COMMANDS: dict[str, Callable[..., Any]] = {"extensions": extensions, "schema": schema}

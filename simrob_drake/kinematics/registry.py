@@ -1,0 +1,110 @@
+"""All solvers of inverse kinematics, by the name that moves and functions take under ``solver``.
+
+A new solver of the core is a file in this folder and a line in `_CORE`. Installed extensions add further ones.
+"""
+
+import inspect
+from typing import Annotated, Any, Literal, TypeAlias, get_args
+
+from pydantic import AfterValidator, WithJsonSchema
+
+from simrob_drake.errors import InvalidParameter, one_of
+from simrob_drake.extension import additions, load_addition_class, register_core_names
+from simrob_drake.kinematics.analytic import AnalyticSolver
+from simrob_drake.kinematics.chain import Chain
+from simrob_drake.kinematics.closed_form import NoClosedForm
+from simrob_drake.kinematics.constrained import ConstrainedSolver
+from simrob_drake.kinematics.incremental import IncrementalSolver
+from simrob_drake.kinematics.numeric import NumericSolver
+from simrob_drake.kinematics.solver import Solver
+
+_CORE: dict[str, type[Solver]] = {
+    "numeric": NumericSolver,
+    "constrained": ConstrainedSolver,
+    "analytic": AnalyticSolver,
+    "incremental": IncrementalSolver,
+}
+"""The solvers of the core."""
+_AUTO = "auto"
+"""Name that stands for the analytic solver if the arm has a closed form, else for the numeric one."""
+_POINT = "inverse_kinematics"
+"""Extension point at which extensions add solvers."""
+register_core_names(_POINT, lambda: iter((_AUTO, *_CORE)))
+
+CoreSolverName = Literal["auto", "numeric", "constrained", "analytic", "incremental"]
+"""Names of the core, for type checkers and editors."""
+SolverLike: TypeAlias = CoreSolverName | str | Solver
+"""Name of a solver, or a solver that was made for the arm's chain, with settings of its own."""
+
+_FINE: dict[str, float] = {"position_tolerance": 1e-8, "rotation_tolerance": 1e-8}
+_OPTIONS: dict[str, dict[str, Any]] = {"numeric": _FINE, "incremental": _FINE}
+"""Tolerances of searches on a path [m and rad]. They cost one or two steps: the searches converge quadratically."""
+
+
+def solver_names() -> list[str]:
+    """Return the names of all solvers, ``auto`` first and those of extensions last."""
+    return [_AUTO, *_CORE, *additions(_POINT)]
+
+
+def make_solver(name: str, chain: Chain, **options: Any) -> Solver:
+    """Make a solver of inverse kinematics by its name.
+
+    Args:
+        name: ``"numeric"`` (SimRob's W), ``"constrained"`` (GIK), ``"analytic"`` (AIK), ``"incremental"`` (JacIK), or
+            the name of a solver that an extension adds.
+        chain: chain of joints whose axes the solver moves.
+        **options: options of the solver's class.
+
+    Raises:
+        UnknownName: there is no such solver, or the solver has no such option.
+        InvalidParameter: an option has a value that it cannot have.
+        NoClosedForm: the analytic solver does not cover this arm.
+        BrokenExtension: the solver is one of an extension that cannot be imported.
+    """
+    one_of("solver of inverse kinematics", name, [known for known in solver_names() if known != _AUTO])
+    solver_class = _solver_class(name)
+    known_options = list(inspect.signature(solver_class).parameters)[1:]
+    for option in options:
+        one_of(f"option of the {name} solver", option, known_options)
+    return solver_class(chain, **options)
+
+
+def solver_for(chain: Chain, solver: SolverLike) -> Solver:
+    """Return the solver that a move names, or the one that was given.
+
+    Raises:
+        UnknownName: there is no such solver.
+        NoClosedForm: the move names the analytic solver, and the arm has no closed form.
+        InvalidParameter: the given solver was made for another robot or tool.
+    """
+    if isinstance(solver, Solver):
+        if solver.chain.names != chain.names or not (solver.chain.home == chain.home).all():
+            raise InvalidParameter("solver", type(solver).__name__, "one made for arm.chain with the tool it has now")
+        return solver
+    one_of("solver", solver, solver_names())
+    if solver != _AUTO:
+        return make_solver(solver, chain, **_OPTIONS.get(solver, {}))
+    try:
+        return make_solver("analytic", chain)
+    except NoClosedForm:
+        return make_solver("numeric", chain, **_FINE)
+
+
+def _check_name(name: str) -> str:
+    """Check the name of a solver in a program's file; raises UnknownName if there is no such solver."""
+    return one_of("solver of inverse kinematics", name, solver_names())
+
+
+SolverName: TypeAlias = Annotated[
+    str,
+    AfterValidator(_check_name),
+    WithJsonSchema({"enum": list(get_args(CoreSolverName)), "type": "string"}),
+]
+"""Type of a key of a file that names a solver."""
+
+
+def _solver_class(name: str) -> type[Solver]:
+    """Return the class of a solver; raises BrokenExtension if it is one of an extension and cannot be imported."""
+    if name in _CORE:
+        return _CORE[name]
+    return load_addition_class(additions(_POINT)[name], Solver)
