@@ -21,7 +21,7 @@ import yaml
 
 from simrob_drake.arguments import as_path, instance
 from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName, quoted
-from simrob_drake.files import diagrams_root, station_files
+from simrob_drake.files import station_files
 from simrob_drake.importer.packages import Border, is_robot_file
 from simrob_drake.sections import validated
 from simrob_drake.stations.change_of_kind import KeyLosses, kind_of

@@ -10,7 +10,9 @@ from simrob_drake import load_station, simulate
 
 def power(
     station: Annotated[str, typer.Argument(help="A station with one robot, by name or file.")],
-    duration: Annotated[float | None, typer.Option(help="Time to simulate [s]; that of the station unless given.")] = None,
+    duration: Annotated[
+        float | None, typer.Option(help="Time to simulate [s]; that of the station unless given.")
+    ] = None,
 ) -> None:
     """Run a station and print the largest mechanical power of each joint."""
     config = load_station(station, {"sensors.power": {"kind": "joint_power"}})
