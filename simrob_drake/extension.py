@@ -5,10 +5,11 @@ object names what the package adds as import strings ``package.module:Name``. Su
 a program or a command first uses the name, so an installed extension costs nothing until then.
 
 An extension that cannot be used is left out, and everything else works: it fails to import, it works with other
-versions of this package, or it takes a name that is already taken. ``simrob extensions`` lists the reason.
+versions of this package, or it takes a name of another extension. A name of the core always means the core's own thing.
+``simrob extensions`` lists the reasons.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
@@ -159,14 +160,16 @@ def classes_of_extensions(point: str, base: type[Class]) -> dict[str, type[Class
 
 
 def additions(point: str) -> dict[str, Addition]:
-    """Find what the extensions in use add at one extension point, by name."""
+    """Find what the extensions in use add at one extension point, by name, without names that the core has there."""
+    taken = core_names(point)
     found = {}
     for installed in installed_extensions():
         if installed.extension is None:
             continue
         entries: Additions = getattr(installed.extension, point)
         for name, target in entries.items():
-            found[name] = Addition(package=installed.package, target=target)
+            if name not in taken:
+                found[name] = Addition(package=installed.package, target=target)
     return found
 
 
@@ -213,12 +216,17 @@ def addition_folders(point: str) -> list[Path]:
     return [folder for folder in folders if folder is not None]
 
 
-def register_core_names(point: str, names: Callable[[], Iterator[str]]) -> None:
-    """Declare the names that the core has at an extension point, so that no extension can take one of them."""
+def register_core_names(point: str, names: Callable[[], Iterable[str]]) -> None:
+    """Declare the names that the core has at an extension point. The registry of that point calls this."""
     _core_names[point] = names
 
 
-_core_names: dict[str, Callable[[], Iterator[str]]] = {}
+def core_names(point: str) -> set[str]:
+    """Return the names that the core has at an extension point. It is empty until that point's registry is imported."""
+    return set(_core_names[point]()) if point in _core_names else set()
+
+
+_core_names: dict[str, Callable[[], Iterable[str]]] = {}
 
 
 def _package_and_name(entry: EntryPoint) -> tuple[str, str]:
@@ -265,13 +273,15 @@ def _malformed_addition(extension: Extension) -> str:
 
 
 def _without_conflicts(found: list[InstalledExtension]) -> Iterator[InstalledExtension]:
-    """Yield installed extensions; one that takes a name of the core or of an earlier extension is left out."""
-    owners = {(point, name): CORE for point, names in _core_names.items() for name in names()}
+    """Yield installed extensions; one that takes a name of an earlier extension is left out."""
+    owners = dict[tuple[str, str], str]()
     for installed in found:
         if installed.extension is None:
             yield installed
             continue
-        own = {(point, name) for point in POINTS for name in getattr(installed.extension, point)}
+        # Names of folders are the extension's own business: nobody refers to them.
+        points = [point for point in POINTS if point not in _FOLDERS]
+        own = {(point, name) for point in points for name in getattr(installed.extension, point)}
         taken = sorted(own & owners.keys())
         if taken:
             point, name = taken[0]

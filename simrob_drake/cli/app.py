@@ -100,7 +100,7 @@ def _docstrings(tree: ast.Module) -> dict[str, str]:
     return {node.name: ast.get_docstring(node) or "" for node in tree.body if isinstance(node, ast.FunctionDef)}
 
 
-register_core_names("commands", lambda: iter(_core_entries()))
+register_core_names("commands", _core_entries)
 
 
 def _name(node: ast.expr) -> str:

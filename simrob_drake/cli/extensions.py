@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from importlib import import_module
 from typing import Annotated, Any
 
 import typer
@@ -16,8 +17,23 @@ from simrob_drake.extension import (
     Extension,
     InstalledExtension,
     check_addition,
+    core_names,
     installed_extensions,
 )
+
+_REGISTRIES = {
+    "commands": "simrob_drake.cli.app",
+    "sensors": "simrob_drake.parts.sensors",
+    "monitors": "simrob_drake.parts.monitors",
+    "references": "simrob_drake.parts.references",
+    "forces": "simrob_drake.parts.forces",
+    "couplings": "simrob_drake.parts.couplings",
+    "controllers": "simrob_drake.parts.controllers",
+    "moves": "simrob_drake.programs.moves.kinds",
+    "gaits": "simrob_drake.programs.gaits.registry",
+    "inverse_kinematics": "simrob_drake.kinematics.registry",
+}
+"""Modules that register the core's names at the extension points. They are imported only if an extension uses them."""
 
 
 def extensions(
@@ -48,15 +64,29 @@ def _problems(entry: InstalledExtension, *, is_thorough: bool) -> list[str]:
     """Find the reasons why an extension, or a part of it, cannot be used. A thorough search imports all parts."""
     if entry.extension is None:
         return [entry.problem]
+    problems = _shadowed_names(entry.extension)
     if not is_thorough:
-        return []
-    problems = []
+        return problems
     for point in POINTS:
         for target in getattr(entry.extension, point).values():
             try:
                 check_addition(point, Addition(entry.package, target))
             except BrokenExtension as problem:
                 problems.append(str(problem))
+    return problems
+
+
+def _shadowed_names(extension: Extension) -> list[str]:
+    """Find the names of an extension that mean something else, since the core has them. One sentence for each."""
+    problems = []
+    for point, described in POINTS.items():
+        names = getattr(extension, point)
+        if names and point in _REGISTRIES:
+            import_module(_REGISTRIES[point])
+            shadowed = sorted(core_names(point) & set(names))
+            problems += [
+                f"the {described} {name!r} is one of simrob-drake already; choose another name" for name in shadowed
+            ]
     return problems
 
 

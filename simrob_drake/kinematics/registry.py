@@ -29,7 +29,7 @@ _AUTO = "auto"
 """Name that stands for the analytic solver if the arm has a closed form, else for the numeric one."""
 _POINT = "inverse_kinematics"
 """Extension point at which extensions add solvers."""
-register_core_names(_POINT, lambda: iter((_AUTO, *_CORE)))
+register_core_names(_POINT, lambda: [_AUTO, *_CORE])
 
 CoreSolverName = Literal["auto", "numeric", "constrained", "analytic", "incremental"]
 """Names of the core, for type checkers and editors."""

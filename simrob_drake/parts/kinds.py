@@ -34,7 +34,7 @@ class Kinds:
         self._base = base
         self._point = point
         self._validator = lru_cache(self._make_validator)
-        register_core_names(point, lambda: iter(classes))
+        register_core_names(point, lambda: classes)
 
     def __iter__(self) -> Iterator[str]:
         yield from self._classes
@@ -63,6 +63,11 @@ class Kinds:
         """The classes of all kinds, those of extensions that cannot be imported left out."""
         core = {kind: self.model(kind) for kind in self._classes}
         return core | classes_of_extensions(self._point, self._base)
+
+    def forget_extensions(self) -> None:
+        """Forget the classes of extensions that were imported, for tests that install others."""
+        self._validator.cache_clear()
+        self.__dict__.pop("models", None)
 
     @property
     def names_are_kinds(self) -> BeforeValidator:

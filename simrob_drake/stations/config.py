@@ -212,6 +212,9 @@ class StationConfig(Renamed):
     """What results and pictures call it; the file's name unless given."""
     description: str = ""
     """What it is, in a line, for lists."""
+    extensions: tuple[str, ...] = ()
+    """Packages whose extensions the station needs, such as `simrob-playground`: one that is missing is then reported by
+    its name."""
     mode: Literal["dynamic", "kinematic"] = "dynamic"
     """Dynamic: moved by torque. Kinematic: the motion is the input, and the torque is computed."""
     robots: dict[str, RobotConfig] = Field(default_factory=dict)

@@ -21,6 +21,7 @@ import yaml
 
 from simrob_drake.arguments import as_path, instance
 from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName, quoted
+from simrob_drake.extension import installed_extensions
 from simrob_drake.files import station_files
 from simrob_drake.importer.packages import Border, is_robot_file
 from simrob_drake.sections import validated
@@ -248,6 +249,7 @@ def _validate(content: Content, where: Path | str, allow_code: bool) -> StationC
     Raises:
         InvalidConfig: an entry is invalid; the error names ``where`` and the key.
     """
+    _check_extensions(content, where)
     try:
         config = validated(StationConfig, content, where)
     except InvalidConfig as problem:
@@ -261,6 +263,24 @@ def _validate(content: Content, where: Path | str, allow_code: bool) -> StationC
     except SimrobError as problem:
         raise InvalidConfig(where, "", _in_short_form(str(problem))) from problem
     return config
+
+
+def _check_extensions(content: Content, where: Path | str) -> None:
+    """Check that the packages under ``extensions`` are installed and in use; raises InvalidConfig if one is not.
+
+    It is checked before the parts: an unknown kind of part would only be a consequence.
+    """
+    needed = content.get("extensions", ())
+    if not isinstance(needed, list | tuple) or not all(isinstance(package, str) for package in needed):
+        return  # the validation refuses it
+    known = {extension.package: extension for extension in installed_extensions()}
+    for package in needed:
+        if package not in known:
+            problem = f"the station needs the package {package}, which is not installed: pip install {package}"
+            raise InvalidConfig(where, "extensions", problem)
+        if known[package].problem:
+            problem = f"the station needs the package {package}, which is left out: {known[package].problem}"
+            raise InvalidConfig(where, "extensions", problem)
 
 
 def _add_mesh_path(content: Content, mesh_path: tuple[Path, ...]) -> None:

@@ -29,7 +29,7 @@ _CORE: tuple[type[Gait], ...] = (BipedWalk, Trot, Crawl, March, Stand, Posing, K
 """Kinds of gaits of the core that are planned before they begin."""
 _POINT = "gaits"
 """Extension point at which extensions add kinds of gaits."""
-register_core_names(_POINT, lambda: (kind.section for kind in _CORE))
+register_core_names(_POINT, lambda: [kind.section for kind in _CORE])
 _AS_LARGE = 0.8
 """Part of the length and of the width of a gait's own feet that others have at least: what gaits leave as margin."""
 

@@ -79,7 +79,7 @@ class MoveKinds(Mapping[str, type[Move]]):
 KINDS = MoveKinds()
 """All kinds of moves by their key."""
 
-register_core_names(_POINT, lambda: (kind.key for kind in _CORE))
+register_core_names(_POINT, lambda: [kind.key for kind in _CORE])
 
 
 def leg_kinds() -> list[str]:

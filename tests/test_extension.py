@@ -1,0 +1,174 @@
+"""Extensions of other packages: what is found, and why one is left out while everything else works."""
+
+import re
+import sys
+import textwrap
+from importlib.metadata import PathDistribution
+
+import pytest
+
+from simrob_drake import extension as extensions
+from simrob_drake.cli.app import run_command
+from simrob_drake.errors import InvalidConfig
+from simrob_drake.extension import BrokenExtension, additions, installed_extensions, load_addition
+from simrob_drake.parts import sensors
+from simrob_drake.stations.load import load_station
+
+SENSOR = """
+from typing import Literal
+from simrob_drake.parts.sensors.sensor import Sensor
+class Warmth(Sensor):
+    kind: Literal["warmth"]
+    def wire(self, builder, site, name):
+        pass
+"""
+PARTS = "simrob_drake.parts.sensors.sensor.Sensor"
+
+
+@pytest.fixture
+def install(tmp_path, monkeypatch):
+    """Install packages that announce an extension each: a name, the arguments of `Extension`, and modules."""
+    monkeypatch.syspath_prepend(tmp_path)
+    distributions = []
+
+    def found(*, group):
+        entries = [entry for distribution in distributions for entry in distribution.entry_points]
+        return [entry for entry in entries if entry.group == group]
+
+    monkeypatch.setattr(extensions, "entry_points", found)
+
+    def install_one(name, arguments, **modules):
+        module = name.replace("-", "_")
+        monkeypatch.delitem(sys.modules, module, raising=False)
+        text = f"from simrob_drake import Extension\nEXTENSION = Extension({arguments})\n"
+        package = tmp_path / module
+        package.mkdir()
+        (package / "__init__.py").write_text(text)
+        for file, content in modules.items():
+            (package / f"{file}.py").write_text(textwrap.dedent(content))
+        information = tmp_path / f"{module}-1.0.dist-info"
+        information.mkdir()
+        (information / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+        entry = f"[simrob_drake.extensions]\n{module} = {module}:EXTENSION\n"
+        (information / "entry_points.txt").write_text(entry)
+        distributions.append(PathDistribution(information))
+        installed_extensions.cache_clear()
+        sensors.KINDS.forget_extensions()
+
+    yield install_one
+    installed_extensions.cache_clear()
+    sensors.KINDS.forget_extensions()
+
+
+def problem_of(package):
+    (found,) = [entry for entry in installed_extensions() if entry.package == package]
+    return found.problem
+
+
+def test_a_sensor_of_another_package_is_a_kind_of_sensor(install):
+    install("warm-kit", "core='>=0', sensors={'warmth': 'warm_kit.parts:Warmth'}", parts=SENSOR)
+    assert "warmth" in sensors.KINDS
+    assert sensors.KINDS.model("warmth").__name__ == "Warmth"
+    station = load_station("box_on_floor", {"sensors": {"warmth": {}}})
+    assert type(station.sensors["warmth"]).__name__ == "Warmth"
+
+
+def test_nothing_of_a_package_is_imported_before_it_is_used(install):
+    install("late-kit", "core='>=0', moves={'wave': 'late_kit.moves:Wave'}", moves="raise RuntimeError('too early')")
+    assert set(additions("moves")) == {"wave"}
+    assert "late_kit.moves" not in sys.modules
+
+
+def test_an_unknown_kind_lists_those_of_extensions_too(install):
+    install("warm-kit", "core='>=0', sensors={'warmth': 'warm_kit.parts:Warmth'}", parts=SENSOR)
+    with pytest.raises(InvalidConfig, match="warmth"):
+        load_station("box_on_floor", {"sensors": {"a": {"kind": "warmht"}}})
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        ("core='>=99'", "it works with simrob_drake >=99, and this is 0.1.0"),
+        ("core='soon'", "core is 'soon'; it must be a version specifier such as '>=0.1,<0.3'"),
+        (
+            "core='>=0', sensors={'warmth': 'kit.a'}",
+            "kind of sensor 'warmth' is 'kit.a'; it must be an import string 'package.module:Name'",
+        ),
+        ("core='>=0', odours={}", "cannot be imported: TypeError: Extension.__init__() got an unexpected keyword"),
+        ("1/0", "cannot be imported: ZeroDivisionError"),
+    ],
+)
+def test_an_extension_that_cannot_be_used_is_left_out_with_the_reason(install, arguments, problem):
+    install("odd-kit", arguments)
+    assert problem in problem_of("odd-kit")
+    assert "\n" not in problem_of("odd-kit")
+    assert load_station("box_on_floor").name == "box_on_floor"  # all else works
+
+
+@pytest.mark.parametrize(
+    ("point", "name", "described"),
+    [
+        ("commands", "run", "the command 'run'"),
+        ("sensors", "force", "the kind of sensor 'force'"),
+        ("monitors", "fall", "the kind of monitor 'fall'"),
+        ("references", "hold", "the kind of reference 'hold'"),
+        ("forces", "push", "the kind of force 'push'"),
+        ("couplings", "gear", "the kind of coupling 'gear'"),
+        ("controllers", "balance", "the kind of controller 'balance'"),
+        ("moves", "walk", "the kind of move 'walk'"),
+        ("gaits", "trots", "the kind of gait 'trots'"),
+        ("inverse_kinematics", "auto", "the solver of inverse kinematics 'auto'"),
+    ],
+)
+def test_a_name_of_the_core_stays_the_cores_and_the_list_says_so(install, capsys, point, name, described):
+    install("odd-kit", f"core='>=0', {point}={{'{name}': 'odd_kit.parts:Mine'}}")
+    assert run_command(["extensions"]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert f"broken: {described} is one of simrob-drake already; choose another name" in shown
+    assert name not in additions(point)
+
+
+def test_a_name_that_two_packages_have_names_both(install):
+    install("a-kit", "core='>=0', sensors={'warmth': 'a_kit.parts:Warmth'}", parts=SENSOR)
+    install("b-kit", "core='>=0', sensors={'warmth': 'b_kit.parts:Warmth'}", parts=SENSOR)
+    assert problem_of("a-kit") == ""
+    assert problem_of("b-kit") == "the kind of sensor 'warmth' is also one of a-kit"
+
+
+def test_a_part_that_cannot_be_imported_is_blamed_on_its_package(install):
+    install("odd-kit", "core='>=0', sensors={'warmth': 'odd_kit.parts:Warmth'}", parts="import nothing_like_it")
+    with pytest.raises(BrokenExtension, match=r"package odd-kit: odd_kit.parts:Warmth cannot be imported \(Module"):
+        load_addition(additions("sensors")["warmth"])
+    with pytest.raises(
+        InvalidConfig, match=r"sensors.warmth: package odd-kit: odd_kit.parts:Warmth cannot be imported"
+    ):
+        load_station("box_on_floor", {"sensors": {"warmth": {}}})
+
+
+def test_a_part_of_a_wrong_class_is_refused(install):
+    install("odd-kit", "core='>=0', sensors={'warmth': 'odd_kit.parts:Warmth'}", parts="Warmth = dict")
+    with pytest.raises(InvalidConfig, match=rf"must be a subclass of {re.escape(PARTS)}"):
+        load_station("box_on_floor", {"sensors": {"warmth": {}}})
+
+
+def test_a_station_names_the_packages_that_it_needs(install):
+    with pytest.raises(InvalidConfig, match="extensions: the station needs the package warm-kit, which is not instal"):
+        load_station("box_on_floor", {"extensions": ["warm-kit"], "sensors": {"warmth": {}}})
+    install("warm-kit", "core='>=99', sensors={'warmth': 'warm_kit.parts:Warmth'}", parts=SENSOR)
+    with pytest.raises(InvalidConfig, match="which is left out: it works with simrob_drake >=99"):
+        load_station("box_on_floor", {"extensions": ["warm-kit"], "sensors": {"warmth": {}}})
+
+
+def test_the_command_lists_them_and_checks_what_they_add(install, capsys):
+    assert run_command(["extensions"]) == 0
+    assert "no extensions are installed" in capsys.readouterr().out
+    install("warm-kit", "core='>=0', sensors={'warmth': 'warm_kit.parts:Warmth'}", parts=SENSOR)
+    assert run_command(["extensions", "--check"]) == 0
+    assert "sensors: warmth" in capsys.readouterr().out
+    install("odd-kit", "core='>=0', robots={'a': 'odd_kit:robots'}, moves={'b': 'odd_kit.b:B'}")
+    assert run_command(["extensions"]) == 0
+    assert "broken" not in capsys.readouterr().out  # nothing is imported for a list
+    assert run_command(["extensions", "--check"]) == 2
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "broken: package odd-kit: there is no folder odd_kit:robots" in shown
+    assert "broken: package odd-kit: odd_kit.b:B cannot be imported" in shown
