@@ -370,10 +370,10 @@ def first_gains(robot: RobotModel) -> FirstGains:
         stiffness = np.where(robot.prismatic, stiffness, np.maximum(stiffness, robot.efforts / _OFF))
     for place, ends in robot.fingers.items():
         stiffness[place] = max(stiffness[place], robot.efforts[place] / (_PRESSES * abs(ends[1] - ends[0])))
-    kp = np.maximum(stiffness, _FREQUENCY * np.maximum(_FREQUENCY * load.inertias, load.dampings))
     # Some files hold a joint by an immense damping, such as 1e11 N·s/m: a servo does not move it with any gain.
-    kp = np.minimum(kp, LARGEST_GAIN)
-    kd = np.minimum(2 * np.sqrt(load.coupling * kp * load.inertias), LARGEST_GAIN)
+    for_damping = np.minimum(_FREQUENCY * load.dampings, LARGEST_GAIN)
+    kp = np.maximum(stiffness, np.maximum(_FREQUENCY * (_FREQUENCY * load.inertias), for_damping))
+    kd = 2 * np.sqrt(load.coupling * kp * load.inertias)
     return FirstGains(_rounded(kp), _rounded(kd))
 
 
