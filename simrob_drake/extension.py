@@ -16,7 +16,7 @@ from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points, version
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 from simrob_drake.errors import SimrobError, shortened
 
@@ -25,8 +25,6 @@ GROUP = "simrob_drake.extensions"
 
 CORE = "simrob-drake"
 """Name of the distribution of this package."""
-
-Class = TypeVar("Class")
 
 Additions = Mapping[str, str]
 """Things of one kind by name, each as an import string ``package.module:Name``."""
@@ -132,7 +130,7 @@ def installed_extensions() -> tuple[InstalledExtension, ...]:
     return tuple(_without_conflicts(found))
 
 
-def load_addition_class(addition: Addition, base: type[Class]) -> type[Class]:
+def load_addition_class(addition: Addition, base: Any) -> Any:
     """Import a class that an extension adds, and check that it is derived from ``base``.
 
     Raises:
@@ -145,7 +143,7 @@ def load_addition_class(addition: Addition, base: type[Class]) -> type[Class]:
     return found
 
 
-def classes_of_extensions(point: str, base: type[Class]) -> dict[str, type[Class]]:
+def classes_of_extensions(point: str, base: Any) -> dict[str, Any]:
     """Import the classes that extensions add at a point, by name. Those that cannot be used are left out.
 
     ``simrob extensions --check`` reports why one is left out.
@@ -243,8 +241,8 @@ def _load_extension(entry: EntryPoint) -> InstalledExtension:
     except Exception as problem:  # a broken package of somebody else must not stop anything here
         reason = shortened(f"{entry.value} cannot be imported: {type(problem).__name__}: {problem}", 300)
         return InstalledExtension(package, package_version, None, reason)
-    problem = _problem_of(extension, entry.value)
-    return InstalledExtension(package, package_version, None if problem else extension, problem)
+    reason = _problem_of(extension, entry.value)
+    return InstalledExtension(package, package_version, None if reason else extension, reason)
 
 
 def _problem_of(extension: object, where: str) -> str:

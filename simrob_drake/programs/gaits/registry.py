@@ -56,7 +56,7 @@ def gaits_model() -> type[Strict]:
     """Make the pydantic model of a file `gaits.yaml`: one section for each kind of gait."""
     sections: dict[str, Any] = {}
     for kind in gait_kinds():
-        described = Field(default_factory=dict, description=f"{kind.__doc__} By name.")
+        described: Any = Field(default_factory=dict, description=f"{kind.__doc__} By name.")
         sections[kind.section] = (dict[str, kind], described)  # type: ignore[valid-type]
     return create_model("Gaits", __base__=_Gaits, __doc__=_Gaits.__doc__, **sections)
 
