@@ -107,4 +107,5 @@ def _solver_class(name: str) -> type[Solver]:
     """Return the class of a solver; raises BrokenExtension if it is one of an extension and cannot be imported."""
     if name in _CORE:
         return _CORE[name]
-    return load_addition_class(additions(_POINT)[name], Solver)
+    added: type[Solver] = load_addition_class(additions(_POINT)[name], Solver)
+    return added

@@ -53,7 +53,8 @@ class Kinds:
                 derived from that of the family.
         """
         if kind not in self._classes:
-            return load_addition_class(additions(self._point)[kind], self._base)
+            added: type[BaseModel] = load_addition_class(additions(self._point)[kind], self._base)
+            return added
         module, _, name = f"{self._family}.{self._classes[kind]}".rpartition(".")
         model: type[BaseModel] = getattr(import_module(module), name)
         return model

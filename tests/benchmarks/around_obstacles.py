@@ -78,7 +78,7 @@ def free(space: FreeSpace, chains: dict[str, Chain], draw: np.random.Generator) 
     while True:
         rows = {robot: draw.uniform(chain.lower, chain.upper) for robot, chain in chains.items()}
         low = min(chain.forward(rows[robot])[0, 2, 3] for robot, chain in chains.items())
-        if low > LOW and not space.hits(np.concatenate(list(rows.values())), 0.5):
+        if low > LOW and not space.collisions(np.concatenate(list(rows.values())), 0.5):
             return rows
 
 
@@ -91,7 +91,7 @@ def measured(cell: Workcell, queries: int) -> list[str]:
     """Return what came of queries: how many were solved, seconds, and the deepest of all looks."""
     robots, draw = list(cell.config.robots), np.random.default_rng(0)
     space, chains = cell.free_space(robots), {robot: cell.arm(robot).chain for robot in robots}
-    looker, seconds, deep = StationModel(cell.config, itself=True), list[float](), [(0.0, 0.0)]
+    looker, seconds, deep = StationModel(cell.config, collision=True), list[float](), [(0.0, 0.0)]
 
     for _ in range(queries):
         start, end = free(space, chains, draw), free(space, chains, draw)
