@@ -11,7 +11,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # The tests start some hundred processes: none of them is to compile the package anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-long lint types check bench fuzz wheel docs docs-serve pictures hooks lock clean
+.PHONY: schemas demo test test-long lint types check bench fuzz wheel docs docs-serve pictures hooks lock clean
 
 demo: $(READY)  ## run the main job and print where its recording is
 	$(BIN)/simrob demo
@@ -75,6 +75,10 @@ pictures: $(TOOLS)  ## renew the block pictures beside the stations, the schemas
 	for exercise in examples/course/*.py; do $(BIN)/python $$exercise; done
 	cp runs/course/*.png docs/course/figures/
 	-$(BIN)/python -m docs.teach_pictures  # which needs a browser
+
+schemas: $(TOOLS)  ## renew the schemas of YAML files, which editors read
+	$(BIN)/python -m simrob_drake.stations.schema
+	$(BIN)/python -m simrob_drake.programs.schemas
 
 hooks: $(TOOLS)  ## let git run ruff and mypy before each commit
 	$(BIN)/pre-commit install

@@ -370,6 +370,24 @@ def test_whatever_else_fails_is_one_line_whose_traceback_can_be_seen(command, sa
         broken([])
 
 
+@pytest.mark.parametrize(
+    ("module", "told"),
+    [
+        (
+            "nothing_like_it.part",
+            "simrob run needs the package nothing_like_it, which is not installed: pip install noth",
+        ),
+        ("simrob_drake.gone", "simrob run needs the module simrob_drake.gone, which this installation lacks"),
+    ],
+)
+def test_a_missing_package_is_named(capsys, module, told):
+    def command(_):
+        raise ModuleNotFoundError(f"No module named {module!r}", name=module)
+
+    assert guarded(command, ["run"]) == ExitCode.BAD_INPUT
+    assert told in capsys.readouterr().err
+
+
 def test_an_encoding_that_lacks_letters_ends_nothing(tmp_path):
     command = [sys.executable, "-m", "simrob_drake.cli", "check", "double_pendulum"]
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}

@@ -139,9 +139,7 @@ def test_a_part_that_cannot_be_imported_is_blamed_on_its_package(install):
     install("odd-kit", "core='>=0', sensors={'warmth': 'odd_kit.parts:Warmth'}", parts="import nothing_like_it")
     with pytest.raises(BrokenExtension, match=r"package odd-kit: odd_kit.parts:Warmth cannot be imported \(Module"):
         load_addition(additions("sensors")["warmth"])
-    with pytest.raises(
-        InvalidConfig, match=r"sensors.warmth: package odd-kit: odd_kit.parts:Warmth cannot"
-    ):
+    with pytest.raises(InvalidConfig, match=r"sensors.warmth: package odd-kit: odd_kit.parts:Warmth cannot"):
         load_station("box_on_floor", {"sensors": {"warmth": {}}})
 
 

@@ -52,6 +52,9 @@ def guarded(command: Callable[[list[str]], int], arguments: list[str]) -> int:
 
         if os.environ.get(DEBUG):
             traceback.print_exception(problem)
+        if isinstance(problem, ModuleNotFoundError) and problem.name:
+            tell(_missing_package(problem.name, arguments))
+            return ExitCode.BAD_INPUT
         frames = traceback.extract_tb(problem.__traceback__)
         package = Path(__file__).parents[1]
         own = [frame for frame in frames if package in Path(frame.filename).parents]
@@ -60,6 +63,15 @@ def guarded(command: Callable[[list[str]], int], arguments: list[str]) -> int:
         message = " ".join(str(problem).split())[:1000]
         tell(f"unexpected: {name}: {message or 'without a message'} ({where}); {DEBUG}=1 shows the traceback")
         return ExitCode.BAD_INPUT
+
+
+def _missing_package(module: str, arguments: list[str]) -> str:
+    """Say which package a command needs that is not installed."""
+    command = f"simrob {arguments[0]}" if arguments else "simrob"
+    package = module.partition(".")[0]
+    if package == "simrob_drake":
+        return f"{command} needs the module {module}, which this installation lacks: install simrob-drake again"
+    return f"{command} needs the package {package}, which is not installed: pip install {package}"
 
 
 def _leave(*_: object) -> None:

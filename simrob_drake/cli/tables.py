@@ -1,5 +1,7 @@
 """What the command line shows: results, findings and robots as tables."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from rich.table import Table
 from rich.text import Text
@@ -9,11 +11,13 @@ from simrob_drake.dynamics import Dynamics
 from simrob_drake.errors import listed
 from simrob_drake.frames import Vector
 from simrob_drake.importer.options import ENTRY_KINDS, EntryKind, ImportReport
-from simrob_drake.linear import LinearModel
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.plausibility import moving_mass, payload_doubt
 from simrob_drake.stations.findings import Finding
+
+if TYPE_CHECKING:
+    from simrob_drake.linear import LinearModel
 
 _COLOURS: dict[EntryKind, str] = {
     "read": "dim", "repaired": "green", "approximated": "green", "defaulted": "yellow", "dropped": "magenta",
@@ -104,7 +108,7 @@ def payload_lines(robot: RobotModel) -> list[str]:
     return lines
 
 
-def modes_table(model: LinearModel) -> Table:
+def modes_table(model: "LinearModel") -> Table:
     """Return the motions of a linear model, those of slow poles first."""
     rows = list[tuple[str, ...]]()
     for mode in model.modes:
