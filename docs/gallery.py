@@ -19,7 +19,7 @@ import yaml
 from PIL import Image
 
 from simrob_drake import LeggedRobot, SimulationResult, load_station, simulate, station_names
-from simrob_drake.files import models_root
+from simrob_drake.base.files import models_root
 from simrob_drake.programs.whole_program import run_whole
 from simrob_drake.results.animation.camera import side, walked_way
 from simrob_drake.results.animation.pictures import Studio, captions, side_by_side

@@ -9,8 +9,8 @@ from typing import Any
 
 from PIL import Image
 
-from simrob_drake.teach.pages.words import Words, languages, words
-from tests.teach.e2e.running import browser, missing, running
+from simrob_drake.extensions.pendant.pages.words import Words, languages, words
+from tests.extensions.pendant.e2e.running import browser, missing, running
 
 FOLDER = Path(__file__).parent / "images" / "teach"
 _SIZE = {"width": 1400, "height": 1200}

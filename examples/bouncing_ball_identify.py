@@ -19,11 +19,11 @@ from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from simrob_drake import load_station, simulate
-from simrob_drake.arguments import as_path
-from simrob_drake.constants import STANDARD_GRAVITY
-from simrob_drake.errors import InvalidConfig, InvalidParameter
-from simrob_drake.files import read_columns
-from simrob_drake.frames import Vector
+from simrob_drake.base.arguments import as_path
+from simrob_drake.base.constants import STANDARD_GRAVITY
+from simrob_drake.base.errors import InvalidConfig, InvalidParameter
+from simrob_drake.base.files import read_columns
+from simrob_drake.base.frames import Vector
 from simrob_drake.results.colours import COLOURS
 from simrob_drake.results.plots.own import panels, save_figure
 

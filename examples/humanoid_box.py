@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from simrob_drake import LeggedRobot
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 
 PITCH = 50.0
 """Angle of the arms at the parcel [deg]."""

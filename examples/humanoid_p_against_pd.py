@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from simrob_drake import SimulationResult, load_station, simulate
-from simrob_drake.frames import Vector, pose_from_transform, transform_from_xyz_quaternion
+from simrob_drake.base.frames import Vector, pose_from_transform, transform_from_xyz_quaternion
 from simrob_drake.programs.gaits.registry import load_gaits
 from simrob_drake.results.colours import COLOURS
 from simrob_drake.results.plots.own import panels, save_figure

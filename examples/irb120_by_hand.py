@@ -8,10 +8,10 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import DiagramBuilder
 
+from simrob_drake.base.files import models_root
 from simrob_drake.blocks.passive_joints import add_joint_stops
 from simrob_drake.blocks.references import add_reference, ramp
 from simrob_drake.blocks.servo import ServoGains, ServoSignals, add_servos
-from simrob_drake.files import models_root
 
 JOINTS = [f"joint_{number}" for number in range(1, 7)]
 TORQUE_LIMIT = np.array([150.0, 150.0, 100.0, 30.0, 30.0, 15.0])  # N·m, the efforts of the URDF

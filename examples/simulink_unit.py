@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from simrob_drake.simulink.stepping.station import SteppedStation
+from simrob_drake.extensions.simulink.stepping.station import SteppedStation
 
 STEP = 2e-3  # s
 

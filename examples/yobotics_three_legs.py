@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from simrob_drake import SimulationResult, simulate
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, three_legs
 from simrob_drake.programs.gaits.walker import feet_of

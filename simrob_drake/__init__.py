@@ -7,6 +7,9 @@ positions over time, a *monitor* a block that can end a simulation with a reason
 
 import lazy_loader
 
+from simrob_drake.former_names import install
+
+install()
 __version__ = "0.1.0"
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

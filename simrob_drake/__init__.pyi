@@ -1,12 +1,12 @@
 """What the package shows; each name is loaded when it is first used, since Drake takes a second to load."""
 
+from .base.errors import SimrobError as SimrobError
+from .base.extension import Extension as Extension
+from .base.frames import as_transform as as_transform
+from .base.frames import three_point_frame as three_point_frame
 from .dynamics import Dynamics as Dynamics
-from .errors import SimrobError as SimrobError
-from .extension import Extension as Extension
-from .frames import as_transform as as_transform
-from .frames import three_point_frame as three_point_frame
-from .linear import LinearModel as LinearModel
-from .linear import linearize as linearize
+from .extensions.linear import LinearModel as LinearModel
+from .extensions.linear import linearize as linearize
 from .programs.arm import Arm as Arm
 from .programs.arm import Workcell as Workcell
 from .programs.legged_robot import LeggedRobot as LeggedRobot

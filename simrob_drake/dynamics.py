@@ -15,14 +15,14 @@ import numpy.typing as npt
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, JacobianWrtVariable, Joint, MultibodyForces
 
-from simrob_drake.errors import InvalidParameter, one_of, quoted
-from simrob_drake.frames import Vector, finite
+from simrob_drake.base.errors import InvalidParameter, one_of, quoted
+from simrob_drake.base.frames import Vector, finite
+from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.importer.importing import robot_from_file
 from simrob_drake.importer.packages import is_robot_file
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
 from simrob_drake.robots.parse import held_robot
-from simrob_drake.yaml_files import YAML_SUFFIXES
 
 _SPEEDS = JacobianWrtVariable.kV
 _PARTS = {"all": slice(0, 6), "translation": slice(0, 3), "rotation": slice(3, 6)}

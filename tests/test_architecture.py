@@ -1,4 +1,4 @@
-"""The rules of the house: imports point one way, modules stay small, and nothing heavy is imported on the way."""
+"""The structure: imports point one way, the core imports no extension, and nothing heavy is imported on the way."""
 
 import ast
 import subprocess
@@ -12,7 +12,7 @@ import pytest
 import simrob_drake
 
 PACKAGE = Path(simrob_drake.__file__).parent
-ROAD = [
+CORE = [
     "base",
     "robots",
     "importer",
@@ -23,40 +23,26 @@ ROAD = [
     "stations",
     "results",
     "simulation",
-    "mujoco",
-    "linear",
     "kinematics",
     "programs",
+]
+"""Packages of the core, in the order of their imports."""
+EXTENSIONS = [
+    "mujoco",
+    "linear",
     "rapid",
     "comparison",
     "tuning",
     "legged",
     "learning",
     "simulink",
-    "teach",
+    "pendant",
     "course",
-    "cli",
 ]
-BASE = {
-    "errors",
-    "extras",
-    "files",
-    "constants",
-    "paths",
-    "folders",
-    "frames",
-    "arguments",
-    "lifetime",
-    "interpolation",
-    "interrupts",
-    "yaml_files",
-    "progress",
-    "sections",
-    "signals",
-    "rows",
-    "distributions",
-    "sampling",
-}
+"""Our own extensions, in the order of their imports."""
+ORDER = [*CORE, *EXTENSIONS, "cli"]
+ROOT = {"former_names"}
+"""Modules of the top level that import nothing of the package."""
 MODULES = sorted(file for file in PACKAGE.rglob("*.py") if file.name != "__init__.py")
 
 
@@ -65,10 +51,18 @@ def parsed(file: Path) -> ast.Module:
     return ast.parse(file.read_text())
 
 
+def package_of(module: str) -> str:
+    """Return the package of a module: ``robots`` of ``simrob_drake.robots.urdf``, ``rapid`` of an extension's."""
+    parts = module.split(".")[1:]
+    if not parts or parts[0] in ROOT:
+        return "base"
+    return parts[1] if parts[0] == "extensions" and len(parts) > 1 else parts[0]
+
+
 def place(module: str) -> int:
-    """Return how far along the road a module of the package lies."""
-    room = module.split(".")[1] if "." in module else "base"
-    return ROAD.index("base" if room in BASE else room)
+    """Return the position of a module's package in the order of imports."""
+    package = package_of(module)
+    return 0 if package == "extensions" else ORDER.index(package)
 
 
 @cache
@@ -88,6 +82,19 @@ def test_imports_point_to_the_left():
     assert [name for name, other in pairs if other == "pydrake.all"] == [], "it shadows builtins and loads everything"
 
 
+def test_the_core_imports_no_extension():
+    """Imports in functions, those for types alone, and names of modules in strings are counted, too."""
+    found = []
+    for file in MODULES:
+        module = ".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts)
+        if package_of(module) not in CORE or module == "simrob_drake.former_names":
+            continue
+        texts = {node.value for node in ast.walk(parsed(file)) if isinstance(node, ast.Constant)}
+        named = {text for text in texts if isinstance(text, str)} | imported(file)
+        found += [f"{module} names {name}" for name in named if name.startswith("simrob_drake.extensions.")]
+    assert found == []
+
+
 def test_no_modules_need_each_other():
     """Imports in functions, and those for types alone, are counted, too."""
     names = {".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts): file for file in MODULES}
@@ -101,7 +108,7 @@ def test_no_modules_need_each_other():
 def test_classes_of_the_package_are_three_deep_at_most():
     """Those of Drake and pydantic, and :class:`Strict`, which only adds checks to pydantic's, are not counted."""
     own = {}
-    for file in (file for file in MODULES if "teach" not in file.parts):
+    for file in (file for file in MODULES if "pendant" not in file.parts):
         for node in ast.walk(parsed(file)):
             if isinstance(node, ast.ClassDef):
                 names = [base.value if isinstance(base, ast.Subscript) else base for base in node.bases]
@@ -146,18 +153,18 @@ def test_what_runs_nothing_loads_no_drake(command):
 READERS = {"read_text", "read_bytes", "safe_load", "loadtxt", "genfromtxt"}
 """Functions that read files, or YAML, without the bounds of the border."""
 OWN_FILES = {
-    "folders.py": "the package's own code, of which a cache's entry is made",
+    "base/folders.py": "the package's own code, of which a cache's entry is made",
     "cli/app.py": "its own code",
     "results/animation/recording.py": "its own script",
     "results/animation/window.py": "its own script",
-    "teach/pages/shell.py": "its own script and style",
-    "teach/pages/view.py": "a picture that was just drawn",
+    "extensions/pendant/pages/shell.py": "its own script and style",
+    "extensions/pendant/pages/view.py": "a picture that was just drawn",
 }
 """Modules that may call them, and for what."""
 
 
 def test_files_of_users_are_read_at_the_border():
-    """:mod:`simrob_drake.files` and ``yaml_files`` alone read them: they wait for no pipe, and nothing is too large."""
+    """``base.files`` and ``base.yaml_files`` alone read them: they wait for no pipe, and nothing is too large."""
     found = set()
     for file in MODULES:
         module = str(file.relative_to(PACKAGE))
@@ -167,4 +174,4 @@ def test_files_of_users_are_read_at_the_border():
         modes = {arg.value for call in opens for arg in call.args if isinstance(arg, ast.Constant)}
         if named & READERS or modes & {"r", "rb", "rt"}:
             found.add(module)
-    assert found == {*OWN_FILES, "files.py"}
+    assert found == {*OWN_FILES, "base/files.py"}

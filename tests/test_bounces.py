@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from simrob_drake import load_station, simulate
-from simrob_drake.errors import InvalidConfig, InvalidParameter
+from simrob_drake.base.errors import InvalidConfig, InvalidParameter
 
 EXAMPLE = run_path(str(Path(__file__).parents[1] / "examples" / "bouncing_ball_identify.py"))
 BounceLaw, BounceTrace = EXAMPLE["BounceLaw"], EXAMPLE["BounceTrace"]

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from simrob_drake import Dynamics, Workcell
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.files import models_root
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.__main__ import DEBUG, guarded
 from simrob_drake.cli.app import run_command
 from simrob_drake.cli.arguments import station_from
 from simrob_drake.cli.tables import _pose_differences
-from simrob_drake.errors import SimrobError
-from simrob_drake.files import models_root
 from simrob_drake.robots.catalog import load_robot
 
 pytestmark = pytest.mark.usefixtures("no_plots")
@@ -143,7 +143,7 @@ def test_check_tells_what_an_arm_can_carry(capsys):
 
 
 def test_check_shows_a_urdf(capsys):
-    from simrob_drake.files import models_root
+    from simrob_drake.base.files import models_root
 
     assert run_command(["check", str(models_root() / "irb120" / "irb120.urdf")]) == 0
     assert "joint_6" in capsys.readouterr().out

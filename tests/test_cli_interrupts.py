@@ -14,8 +14,8 @@ import pytest
 import trimesh
 
 from simrob_drake import load_station, simulate
+from simrob_drake.base.interrupts import heard_afterwards
 from simrob_drake.cli import ExitCode
-from simrob_drake.interrupts import heard_afterwards
 from simrob_drake.results.record.signals import Sampler
 
 RUN = ["run", "double_pendulum", "--out", "x"]

@@ -12,9 +12,9 @@ import urllib.request
 import pytest
 import yaml
 
+from simrob_drake.base.folders import CACHE_VARIABLE
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
-from simrob_drake.folders import CACHE_VARIABLE
 
 pytestmark = pytest.mark.usefixtures("no_plots")
 

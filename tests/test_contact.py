@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from simrob_drake import load_station, simulate
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.results.animation.recording import save_recording
 
 GRAVITY = 9.80665

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simrob_drake.errors import InvalidConfig
-from simrob_drake.files import read_columns
+from simrob_drake.base.errors import InvalidConfig
+from simrob_drake.base.files import read_columns
 
 NAMES = ["time", "joint_1"]
 GOOD = "joint_1, time ,note\n1.5,0,a\n2.5,1e-1,b\n"

@@ -6,10 +6,10 @@ import pickle
 import numpy as np
 import pytest
 
-from simrob_drake.distributions import Choice, Normal, Uniform, parsed
-from simrob_drake.errors import SimrobError
-from simrob_drake.sampling import Draws, drawn
-from simrob_drake.sections import validated
+from simrob_drake.base.distributions import Choice, Normal, Uniform, parsed
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.sampling import Draws, drawn
+from simrob_drake.base.sections import validated
 
 MIXED = {
     "kp": {"low": 10, "high": 1000, "log": True},

@@ -6,13 +6,13 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from simrob_drake.constants import STANDARD_GRAVITY
+from simrob_drake.base.constants import STANDARD_GRAVITY
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.sections import validated
 from simrob_drake.dynamics import Dynamics
-from simrob_drake.errors import SimrobError
 from simrob_drake.kinematics import Chain
 from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
 from simrob_drake.robots.motors import Drives
-from simrob_drake.sections import validated
 
 RNG = np.random.default_rng(3)
 POSTURES, SPEEDS, ACCELERATIONS = RNG.uniform(-3, 3, (3, 10, 6))

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from simrob_drake.errors import (
+from simrob_drake.base.errors import (
     InvalidConfig,
     InvalidModel,
     InvalidParameter,

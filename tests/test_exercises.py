@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
-from simrob_drake.course.exercise import ExerciseFolder, checked_points, exercise_of, exercises
-from simrob_drake.course.measuring import Reading, at_least, at_most, between, near
-from simrob_drake.errors import SimrobError
+from simrob_drake.extensions.course.exercise import ExerciseFolder, checked_points, exercise_of, exercises
+from simrob_drake.extensions.course.measuring import Reading, at_least, at_most, between, near
 
 ROOT = Path(__file__).parent.parent
 SOLUTIONS = ROOT / "examples" / "course"
@@ -32,7 +32,7 @@ def own_exercise(folder, *points):
     content = {"number": 1, "title": {"en": "own", "es": "propio"}, "hours": 1, "points": texts}
     (folder / "exercise.yaml").write_text(json.dumps(content))
     lines = [f"def point_{number}(answer):\n    {point}\n" for number, point in enumerate(points)]
-    (folder / "check.py").write_text("from simrob_drake.course.measuring import *\n" + "\n".join(lines))
+    (folder / "check.py").write_text("from simrob_drake.extensions.course.measuring import *\n" + "\n".join(lines))
     return ExerciseFolder(folder)
 
 
@@ -174,13 +174,13 @@ def test_readings_keep_their_bounds():
 CHEATS = [
     """
 import sys
-from simrob_drake.course.measuring import Reading
+from simrob_drake.extensions.course.measuring import Reading
 checks = sys.modules.get("check", sys)
 checks.point_0 = lambda answer: Reading(9.0)
 checks.at_least = lambda *_: Reading(9.0)
 """,
     """
-import simrob_drake.course.measuring as measuring
+import simrob_drake.extensions.course.measuring as measuring
 measuring.Reading.__init__ = lambda self, *_, **__: vars(self).update(value=9.0, unit="", least=0.0, most=99.0)
 """,
     """

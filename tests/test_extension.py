@@ -7,10 +7,10 @@ from importlib.metadata import PathDistribution
 
 import pytest
 
-from simrob_drake import extension as extensions
+from simrob_drake.base import extension as extensions
+from simrob_drake.base.errors import InvalidConfig
+from simrob_drake.base.extension import BrokenExtension, additions, installed_extensions, load_addition
 from simrob_drake.cli.app import run_command
-from simrob_drake.errors import InvalidConfig
-from simrob_drake.extension import BrokenExtension, additions, installed_extensions, load_addition
 from simrob_drake.parts import sensors
 from simrob_drake.stations.load import load_station
 

@@ -11,7 +11,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 
 from simrob_drake import SimulationResult, load_station, simulate, simulate_diagram
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve

@@ -9,9 +9,9 @@ from threading import Event, Thread
 
 import pytest
 
-from simrob_drake import folders
-from simrob_drake.errors import OutputError
-from simrob_drake.folders import CACHE_VARIABLE, cache_entry, filled_at_once, replaced_at_once
+from simrob_drake.base import folders
+from simrob_drake.base.errors import OutputError
+from simrob_drake.base.folders import CACHE_VARIABLE, cache_entry, filled_at_once, replaced_at_once
 
 MARKER = "summary.json"
 
@@ -109,7 +109,7 @@ def test_a_result_that_is_replaced_is_there_all_the_time(tmp_path):
 KILLED = """
 import os, signal
 from pathlib import Path
-from simrob_drake.folders import filled_at_once
+from simrob_drake.base.folders import filled_at_once
 with filled_at_once(Path("out"), marker="summary.json", force=True) as work:
     (work / "half").write_text("done")
     os.kill(os.getpid(), signal.SIGKILL)

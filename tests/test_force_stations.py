@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simrob_drake import load_station, simulate
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
 
 FINE = {"solver.max_step": 0.005}
 RADAU = {

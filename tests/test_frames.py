@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RotationMatrix
 
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import (
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import (
     as_transform,
     point,
     pose_from_transform,

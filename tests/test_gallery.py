@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from simrob_drake import simulate, station_names
-from simrob_drake.files import models_root
+from simrob_drake.base.files import models_root
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.robots.catalog import robot_names
 from tests.test_readme import PAGES, ROOT

@@ -9,10 +9,12 @@ import pytest
 from pydrake.trajectories import PiecewisePolynomial
 
 from simrob_drake import load_station, simulate
+from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError
+from simrob_drake.base.files import NotRead, TooLarge, content_of, models_root, read_columns, text_of
+from simrob_drake.base.yaml_files import parse_yaml
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
-from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError
-from simrob_drake.files import NotRead, TooLarge, content_of, models_root, read_columns, text_of
+from simrob_drake.extensions.simulink.cad.assembly import is_export
 from simrob_drake.importer.importing import REPORT_FILE, import_summary, robot_from_file
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.places import MeshPlaces
@@ -21,8 +23,6 @@ from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.packages import MANIFEST, manifest_name
 from simrob_drake.importer.reading.source import read_source
 from simrob_drake.programs.program import Program
-from simrob_drake.simulink.cad.assembly import is_export
-from simrob_drake.yaml_files import parse_yaml
 from tests.fuzz.valid import mesh
 
 NONE_TO_READ = {

@@ -13,8 +13,8 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.trajectories import PiecewisePolynomial
 
 import simrob_drake as sim
-from simrob_drake.arguments import DrakeRefused, drake_asserts
-from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError
+from simrob_drake.base.arguments import DrakeRefused, drake_asserts
+from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError
 from simrob_drake.programs.moves.joints import JointMove
 from simrob_drake.results.record.state import JointState
 

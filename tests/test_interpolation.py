@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RotationMatrix
 
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import transform_from_pose
-from simrob_drake.interpolation import Arc, line, poses, turn, turned_by
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import transform_from_pose
+from simrob_drake.base.interpolation import Arc, line, poses, turn, turned_by
 
 ANGLES = st.floats(0.1, 6.1)
 

@@ -9,7 +9,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
 
 from simrob_drake import SimulationResult, load_station, simulate
-from simrob_drake.frames import transform_from_xyz_quaternion
+from simrob_drake.base.frames import transform_from_xyz_quaternion
 from simrob_drake.stations.checks import holding_torque
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig

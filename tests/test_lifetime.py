@@ -12,8 +12,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, DiscreteValues, LeafSystem
 from pydrake.systems.primitives import ConstantVectorSource
 
-from simrob_drake import lifetime
-from simrob_drake.lifetime import built, weakly
+from simrob_drake.base import lifetime
+from simrob_drake.base.lifetime import built, weakly
 
 PERIOD = 0.1
 

@@ -10,11 +10,11 @@ from pydrake.systems.controllers import LinearQuadraticRegulator
 from scipy.linalg import expm
 from scipy.optimize import least_squares
 
+from simrob_drake.base.constants import STANDARD_GRAVITY
+from simrob_drake.base.errors import OutputError, SimrobError
 from simrob_drake.cli.app import run_command
-from simrob_drake.constants import STANDARD_GRAVITY
-from simrob_drake.errors import OutputError, SimrobError
-from simrob_drake.linear import LinearModel, linearize
-from simrob_drake.linear.model import bode_figure
+from simrob_drake.extensions.linear import LinearModel, linearize
+from simrob_drake.extensions.linear.model import bode_figure
 from simrob_drake.results.record.state import State
 from simrob_drake.simulation import Runner, simulate
 from simrob_drake.stations.load import load_station

@@ -10,8 +10,8 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 from simrob_drake import build_station, load_station, simulate
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.cli.app import run_command
-from simrob_drake.errors import SimrobError
 from simrob_drake.results.block_diagram.picture import station_dot
 from simrob_drake.results.plots.own import save_plots
 

@@ -9,7 +9,7 @@ from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from simrob_drake import add_station, build_station, load_station, simulate
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.results.plots.own import save_plots
 from simrob_drake.simulation import simulate_diagram
 from simrob_drake.stations.closed import closed_station

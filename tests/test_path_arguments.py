@@ -8,18 +8,18 @@ from typing import Any
 import pytest
 
 from simrob_drake import load_station
-from simrob_drake.comparison.engines import save_comparison
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.files import models_root
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.files import models_root
+from simrob_drake.extensions.comparison.engines import save_comparison
+from simrob_drake.extensions.simulink.fmi.unit import write_fmu
+from simrob_drake.extensions.simulink.importing import import_simulink
+from simrob_drake.extensions.simulink.logs import read_log, save_differences
+from simrob_drake.extensions.tuning.study import Study
+from simrob_drake.extensions.tuning.study_folder import StudyFolder
+from simrob_drake.extensions.tuning.sweep_folder import SweepFolder
 from simrob_drake.importer.importing import examine_robot, import_robot, robot_from_file
 from simrob_drake.robots.catalog import load_robot_file, load_robot_from_urdf
-from simrob_drake.simulink.fmi.unit import write_fmu
-from simrob_drake.simulink.importing import import_simulink
-from simrob_drake.simulink.logs import read_log, save_differences
 from simrob_drake.stations.draft import draft_station
-from simrob_drake.tuning.study import Study
-from simrob_drake.tuning.study_folder import StudyFolder
-from simrob_drake.tuning.sweep_folder import SweepFolder
 
 ROBOT = models_root() / "double_pendulum"
 URDF = str(ROBOT / "double_pendulum.urdf")

@@ -2,8 +2,8 @@
 
 import pytest
 
-from simrob_drake import progress
-from simrob_drake.progress import progress_bar
+from simrob_drake.base import progress
+from simrob_drake.base.progress import progress_bar
 
 
 @pytest.mark.parametrize(("seldom", "told"), [(60, ["work: 3"]), (0, ["work: 1", "work: 2", "work: 3"])])

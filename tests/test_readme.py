@@ -14,16 +14,16 @@ from pathlib import Path
 import pytest
 
 from simrob_drake import Program, load_station, station_names
+from simrob_drake.base.folders import CACHE_VARIABLE
+from simrob_drake.base.yaml_files import parse_yaml
 from simrob_drake.cli.app import run_command, whole_command
-from simrob_drake.folders import CACHE_VARIABLE
-from simrob_drake.rapid.signals import Signals
+from simrob_drake.extensions.pendant.tours import tours
+from simrob_drake.extensions.rapid.signals import Signals
+from simrob_drake.extensions.tuning.study import Study
 from simrob_drake.results.animation.robot_view import RobotView
 from simrob_drake.robots.catalog import load_robot_file, robot_names
 from simrob_drake.robots.pieces import described_piece, weighed
 from simrob_drake.stations.checks import check_station
-from simrob_drake.teach.tours import tours
-from simrob_drake.tuning.study import Study
-from simrob_drake.yaml_files import parse_yaml
 
 ROOT = Path(__file__).parent.parent
 READMES = sorted(ROOT.glob("README*.md"))
@@ -102,7 +102,7 @@ def test_every_expected_output_belongs_to_a_script():
 
 def task_of(file):
     pytest.importorskip("gymnasium")
-    from simrob_drake.learning.task import load_task
+    from simrob_drake.extensions.learning.task import load_task
 
     return load_task(file)
 
@@ -156,7 +156,7 @@ def test_commands_do_their_work(block, folder, monkeypatch):
     monkeypatch.setattr(RobotView, "run", lambda view: None)  # else it would wait for its user
     if any(command[0] == "teach" for command in commands(block)):
         pytest.importorskip("nicegui", reason="needs the extra gui")
-        monkeypatch.setattr("simrob_drake.teach.server.serve", lambda *given, **how: None)
+        monkeypatch.setattr("simrob_drake.extensions.pendant.server.serve", lambda *given, **how: None)
     for command in commands(block):
         if not draws(command):
             assert run_command([*command, *SHORTER.get(command[0], [])]) == 0, command

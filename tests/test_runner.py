@@ -10,7 +10,7 @@ import pytest
 from pydrake.systems.framework import LeafSystem
 
 from simrob_drake import load_station, simulate
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.simulation import Runner, simulate_diagram
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.resolve import resolve

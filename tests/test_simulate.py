@@ -6,8 +6,8 @@ from pydrake.trajectories import PiecewisePolynomial
 from scipy.integrate import solve_ivp
 
 from simrob_drake import build_station, load_station, simulate
-from simrob_drake.errors import InvalidParameter, SimrobError
-from simrob_drake.files import diagrams_root
+from simrob_drake.base.errors import InvalidParameter, SimrobError
+from simrob_drake.base.files import diagrams_root
 from simrob_drake.simulation.stepping import Stepper
 from simrob_drake.stations.checks import holding_torque
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from simrob_drake import load_station, simulate
+from simrob_drake.base.folders import CACHE_VARIABLE
 from simrob_drake.cli.app import run_command
-from simrob_drake.folders import CACHE_VARIABLE
 from simrob_drake.simulation import pace
 from simrob_drake.simulation.pace import SlowRunWarning
 from simrob_drake.simulation.runner import Runner

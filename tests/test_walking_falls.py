@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from simrob_drake import load_station, simulate
+from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.registry import load_gaits
-from simrob_drake.yaml_files import read_yaml
 
 GUARDS = read_yaml(Path(__file__).parents[1] / "examples" / "loops" / "fall_guards.yaml")
 PUSHED = 1.5  # while it takes its second step [s]

@@ -6,9 +6,9 @@ from typing import Annotated, Literal
 import pytest
 from pydantic import Field
 
-from simrob_drake.errors import InvalidConfig
-from simrob_drake.sections import Number, Strict, validated
-from simrob_drake.yaml_files import parse_yaml, read_yaml
+from simrob_drake.base.errors import InvalidConfig
+from simrob_drake.base.sections import Number, Strict, validated
+from simrob_drake.base.yaml_files import parse_yaml, read_yaml
 
 
 class Slow(Strict):

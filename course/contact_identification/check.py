@@ -8,7 +8,7 @@ from types import ModuleType
 import numpy as np
 
 from simrob_drake import SimulationResult, load_station, simulate
-from simrob_drake.course.measuring import Reading, at_most, number, numbers
+from simrob_drake.extensions.course.measuring import Reading, at_most, number, numbers
 
 FLOORS = ((1400.0, 0.09), (5500.0, 0.22))  # N/m, s/m
 SAMPLES, RATE, NOISE = 150, 250, 5e-4  # Hz, m

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from simrob_drake import SimulationResult, load_station, simulate
-from simrob_drake.course.measuring import Reading, at_least, at_most, value_of
+from simrob_drake.extensions.course.measuring import Reading, at_least, at_most, value_of
 
 END = 0.7  # s, of the push
 PUSHES = (3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 14.0)  # N

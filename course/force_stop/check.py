@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from simrob_drake import Arm, SimulationResult, load_station, simulate
-from simrob_drake.course.measuring import Reading, at_least, at_most, number, value_of
+from simrob_drake.extensions.course.measuring import Reading, at_least, at_most, number, value_of
 
 STATION = "irb120_force_stop"
 STRONG = {"servo.torque_limit": 500, "servo.kd": 50, "contact.friction": {"static": 0, "dynamic": 0}}

@@ -9,7 +9,7 @@ import numpy as np
 
 from simrob_drake import SimulationResult, load_station, simulate
 from simrob_drake.blocks.sampled import SampledBlock
-from simrob_drake.course.measuring import Reading, at_least, at_most, near, number, numbers
+from simrob_drake.extensions.course.measuring import Reading, at_least, at_most, near, number, numbers
 
 LOAD = 3.0  # kg
 STRETCHED = np.deg2rad([90.0, -70.0])

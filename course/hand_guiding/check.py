@@ -7,7 +7,7 @@ from types import ModuleType
 import numpy as np
 
 from simrob_drake import Arm, SimulationResult, as_transform, load_station, simulate
-from simrob_drake.course.measuring import Reading, at_least, at_most, near, number, numbers
+from simrob_drake.extensions.course.measuring import Reading, at_least, at_most, near, number, numbers
 
 STATION = "irb120_cobot"
 HOME = [0, 0, 0, 0, 90, 0]  # deg

@@ -8,7 +8,7 @@ from types import ModuleType
 import numpy as np
 
 from simrob_drake import Arm, as_transform, load_station, simulate
-from simrob_drake.course.measuring import Reading, at_least, at_most, numbers
+from simrob_drake.extensions.course.measuring import Reading, at_least, at_most, numbers
 
 BARE = {"pieces.gripper": None, "pieces.load": None}
 LOWER = np.deg2rad([-160, -80, -80, -150, -110, -180])

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from simrob_drake import SimulationResult, load_station, simulate
-from simrob_drake.course.measuring import Reading, at_least, at_most, number, numbers, value_of
+from simrob_drake.extensions.course.measuring import Reading, at_least, at_most, number, numbers, value_of
 
 STEPS = 4
 RIGHT = [

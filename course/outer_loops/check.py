@@ -8,7 +8,7 @@ from types import ModuleType
 import numpy as np
 
 from simrob_drake import SimulationResult, load_station, simulate
-from simrob_drake.course.measuring import Reading, at_least, at_most, value_of
+from simrob_drake.extensions.course.measuring import Reading, at_least, at_most, value_of
 from simrob_drake.robots.catalog import load_robot
 
 HEIGHTS = (0.40, 0.37)  # m

@@ -7,8 +7,8 @@ from types import ModuleType
 import numpy as np
 
 from simrob_drake import SimulationResult, load_station, simulate
-from simrob_drake.course.measuring import Reading, at_least, at_most, number, numbers, value_of
-from simrob_drake.errors import one_of
+from simrob_drake.base.errors import one_of
+from simrob_drake.extensions.course.measuring import Reading, at_least, at_most, number, numbers, value_of
 
 TARGET = 30.0  # deg
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import ModuleType
 
 from simrob_drake import load_station, simulate
-from simrob_drake.course.measuring import Reading, at_least, number
+from simrob_drake.extensions.course.measuring import Reading, at_least, number
 
 LASTING = 2.0  # s, of a push that is as good as steady
 

@@ -6,11 +6,11 @@ from functools import cache
 from typing import Any
 
 from docs.site.texts import Page, cell, markdown, table
-from simrob_drake.learning.task import Task
+from simrob_drake.base.sections import file_schema
+from simrob_drake.extensions.learning.task import Task
+from simrob_drake.extensions.tuning.study import Study
 from simrob_drake.programs.schemas import model_schemas
-from simrob_drake.sections import file_schema
 from simrob_drake.stations.schema import station_schema
-from simrob_drake.tuning.study import Study
 
 Schema = Mapping[str, Any]
 FOLDER = "reference/keys"

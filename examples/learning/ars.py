@@ -18,10 +18,10 @@ import gymnasium
 import numpy as np
 from held_back import compare
 
-from simrob_drake.frames import Vector
-from simrob_drake.learning import ENVIRONMENTS
-from simrob_drake.learning.vector import StationVectorEnvironment
-from simrob_drake.learning.writing import write_network
+from simrob_drake.base.frames import Vector
+from simrob_drake.extensions.learning import ENVIRONMENTS
+from simrob_drake.extensions.learning.vector import StationVectorEnvironment
+from simrob_drake.extensions.learning.writing import write_network
 
 
 def tried(

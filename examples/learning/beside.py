@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 
 from simrob_drake import load_station, simulate
+from simrob_drake.base.yaml_files import read_yaml
+from simrob_drake.extensions.tuning.doubts import drawn
+from simrob_drake.extensions.tuning.processes import Processes
 from simrob_drake.results.record.walks import headings, locomotion
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.tuning.doubts import drawn
-from simrob_drake.tuning.processes import Processes
-from simrob_drake.yaml_files import read_yaml
 
 FIRST, MANY = 920_000, 100  # seeds: nothing was chosen by these
 LONG, STARTED = 10.0, 2.0  # a walk, and when its speed begins to count [s]

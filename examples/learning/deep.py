@@ -17,9 +17,9 @@ from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.vec_env import SubprocVecEnv
 from torch import nn, set_num_threads
 
-from simrob_drake.frames import Vector
-from simrob_drake.learning import ENVIRONMENTS
-from simrob_drake.learning.writing import write_network
+from simrob_drake.base.frames import Vector
+from simrob_drake.extensions.learning import ENVIRONMENTS
+from simrob_drake.extensions.learning.writing import write_network
 
 ALGORITHMS: dict[str, Any] = {"ppo": PPO, "sac": SAC}
 SETTINGS: dict[str, dict[str, Any]] = {
@@ -33,7 +33,7 @@ def learn(env: str, folder: Path, *, algorithm: str, steps: int, seed: int, work
     folder.mkdir(parents=True, exist_ok=True)
     set_num_threads(1)
     given = {"n_envs": workers, "seed": seed, "monitor_dir": str(folder / "monitors"), "vec_env_cls": SubprocVecEnv}
-    envs = make_vec_env(f"simrob_drake.learning:simrob/{env}-v0", **given)
+    envs = make_vec_env(f"simrob_drake.extensions.learning:simrob/{env}-v0", **given)
     try:
         model = ALGORITHMS[algorithm]("MlpPolicy", envs, seed=seed, device="cpu", **SETTINGS[algorithm])
         model.learn(steps)

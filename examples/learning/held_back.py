@@ -7,7 +7,7 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 from simrob_drake.parts.controllers.policy import Network
 
 SEEDS = range(900_000, 900_020)
@@ -15,7 +15,7 @@ SEEDS = range(900_000, 900_020)
 
 def returns(env: str, network: Network | None) -> Vector:
     """Return what episodes with a network give, or with no action at all."""
-    made, totals = gymnasium.make(f"simrob_drake.learning:simrob/{env}-v0"), []
+    made, totals = gymnasium.make(f"simrob_drake.extensions.learning:simrob/{env}-v0"), []
     for seed in SEEDS:
         seen, _ = made.reset(seed=seed)
         total, done = 0.0, False

@@ -22,16 +22,16 @@ import gymnasium
 import numpy as np
 from cmaes import CMA
 
-import simrob_drake.learning
+import simrob_drake.extensions.learning
 from simrob_drake import load_station
-from simrob_drake.frames import Vector
-from simrob_drake.learning.environment import StationEnvironment
-from simrob_drake.learning.task import load_task
-from simrob_drake.learning.writing import write_network
+from simrob_drake.base.frames import Vector
+from simrob_drake.extensions.learning.environment import StationEnvironment
+from simrob_drake.extensions.learning.task import load_task
+from simrob_drake.extensions.learning.writing import write_network
+from simrob_drake.extensions.tuning.processes import Processes
 from simrob_drake.stations.load import station_yaml
-from simrob_drake.tuning.processes import Processes
 
-assert simrob_drake.learning.ENVIRONMENTS  # importing it registers them
+assert simrob_drake.extensions.learning.ENVIRONMENTS  # importing it registers them
 TASK = Path(__file__).with_name("walk.yaml")
 FAST = {"solver": {"kind": "discrete", "time_step": 0.005}}
 HARMONICS = 2

@@ -23,9 +23,9 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor, VecNormalize
 from torch import nn, set_num_threads
 
-from simrob_drake.frames import Vector
-from simrob_drake.learning.vector import StationVectorEnvironment
-from simrob_drake.learning.writing import write_network
+from simrob_drake.base.frames import Vector
+from simrob_drake.extensions.learning.vector import StationVectorEnvironment
+from simrob_drake.extensions.learning.writing import write_network
 from simrob_drake.parts.controllers.policy import Network
 
 SETTINGS: dict[str, Any] = {

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from simrob_drake import load_station
-from simrob_drake.learning.episode import Episode
-from simrob_drake.tuning.processes import Processes
+from simrob_drake.extensions.learning.episode import Episode
+from simrob_drake.extensions.tuning.processes import Processes
 
 CONDITIONS: dict[str, dict[str, Any]] = {
     "as it is": {},

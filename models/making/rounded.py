@@ -14,7 +14,7 @@ import numpy.typing as npt
 import trimesh
 from urdf_writing import Shape, mesh
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 
 Triple = tuple[float, float, float]
 

@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.systems.framework import Context, ContinuousState, DiagramBuilder, LeafSystem, OutputPort, System
 from pydrake.systems.primitives import Adder, MatrixGain, Multiplexer
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 
 
 class Block(LeafSystem):

@@ -12,10 +12,10 @@ import numpy as np
 from pydrake.polynomial import Polynomial
 from pydrake.trajectories import PiecewisePolynomial
 
-from simrob_drake.arguments import SHORTEST
+from simrob_drake.base.arguments import SHORTEST
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.references import Reference, SineReference, hermite, reference_values
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
 
 _RATE = 1000.0  # sampling rate of references that are neither polynomials nor sines [Hz]
 _IMAGINARY_ROUNDING = 1e-9  # imaginary part that is due to rounding, as a fraction of the complex amplitude

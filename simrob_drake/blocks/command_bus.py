@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.frames import Vector
 
 
 class CommandBus(SampledBlock):

@@ -12,10 +12,10 @@ from pydrake.multibody.plant import ContactResults, MultibodyPlant
 from pydrake.multibody.tree import Frame
 from pydrake.systems.framework import BasicVector, Context
 
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.lifetime import weakly
 from simrob_drake.blocks.block import Block
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
-from simrob_drake.lifetime import weakly
 from simrob_drake.robots.outlines import lowest_points, shape_corners
 
 

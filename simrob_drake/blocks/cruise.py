@@ -17,10 +17,10 @@ from numpy.polynomial.polynomial import polyder, polyval
 from pydrake.polynomial import Polynomial
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
-from simrob_drake.arguments import LONGEST, SHORTEST
+from simrob_drake.base.arguments import LONGEST, SHORTEST
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.references import BLEND, hold
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
 
 _ROUNDING = 3.0
 """Parts of a ramp of an S-curve unless its jerk is told: in the first the acceleration rises, in the last it falls."""

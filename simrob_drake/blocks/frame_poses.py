@@ -9,9 +9,9 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame
 from pydrake.systems.framework import BasicVector, Context
 
+from simrob_drake.base.frames import XYZ_QUATERNION_NAMES, Vector, xyz_quaternion_from_transform
+from simrob_drake.base.lifetime import weakly
 from simrob_drake.blocks.block import Block
-from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector, xyz_quaternion_from_transform
-from simrob_drake.lifetime import weakly
 
 
 class FramePoses(Block):

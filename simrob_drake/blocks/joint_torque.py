@@ -9,9 +9,9 @@ from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.tree import Joint, PrismaticJoint
 from pydrake.systems.framework import BasicVector, Context
 
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.lifetime import weakly
 from simrob_drake.blocks.block import Block
-from simrob_drake.frames import Vector
-from simrob_drake.lifetime import weakly
 
 
 class JointTorqueSensor(Block):

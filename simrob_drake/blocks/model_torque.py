@@ -14,9 +14,9 @@ from pydrake.systems.controllers import InverseDynamics
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import AffineSystem, LinearSystem, MatrixGain
 
+from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.block import fed, joined, mapped, summed
 from simrob_drake.blocks.servo import ServoGains, ServoSignals
-from simrob_drake.frames import Vector
 from simrob_drake.robots.axis_map import AxisMap
 
 

@@ -19,10 +19,10 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, JacobianWrtVariable, MultibodyForces
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.lifetime import weakly
 from simrob_drake.blocks.block import Block
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
-from simrob_drake.lifetime import weakly
 from simrob_drake.robots.axis_map import AxisMap
 
 _EPSILON = 1e-5  # s: how far along the motion the mass matrix is looked at for its rate

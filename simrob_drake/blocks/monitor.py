@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, EventStatus
 
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.lifetime import weakly
 from simrob_drake.blocks.block import Block
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
-from simrob_drake.lifetime import weakly
 
 NOT_YET = np.inf
 """The onset of a condition that does not hold [s]."""

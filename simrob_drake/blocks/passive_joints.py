@@ -10,8 +10,8 @@ from pydrake.multibody.tree import Frame, Joint, JointActuatorIndex, JointIndex,
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Saturation
 
+from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.block import fed, joined, mapped
-from simrob_drake.frames import Vector
 
 
 def add_external_force(

@@ -12,10 +12,10 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Sine, TrajectorySource
 from pydrake.trajectories import BsplineTrajectory, CompositeTrajectory, PiecewisePolynomial, Trajectory
 
-from simrob_drake.arguments import SHORTEST
+from simrob_drake.base.arguments import SHORTEST
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector, numbers
 from simrob_drake.blocks.block import fed, summed
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector, numbers
 
 BLEND = (10.0, -15.0, 6.0)
 """Factors of :math:`s^3, s^4, s^5` in the shortest polynomial from 0 to 1 with zero velocity and acceleration there."""

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteStateIndex, DiscreteValues, EventStatus
 
+from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.block import Block
-from simrob_drake.frames import Vector
 
 Named = Mapping[str, Vector]
 """Vectors by name: the memory of a block, or what it reads."""

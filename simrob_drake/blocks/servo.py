@@ -51,10 +51,10 @@ from pydrake.multibody.tree import JointActuatorIndex, JointIndex, ModelInstance
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import LinearSystem, MatrixGain, Multiplexer, Saturation, Selector, SelectorParams
 
+from simrob_drake.base.constants import LARGEST_GAIN
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.block import fed, joined, mapped
-from simrob_drake.constants import LARGEST_GAIN
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
 
 CLAMP_TIME = 0.02
 """T [s]: slow enough for fixed steps of 10 ms, far faster than the load that an integrator is there to find."""

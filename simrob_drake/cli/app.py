@@ -21,10 +21,10 @@ from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import TyperException
 
 import simrob_drake
+from simrob_drake.base.errors import InvalidParameter, SimrobError, shortened
+from simrob_drake.base.extension import additions, load_addition, register_core_names
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.screen import Interrupted, console, errors, tell
-from simrob_drake.errors import InvalidParameter, SimrobError, shortened
-from simrob_drake.extension import additions, load_addition, register_core_names
 
 _MODULES = {
     **dict.fromkeys(("listing", "stations", "linear", "legged"), "Stations"),

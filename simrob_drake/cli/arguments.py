@@ -5,13 +5,13 @@ from os.path import isdir, isfile  # which are false for names that no file can 
 from pathlib import Path
 from typing import Any
 
-from simrob_drake.errors import InvalidConfig, InvalidParameter, OutputError
+from simrob_drake.base.errors import InvalidConfig, InvalidParameter, OutputError
+from simrob_drake.base.yaml_files import YAML_SUFFIXES, parse_yaml, read_yaml
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.packages import Border
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.located import located
-from simrob_drake.yaml_files import YAML_SUFFIXES, parse_yaml, read_yaml
 
 _PROGRAM_KEYS = {"moves", "references"}
 

@@ -6,15 +6,15 @@ from typing import Annotated, Any
 
 import typer
 
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.extras import require
+from simrob_drake.base.folders import check_folder
 from simrob_drake.cli.arguments import refuse, station_from
 from simrob_drake.cli.options import Force, Settings, StationArgument, with_mesh_path
 from simrob_drake.cli.programs import export_program
 from simrob_drake.cli.screen import console, errors, say, table
 from simrob_drake.cli.simulink import compare_with_log
 from simrob_drake.cli.tables import in_units
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.extras import require
-from simrob_drake.folders import check_folder
 from simrob_drake.stations.config import StationConfig
 
 
@@ -52,7 +52,7 @@ def export(
         export_program(station, set_, rapid, urscript, force=force)
         return
     require("simrob export", "mujoco", "mujoco")
-    from simrob_drake.mujoco.export import save_mjcf
+    from simrob_drake.extensions.mujoco.export import save_mjcf
 
     for written in save_mjcf(station_from(station, set_), mjcf, step=step, force=force):
         say(f"written {written}")
@@ -95,7 +95,7 @@ def compare(
 
 
 def _compare_engines(config: StationConfig, out: Path | None, *, force: bool) -> None:
-    from simrob_drake.comparison.engines import NUMBERS, compare_engines, differences, save_comparison
+    from simrob_drake.extensions.comparison.engines import NUMBERS, compare_engines, differences, save_comparison
 
     if out is not None:
         check_folder(out, marker=NUMBERS, force=force)

@@ -8,11 +8,11 @@ from typing import Annotated, Any
 import typer
 from rich.text import Text
 
+from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.options import Force
 from simrob_drake.cli.screen import console, errors, say, table
-from simrob_drake.course.exercise import MEMORY, SECONDS, Language, checked_points, exercise_of, exercises
-from simrob_drake.yaml_files import read_yaml
+from simrob_drake.extensions.course.exercise import MEMORY, SECONDS, Language, checked_points, exercise_of, exercises
 
 _ExerciseArgument = Annotated[
     str, typer.Argument(metavar="EXERCISE", help="A number of `simrob course list`, or the folder of one of your own.")

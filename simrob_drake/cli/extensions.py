@@ -8,9 +8,7 @@ from typing import Annotated, Any
 import typer
 from rich.text import Text
 
-from simrob_drake.cli import ExitCode
-from simrob_drake.cli.screen import console, table
-from simrob_drake.extension import (
+from simrob_drake.base.extension import (
     POINTS,
     Addition,
     BrokenExtension,
@@ -20,6 +18,8 @@ from simrob_drake.extension import (
     core_names,
     installed_extensions,
 )
+from simrob_drake.cli import ExitCode
+from simrob_drake.cli.screen import console, table
 
 _REGISTRIES = {
     "commands": "simrob_drake.cli.app",

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import station_from
 from simrob_drake.cli.options import Saving, Settings, StationArgument, with_mesh_path, with_saving
 from simrob_drake.cli.saving import done_in_workcell, way_of
-from simrob_drake.errors import InvalidParameter
 from simrob_drake.results.result import SimulationResult
 
 if TYPE_CHECKING:

@@ -6,19 +6,19 @@ from typing import Annotated, Any
 
 import typer
 
+from simrob_drake.base.errors import InvalidParameter, SimrobError
+from simrob_drake.base.folders import check_folder
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.yaml_files import parse_yaml
 from simrob_drake.cli.arguments import station_from
 from simrob_drake.cli.options import AllowCode, Force, Settings, StationArgument, with_mesh_path
 from simrob_drake.cli.screen import console, say
 from simrob_drake.cli.tables import modes_table
-from simrob_drake.errors import InvalidParameter, SimrobError
-from simrob_drake.folders import check_folder
-from simrob_drake.frames import Vector
-from simrob_drake.linear import linearize
-from simrob_drake.linear.model import MODEL_FILE
+from simrob_drake.extensions.linear import linearize
+from simrob_drake.extensions.linear.model import MODEL_FILE
 from simrob_drake.results.files import default_folder
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.yaml_files import parse_yaml
 
 
 @with_mesh_path

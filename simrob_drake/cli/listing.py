@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from typing import Any
 
+from simrob_drake.base.files import piece_files, robot_files, station_files
+from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.cli.screen import console, table
-from simrob_drake.files import piece_files, robot_files, station_files
-from simrob_drake.yaml_files import read_yaml
 
 
 def list_all() -> None:

@@ -8,13 +8,13 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError
+from simrob_drake.base.folders import written_at_once
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import changes_of, check_file, is_program_file, refuse, station_from
 from simrob_drake.cli.options import RapidOptions, Saving
 from simrob_drake.cli.saving import Frames, done_in_workcell, way_of
 from simrob_drake.cli.screen import errors, say
-from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError
-from simrob_drake.folders import written_at_once
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.findings import Finding
@@ -22,9 +22,9 @@ from simrob_drake.stations.load import bare_station, station_yaml
 from simrob_drake.stations.located import located_station
 
 if TYPE_CHECKING:  # few commands need programs, which load scipy
+    from simrob_drake.extensions.rapid.importing import Imported
     from simrob_drake.programs.arm import Workcell
     from simrob_drake.programs.program import Program
-    from simrob_drake.rapid.importing import Imported
 
 
 def run_program(
@@ -159,8 +159,8 @@ def export_program(
 
     Raises SimrobError: no program, or one that cannot be done or said.
     """
+    from simrob_drake.extensions.rapid.exporting import ExportedProgram, rapid_text, urscript_text
     from simrob_drake.programs.arm import Workcell
-    from simrob_drake.rapid.exporting import ExportedProgram, rapid_text, urscript_text
 
     if not is_program_file(file):
         raise InvalidConfig(file, "", "is no program: --rapid and --urscript write the moves of one")
@@ -183,7 +183,7 @@ def export_program(
 
 
 def _imported(file: Path, options: RapidOptions, set_: list[str] | None) -> tuple[Imported, StationConfig]:
-    from simrob_drake.rapid.importing import import_rapid
+    from simrob_drake.extensions.rapid.importing import import_rapid
 
     if options.on is None and options.robot is None:
         raise InvalidParameter("--robot", "missing", "who does it, as --robot irb120; or --on a station")

@@ -7,13 +7,13 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
+from simrob_drake.base.sections import validated
+from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import changes_of, refuse
 from simrob_drake.cli.options import AllowCode, Force, Scheduler, Settings, StationArgument, Workers, with_mesh_path
 from simrob_drake.cli.screen import console, say, table
 from simrob_drake.results.files import default_folder
-from simrob_drake.sections import validated
-from simrob_drake.yaml_files import read_yaml
 
 _SIDES = {0.0: "forward", 90.0: "left", 180.0: "backward", 270.0: "right"}
 
@@ -67,8 +67,8 @@ def pushes(
 
         simrob pushes zjudancer_dynamic --set gait.name=walk --vary load --vary slope
     """
-    from simrob_drake.tuning.burdens import Burdens
-    from simrob_drake.tuning.walking_folder import PushMap, WalkingFolder
+    from simrob_drake.extensions.tuning.burdens import Burdens
+    from simrob_drake.extensions.tuning.walking_folder import PushMap, WalkingFolder
 
     of_pushes: dict[str, Any] = {"directions": directions, "phases": phases, "period": period, "start": start}
     of_pushes |= {"duration": duration, "after": after, "first": from_, "force": newtons}

@@ -8,6 +8,8 @@ from typing import Annotated, Any
 import typer
 from rich.text import Text
 
+from simrob_drake.base.errors import InvalidParameter, SimrobError
+from simrob_drake.base.folders import written_at_once
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import check_file, refuse_import
 from simrob_drake.cli.options import FileArgument, Force, RapidOptions, with_import_options, with_rapid
@@ -22,8 +24,6 @@ from simrob_drake.cli.simulink import (
     with_model_import,
 )
 from simrob_drake.cli.tables import payload_lines, report_table, robot_table
-from simrob_drake.errors import InvalidParameter, SimrobError
-from simrob_drake.folders import written_at_once
 from simrob_drake.importer.importing import ImportedRobot, default_folder, examine_robot, import_robot, robot_from_file
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.packages import is_robot_file, package_root, resolved
@@ -166,9 +166,9 @@ def legged(
 
         simrob legged robot.urdf --out robots/robot --tune 20
     """
-    from simrob_drake.legged.making import WALK, make_legged  # loads what runs stations
-    from simrob_drake.legged.report import REPORT
-    from simrob_drake.legged.tuning import tune_walk
+    from simrob_drake.extensions.legged.making import WALK, make_legged  # loads what runs stations
+    from simrob_drake.extensions.legged.report import REPORT
+    from simrob_drake.extensions.legged.tuning import tune_walk
 
     folder = out or Path(f"{file.stem}_legged")
     with errors.status(Text(f"making and trying {file}")):

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Literal
 
 from rich.text import Text
 
+from simrob_drake.base.folders import check_folder
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.options import Saving
 from simrob_drake.cli.screen import console, errors, finished_first, say, table
 from simrob_drake.cli.tables import cells_table
-from simrob_drake.folders import check_folder
 from simrob_drake.results.files import COMMANDS, SUMMARY, Saved, default_folder
 from simrob_drake.results.record.summary import remarks_of
 from simrob_drake.results.record.walks import legged_robots, locomotion

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from simrob_drake.errors import shortened
+from simrob_drake.base.errors import shortened
 
 _LONGEST = 2000
 console = Console(markup=False, emoji=False, width=None if sys.stdout.isatty() else 160)

@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.text import Text
 
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.folders import check_folder
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import refuse, refuse_import, station_from
 from simrob_drake.cli.options import Force, Settings, StationArgument, with_group, with_mesh_path
 from simrob_drake.cli.screen import console, errors, say, table
 from simrob_drake.cli.tables import in_units, report_table
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.folders import check_folder
 from simrob_drake.importer.options import ImportOptions
 
 if TYPE_CHECKING:
-    from simrob_drake.simulink.simulink_model import SimulinkModel
+    from simrob_drake.extensions.simulink.simulink_model import SimulinkModel
     from simrob_drake.stations.config import StationConfig
 
 SUFFIXES = (".slx", ".mdl", ".slxp", ".mdlp")
@@ -84,7 +84,7 @@ def is_model_file(file: str | Path) -> bool:
     suffix = Path(file).suffix.lower()
     if suffix != ".xml":
         return suffix in SUFFIXES
-    from simrob_drake.simulink.cad.assembly import is_export
+    from simrob_drake.extensions.simulink.cad.assembly import is_export
 
     return is_export(Path(file))
 
@@ -102,8 +102,8 @@ def model_options(options: ImportOptions | None, reading: ModelReading, set_: li
     """
     chosen = options or ImportOptions()
     refuse_import("left out with a Simulink model", chosen.model_copy(update={"mesh_path": ()}))
-    from simrob_drake.simulink.reading.model_file import Libraries
-    from simrob_drake.simulink.values.workspace import variables_of
+    from simrob_drake.extensions.simulink.reading.model_file import Libraries
+    from simrob_drake.extensions.simulink.values.workspace import variables_of
 
     read, settings = asdict(reading), dict[str, str]()
     libraries, files = tuple(read.pop("library") or ()), read.pop("variables") or []
@@ -125,8 +125,8 @@ def import_model(
     file: Path, out: Path | None, options: dict[str, Any], *, force: bool, allow_losses: bool = False
 ) -> ExitCode:
     """Write the robots, pieces and station of a model, and tell what became of its blocks."""
+    from simrob_drake.extensions.simulink.importing import import_simulink, lost_mechanics
     from simrob_drake.importer.options import REPORT_FILE
-    from simrob_drake.simulink.importing import import_simulink, lost_mechanics
 
     folder = out or Path(f"{file.stem}_imported")
     with errors.status(Text(f"importing {file}")):
@@ -153,8 +153,8 @@ def import_model(
 
 def examine_model(file: Path, options: dict[str, Any]) -> None:
     """Report on a model without writing anything."""
-    from simrob_drake.simulink.importing import check_importable
-    from simrob_drake.simulink.simulink_model import read_simulink
+    from simrob_drake.extensions.simulink.importing import check_importable
+    from simrob_drake.extensions.simulink.simulink_model import read_simulink
 
     with errors.status(Text(f"reading {file}")):
         model = read_simulink(file, **options)
@@ -183,7 +183,7 @@ def fmu(
 
         simrob fmu irb120_dynamic --step 1e-3 --out irb120.fmu
     """
-    from simrob_drake.simulink.fmi.unit import write_fmu
+    from simrob_drake.extensions.simulink.fmi.unit import write_fmu
 
     config = _stepped(station, set_, step)
     target = out or Path(f"{config.name}.fmu")
@@ -207,7 +207,7 @@ def serve(
 
         simrob serve irb120_dynamic --step 1e-3
     """
-    from simrob_drake.simulink.stepping import server
+    from simrob_drake.extensions.simulink.stepping import server
 
     listening = server.StationServer(
         _stepped(station, set_, step), host=host, port=port, token=os.environ.get(server.TOKEN_VARIABLE)
@@ -221,7 +221,7 @@ def serve(
 
 
 def _stepped(station: str, settings: list[str] | None, step: float | None) -> "StationConfig":
-    from simrob_drake.simulink.stepping.station import with_fixed_steps
+    from simrob_drake.extensions.simulink.stepping.station import with_fixed_steps
 
     config = station_from(station, settings)
     return config if step is None else with_fixed_steps(config, step)
@@ -236,7 +236,7 @@ def _tell(model: "SimulinkModel") -> None:
 
 def compare_with_log(config: "StationConfig", log: Path, map_: list[str], out: Path | None, *, force: bool) -> None:
     """Hold logged signals of the original against a station's, in numbers and pictures."""
-    from simrob_drake.simulink.logs import NUMBERS, compare, read_log, save_differences
+    from simrob_drake.extensions.simulink.logs import NUMBERS, compare, read_log, save_differences
 
     names = {}
     for entry in map_:

@@ -6,6 +6,7 @@ from typing import Annotated, Any, cast
 
 import typer
 
+from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import check_file, is_program_file, refuse, refuse_import, station_from
 from simrob_drake.cli.options import (
@@ -42,7 +43,6 @@ from simrob_drake.cli.simulink import (
     with_model_reading,
 )
 from simrob_drake.cli.tables import convergence_table, findings_table
-from simrob_drake.errors import InvalidParameter
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.packages import is_robot_file
 from simrob_drake.results.result import SimulationResult

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
+from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import changes_of, refuse, texts_by_key
 from simrob_drake.cli.options import AllowCode, Force, NoRecording, Saving, Scheduler, Settings, Workers, with_mesh_path
 from simrob_drake.cli.saving import prepared_folder, saved
 from simrob_drake.cli.screen import console, say, table
-from simrob_drake.errors import InvalidParameter, one_of
 from simrob_drake.results.files import default_folder
 from simrob_drake.stations.located import located_changes
 
 if TYPE_CHECKING:
-    from simrob_drake.tuning.journal import Row
-    from simrob_drake.tuning.sweep_folder import SweepFolder
+    from simrob_drake.extensions.tuning.journal import Row
+    from simrob_drake.extensions.tuning.sweep_folder import SweepFolder
 
 
 @with_mesh_path
@@ -64,10 +64,10 @@ def sweep(
 
         simrob sweep runs/gains --run 12
     """
-    from simrob_drake.distributions import parsed
-    from simrob_drake.sampling import Sampling
-    from simrob_drake.tuning.sweep import Sweep
-    from simrob_drake.tuning.sweep_folder import SWEEP, TABLE, SweepFolder
+    from simrob_drake.base.distributions import parsed
+    from simrob_drake.base.sampling import Sampling
+    from simrob_drake.extensions.tuning.sweep import Sweep
+    from simrob_drake.extensions.tuning.sweep_folder import SWEEP, TABLE, SweepFolder
 
     if (Path(station) / SWEEP).is_file():
         refuse(
@@ -114,7 +114,7 @@ def _run_again(place: "SweepFolder", number: int, out: Path | None, *, force: bo
 
 def _tell(rows: "list[Row]") -> None:
     """Show how the runs ended, and between which runs each measure lies."""
-    from simrob_drake.tuning.rollout import UNITS, measured
+    from simrob_drake.extensions.tuning.rollout import UNITS, measured
 
     ends = Counter(str(row["ended"]) for row in rows)
     console.print(", ".join(f"{count} {end}" for end, count in ends.most_common()), highlight=False)

@@ -6,10 +6,10 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
+from simrob_drake.base.errors import listed
+from simrob_drake.base.frames import Vector
 from simrob_drake.cli.screen import table
 from simrob_drake.dynamics import Dynamics
-from simrob_drake.errors import listed
-from simrob_drake.frames import Vector
 from simrob_drake.importer.options import ENTRY_KINDS, EntryKind, ImportReport
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import RobotModel
@@ -17,7 +17,7 @@ from simrob_drake.robots.plausibility import moving_mass, payload_doubt
 from simrob_drake.stations.findings import Finding
 
 if TYPE_CHECKING:
-    from simrob_drake.linear import LinearModel
+    from simrob_drake.extensions.linear import LinearModel
 
 _COLOURS: dict[EntryKind, str] = {
     "read": "dim", "repaired": "green", "approximated": "green", "defaulted": "yellow", "dropped": "magenta",

@@ -6,9 +6,9 @@ from typing import Annotated, Any, Literal
 
 import typer
 
+from simrob_drake.base.extras import needed
 from simrob_drake.cli.options import AllowCode, with_mesh_path
 from simrob_drake.cli.screen import say
-from simrob_drake.extras import needed
 
 
 @with_mesh_path
@@ -36,7 +36,7 @@ def teach(
     """
     with needed("the teach pendant", "gui"):
         import nicegui  # noqa: F401
-    from simrob_drake.teach.server import serve
+    from simrob_drake.extensions.pendant.server import serve
 
     more = [f"what is taught is kept in {folder}; end with Ctrl+C"]
 

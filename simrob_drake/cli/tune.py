@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
+from simrob_drake.base.errors import one_of
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.options import Force, Scheduler, Workers, with_mesh_path
 from simrob_drake.cli.screen import console, say, table
-from simrob_drake.errors import one_of
 from simrob_drake.results.files import default_folder
 
 if TYPE_CHECKING:
-    from simrob_drake.tuning.journal import Row
-    from simrob_drake.tuning.study_folder import StudyFolder
+    from simrob_drake.extensions.tuning.journal import Row
+    from simrob_drake.extensions.tuning.study_folder import StudyFolder
 
 
 @with_mesh_path
@@ -43,9 +43,9 @@ def tune(
 
         simrob tune gains.yaml --method nelder_mead --method cma --method genetic
     """
-    from simrob_drake.tuning.analysis import plots_there, save_convergence, study_in_optuna
-    from simrob_drake.tuning.study import Method, Study
-    from simrob_drake.tuning.study_folder import StudyFolder
+    from simrob_drake.extensions.tuning.analysis import plots_there, save_convergence, study_in_optuna
+    from simrob_drake.extensions.tuning.study import Method, Study
+    from simrob_drake.extensions.tuning.study_folder import StudyFolder
 
     search = Study.read(study)
     if trials is not None:
@@ -70,8 +70,8 @@ def tune(
 
 def _tell(place: "StudyFolder", proof: "list[Row]") -> None:
     """Show the best figures, and what the proof says of them and of where the search began."""
-    from simrob_drake.tuning.conclusion import cost_columns
-    from simrob_drake.tuning.study import in_table
+    from simrob_drake.extensions.tuning.conclusion import cost_columns
+    from simrob_drake.extensions.tuning.study import in_table
 
     parameters, cost = place.best
     rows = [(key, in_table(place.study.start.get(key)), in_table(value)) for key, value in parameters.items()]
@@ -105,8 +105,8 @@ def dashboard(
 
         simrob dashboard runs/gains
     """
-    from simrob_drake.tuning.dashboard import Dashboard
-    from simrob_drake.tuning.study_folder import StudyFolder
+    from simrob_drake.extensions.tuning.dashboard import Dashboard
+    from simrob_drake.extensions.tuning.study_folder import StudyFolder
 
     shown = Dashboard({str(folder): StudyFolder.there(folder) for folder in folders}, port)
     say(f"dashboard {shown.address}")
@@ -139,7 +139,7 @@ def prove(
 
         simrob prove humanoid_balance --seeds 5
     """
-    from simrob_drake.tuning.proof import PAGE, Proof, ProofFolder
+    from simrob_drake.extensions.tuning.proof import PAGE, Proof, ProofFolder
 
     proof = Proof.of(winner, seeds)
     folder = out or (Path(winner) / "prove" if proof.study else default_folder(f"{Path(winner).stem}-prove"))

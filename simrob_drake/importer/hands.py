@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from simrob_drake.errors import one_of
-from simrob_drake.frames import transform_from_pose
+from simrob_drake.base.errors import one_of
+from simrob_drake.base.frames import transform_from_pose
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.names import FreeNames
 from simrob_drake.robots.bodies import tool_links

@@ -15,12 +15,13 @@ from typing import Any
 import numpy as np
 import yaml
 
-from simrob_drake.arguments import as_path
-from simrob_drake.constants import LARGEST_GAIN, STANDARD_GRAVITY
-from simrob_drake.errors import InvalidConfig, OutputError, SimrobError, listed
-from simrob_drake.files import ROBOT_FILE, opened, text_of
-from simrob_drake.folders import cache_entry, filled_at_once
-from simrob_drake.frames import Vector
+from simrob_drake.base.arguments import as_path
+from simrob_drake.base.constants import LARGEST_GAIN, STANDARD_GRAVITY
+from simrob_drake.base.errors import InvalidConfig, OutputError, SimrobError, listed
+from simrob_drake.base.files import ROBOT_FILE, opened, text_of
+from simrob_drake.base.folders import cache_entry, filled_at_once
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.importer.hands import add_hand, mark_jaw, of_hand
 from simrob_drake.importer.loops import take_closings
 from simrob_drake.importer.meshes.places import mesh_files
@@ -50,7 +51,6 @@ from simrob_drake.robots.grasps import GRASP, grasp_frame
 from simrob_drake.robots.parse import lone_robot
 from simrob_drake.robots.urdf import add_frame, name_of, with_absolute_meshes
 from simrob_drake.robots.urdf_check import check_urdf
-from simrob_drake.yaml_files import read_yaml
 
 _HEADER = """\
 # Draft of an import; edit it freely.

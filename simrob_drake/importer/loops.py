@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
-from simrob_drake.frames import pose_from_transform
+from simrob_drake.base.frames import pose_from_transform
 from simrob_drake.robots.urdf import link_of, name_of, pose_of
 
 TAG = "closing"

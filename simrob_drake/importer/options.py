@@ -5,10 +5,10 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from simrob_drake.errors import InvalidConfig, InvalidModel
-from simrob_drake.files import NotRead, text_of
-from simrob_drake.sections import ORIGIN, Boolean, Pose, Positive, Strict
-from simrob_drake.yaml_files import parse_json
+from simrob_drake.base.errors import InvalidConfig, InvalidModel
+from simrob_drake.base.files import NotRead, text_of
+from simrob_drake.base.sections import ORIGIN, Boolean, Pose, Positive, Strict
+from simrob_drake.base.yaml_files import parse_json
 
 REPORT_FILE = "report.json"  # name of the file with the report of an import, in the folder that the import has written
 _LARGEST_REPORT = 10_000_000  # largest size of that file [bytes]; thousands of links take some hundred thousand

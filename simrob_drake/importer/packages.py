@@ -16,10 +16,10 @@ from os.path import exists, isdir, isfile  # which are false for names that no f
 from pathlib import Path
 from typing import Any
 
-from simrob_drake.arguments import as_path
-from simrob_drake.errors import InvalidConfig, InvalidModel, UnknownName, shortened
-from simrob_drake.files import NotRead, diagrams_root, models_root, opened
-from simrob_drake.folders import cache_root
+from simrob_drake.base.arguments import as_path
+from simrob_drake.base.errors import InvalidConfig, InvalidModel, UnknownName, shortened
+from simrob_drake.base.files import NotRead, diagrams_root, models_root, opened
+from simrob_drake.base.folders import cache_root
 
 MANIFEST = "package.xml"
 MODEL_MANIFEST = "model.config"  # of a model of Gazebo

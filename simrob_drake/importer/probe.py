@@ -11,7 +11,7 @@ import xml.etree.ElementTree as ET
 from copy import deepcopy
 from pathlib import Path
 
-from simrob_drake.errors import SimrobError, shortened
+from simrob_drake.base.errors import SimrobError, shortened
 from simrob_drake.importer.options import ImportReport
 
 _SUSPECTS = ("visual", "collision", "inertial", "limit", "dynamics", "axis")

@@ -12,7 +12,7 @@ from os.path import isfile
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from simrob_drake.errors import InvalidModel
+from simrob_drake.base.errors import InvalidModel
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.reading.source import read_source
 from simrob_drake.robots.bodies import carriers

@@ -1,8 +1,8 @@
 """Kinematics of a robot: its chain of joints, forward, and inverse by four solvers with one interface."""
 
-from simrob_drake.frames import Targets as Targets
-from simrob_drake.frames import pose_errors as pose_errors
-from simrob_drake.frames import pose_matrices as pose_matrices
+from simrob_drake.base.frames import Targets as Targets
+from simrob_drake.base.frames import pose_errors as pose_errors
+from simrob_drake.base.frames import pose_matrices as pose_matrices
 from simrob_drake.kinematics.analytic import AnalyticSolver as AnalyticSolver
 from simrob_drake.kinematics.chain import Chain as Chain
 from simrob_drake.kinematics.chain import UnsupportedChain as UnsupportedChain

@@ -3,8 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
-from simrob_drake.errors import UnknownName, angle
-from simrob_drake.frames import Targets, Vector, pose_errors, pose_matrices, within
+from simrob_drake.base.errors import UnknownName, angle
+from simrob_drake.base.frames import Targets, Vector, pose_errors, pose_matrices, within
 from simrob_drake.kinematics.chain import Chain, Indices
 from simrob_drake.kinematics.closed_form import (
     BRANCHES,

@@ -12,8 +12,8 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, Joint, PrismaticJoint, RevoluteJoint
 from pydrake.systems.framework import Context
 
-from simrob_drake.errors import InvalidParameter, SimrobError, one_of
-from simrob_drake.frames import Targets, Vector, numbers, one_pose
+from simrob_drake.base.errors import InvalidParameter, SimrobError, one_of
+from simrob_drake.base.frames import Targets, Vector, numbers, one_pose
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.limits import AxisLimits

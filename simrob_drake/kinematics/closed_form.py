@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from simrob_drake.errors import SimrobError
-from simrob_drake.frames import Vector
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.frames import Vector
 from simrob_drake.kinematics.chain import Chain, skew
 from simrob_drake.kinematics.numeric import Flags
 

@@ -8,8 +8,8 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.inverse_kinematics import InverseKinematics, OrientationCost, PositionCost
 from pydrake.solvers import Constraint, IpoptSolver, MathematicalProgram, SnoptSolver, Solve, SolverOptions
 
-from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.frames import Vector, pose_errors, within
+from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.frames import Vector, pose_errors, within
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.goals import ORIGIN, Goal, JointBounds, Setting, point_in_box
 from simrob_drake.kinematics.numeric import random_postures

@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Targets, Vector, finite, pose_matrices, within
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Targets, Vector, finite, pose_matrices, within
 from simrob_drake.kinematics.analytic import AnalyticSolver
 from simrob_drake.kinematics.chain import Chain, Indices
 from simrob_drake.kinematics.closed_form import NoClosedForm

@@ -21,8 +21,8 @@ from pydrake.multibody.tree import Frame
 from pydrake.solvers import BoundingBoxConstraint, Constraint
 from pydrake.systems.framework import Context
 
-from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.frames import POSE_SIZE, Targets, Vector, one_pose
+from simrob_drake.base.errors import InvalidParameter, UnknownName
+from simrob_drake.base.frames import POSE_SIZE, Targets, Vector, one_pose
 from simrob_drake.kinematics.chain import Chain
 
 ORIGIN = (0.0, 0.0, 0.0)

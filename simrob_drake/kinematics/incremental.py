@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from simrob_drake.errors import InvalidParameter, angle
-from simrob_drake.frames import Vector, pose_errors, within
+from simrob_drake.base.errors import InvalidParameter, angle
+from simrob_drake.base.frames import Vector, pose_errors, within
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.numeric import Flags, settle_at_limits
 from simrob_drake.kinematics.solver import Solutions, Solver, check_search, why_unreached

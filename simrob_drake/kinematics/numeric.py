@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import POSE_SIZE, Vector, finite, pose_errors, within
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import POSE_SIZE, Vector, finite, pose_errors, within
 from simrob_drake.kinematics.chain import IDENTITY, Chain, Indices, skew
 from simrob_drake.kinematics.solver import (
     POSITION_TOLERANCE,

@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal, TypeAlias, get_args
 
 from pydantic import AfterValidator, WithJsonSchema
 
-from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.extension import additions, load_addition_class, register_core_names
+from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.extension import additions, load_addition_class, register_core_names
 from simrob_drake.kinematics.analytic import AnalyticSolver
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.closed_form import NoClosedForm

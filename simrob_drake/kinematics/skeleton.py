@@ -14,8 +14,8 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RevoluteJoint, RigidBody
 from pydrake.systems.framework import Context
 
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
 from simrob_drake.kinematics.chain import Chain, Screws, axes_and_points, joints_between
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel, load_robot

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from simrob_drake.errors import InvalidParameter, SimrobError, angle
-from simrob_drake.frames import Targets, Vector, pose_matrices
+from simrob_drake.base.errors import InvalidParameter, SimrobError, angle
+from simrob_drake.base.frames import Targets, Vector, pose_matrices
 from simrob_drake.kinematics.chain import Chain
 
 POSITION_TOLERANCE = 1e-6  # m: a tenth of the repeatability of a small arm, and fine enough for smooth paths

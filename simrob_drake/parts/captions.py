@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 from simrob_drake.robots.axis_map import AxisValues, with_units
 from simrob_drake.robots.catalog import RobotModel
 

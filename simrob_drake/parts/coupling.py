@@ -14,9 +14,9 @@ from typing import ClassVar, Protocol
 
 from pydrake.systems.framework import Context, DiagramBuilder
 
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.sections import Strict
 from simrob_drake.parts.site import Site, StationPlant, Surroundings
-from simrob_drake.sections import Strict
 
 STIFFNESS = 2000.0**2
 """Stiffness of a coupling for each unit of the inertia that it holds [1/s²]. Under continuous schemes a coupling is a

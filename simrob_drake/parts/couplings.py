@@ -31,15 +31,15 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
+from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.frames import Vector, transform_from_pose
+from simrob_drake.base.sections import ORIGIN, NotNegative, Number, Pose, Positive, Strict, Triple
 from simrob_drake.blocks.block import fed, joined, mapped
-from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.frames import Vector, transform_from_pose
 from simrob_drake.parts.coupling import DAMPING_TIME, STIFFNESS, CouplingSection
 from simrob_drake.parts.kinds import Kinds
 from simrob_drake.parts.site import WORLD, Site, StationPlant, StationRobot, Surroundings
 from simrob_drake.parts.targets import check_frame, frame_of
 from simrob_drake.robots.coupled_axes import Equation
-from simrob_drake.sections import ORIGIN, NotNegative, Number, Pose, Positive, Strict, Triple
 
 _ANCHOR = "couplings_anchor"  # name of a body welded to the world, which takes the world's place in constraints
 _HALF_HINGE = 0.025  # half the distance between the two points that stay together on a hinge's axis [m]

@@ -12,17 +12,17 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import Sine, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
+from simrob_drake.base.constants import STANDARD_GRAVITY
+from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.sections import Duration, Frequency, Instant, Number, Positive, Strict, Triple
+from simrob_drake.base.signals import applied_signal
 from simrob_drake.blocks.block import fed
 from simrob_drake.blocks.passive_joints import add_external_force
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.constants import STANDARD_GRAVITY
-from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.frames import Vector
 from simrob_drake.parts.kinds import Kinds
 from simrob_drake.parts.site import Site, StationPlant, Surroundings, named
 from simrob_drake.parts.targets import frame_names, frame_of
-from simrob_drake.sections import Duration, Frequency, Instant, Number, Positive, Strict, Triple
-from simrob_drake.signals import applied_signal
 
 
 class ForceSection(Strict, ABC):

@@ -10,7 +10,7 @@ import numpy as np
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 
 _PRESSED_IN = 5e-3  # a point that lies so little below a surface is on it: contacts give way [m]
 _UPRIGHT = 1e-12

@@ -14,7 +14,7 @@ from pydantic import BaseModel, BeforeValidator, Field, GetJsonSchemaHandler, Ty
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, SchemaValidator, core_schema
 
-from simrob_drake.extension import additions, classes_of_extensions, load_addition_class, register_core_names
+from simrob_drake.base.extension import additions, classes_of_extensions, load_addition_class, register_core_names
 
 
 class Kinds:

@@ -9,19 +9,19 @@ import numpy as np
 from pydantic import Field, model_validator
 from pydrake.trajectories import Trajectory
 
-from simrob_drake.arguments import SHORTEST
+from simrob_drake.base.arguments import SHORTEST
+from simrob_drake.base.errors import InvalidConfig, InvalidParameter
+from simrob_drake.base.files import read_columns
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.sections import Duration, Frequency, Instant, NotNegative, Strict
 from simrob_drake.blocks.cruise import cruising
 from simrob_drake.blocks.references import Reference, Samples, SineReference, hermite, hold, move, ramp, sequence, table
-from simrob_drake.errors import InvalidConfig, InvalidParameter
-from simrob_drake.files import read_columns
-from simrob_drake.frames import Vector
 from simrob_drake.parts.captions import shown_positions
 from simrob_drake.parts.kinds import Kinds
 from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.robots.axis_map import AxisValues, PositiveAxisValues
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.coupled_axes import Firmness
-from simrob_drake.sections import Duration, Frequency, Instant, NotNegative, Strict
 
 
 class ReferenceSection(Strict, ABC):

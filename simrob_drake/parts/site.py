@@ -13,13 +13,15 @@ from pydrake.multibody.tree import Frame, Joint, ModelInstanceIndex, RigidBody
 from pydrake.systems.framework import Context, DiagramBuilder, InputPort, LeafSystem, OutputPort
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
+from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.frames import Indices, Vector
+from simrob_drake.base.lifetime import release_with
+from simrob_drake.base.sections import Pose
+from simrob_drake.base.signals import Compute, Signal
 from simrob_drake.blocks.frame_poses import FramePoses
 from simrob_drake.blocks.monitor import Trigger
 from simrob_drake.blocks.references import Reference
 from simrob_drake.blocks.servo import ServoGains
-from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.frames import Indices, Vector
-from simrob_drake.lifetime import release_with
 from simrob_drake.parts.captions import BlockRole, Drawn, InnerBlock
 from simrob_drake.parts.ground import Ground
 from simrob_drake.robots.axis_map import AxisMap
@@ -27,8 +29,6 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.feet import FootContact
 from simrob_drake.robots.motors import Motor
 from simrob_drake.robots.pieces import TCP, PieceModel
-from simrob_drake.sections import Pose
-from simrob_drake.signals import Compute, Signal
 
 WORLD = "world"
 

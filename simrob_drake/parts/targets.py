@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pydrake.geometry import GeometryId, Role, SceneGraphInspector
 from pydrake.multibody.tree import Frame, RigidBody
 
-from simrob_drake.errors import InvalidParameter, one_of
+from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.parts.site import WORLD, StationPlant, Surroundings
 
 FLOOR = "floor"  # the whole name of the floor's shape; boxes of its terrain are called `floor.<number>`

@@ -11,10 +11,10 @@ from PIL import Image
 from pydantic import Field, model_validator
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from simrob_drake.errors import InvalidConfig
-from simrob_drake.files import content_of, read_matrix
-from simrob_drake.frames import Vector
-from simrob_drake.sections import Integer, Number, Positive, Strict
+from simrob_drake.base.errors import InvalidConfig
+from simrob_drake.base.files import content_of, read_matrix
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.sections import Integer, Number, Positive, Strict
 
 _BELOW = 0.05  # how far the boxes reach below the lowest of their tops, and how thick what is soft is at least [m]
 _AROUND = 1.0  # level ground behind the field at least [m]

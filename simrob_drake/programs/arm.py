@@ -9,9 +9,9 @@ from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 import numpy as np
 import numpy.typing as npt
 
-from simrob_drake.arguments import instance
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import PoseLike
+from simrob_drake.base.arguments import instance
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import PoseLike
 from simrob_drake.kinematics.registry import SolverLike
 from simrob_drake.programs.geometry import ArmGeometry
 from simrob_drake.programs.moves.joints import JointMove, move_of
@@ -256,7 +256,7 @@ class Arm(ArmGeometry):
             duration: of the whole [s].
             automatic: run :attr:`references` instead, from the station's start and in the robot's own time; see
                 :meth:`LeggedRobot.simulate`.
-            strict: a run with warnings raises a :class:`~simrob_drake.errors.VerdictError`.
+            strict: a run with warnings raises a :class:`~simrob_drake.base.errors.VerdictError`.
         """
         config = None if station is None else Workcell(station).config
         if automatic is False:

@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.geometry import GeometryId, Role
 
-from simrob_drake.arguments import instance
+from simrob_drake.base.arguments import instance
+from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.contacts import Distances, Pair
-from simrob_drake.frames import Vector
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.every_branch import branches
 from simrob_drake.kinematics.numeric import random_postures

@@ -1,6 +1,6 @@
 """What can go wrong on the way of a move, as named exceptions; nothing has moved when one is raised."""
 
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
 
 
 class JointLimitExceeded(SimrobError):

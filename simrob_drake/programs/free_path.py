@@ -19,8 +19,8 @@ import numpy as np
 from pydrake.geometry import Role
 from scipy.interpolate import BSpline
 
-from simrob_drake.extras import needed
-from simrob_drake.frames import Vector
+from simrob_drake.base.extras import needed
+from simrob_drake.base.frames import Vector
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.numeric import random_postures
 from simrob_drake.programs.errors import NoFreePath, StartInCollision

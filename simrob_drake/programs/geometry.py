@@ -7,9 +7,9 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform, RotationMatrix
 
+from simrob_drake.base.errors import InvalidParameter, UnknownName
+from simrob_drake.base.frames import PoseLike, Vector, as_transform, poses_from_matrices
 from simrob_drake.dynamics import Dynamics
-from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.frames import PoseLike, Vector, as_transform, poses_from_matrices
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.numeric import NumericSolver
 from simrob_drake.kinematics.registry import SolverLike, solver_for

@@ -7,8 +7,8 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import Frame
 
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
 from simrob_drake.parts.site import WORLD, StationRobot
 from simrob_drake.parts.targets import own_name
 from simrob_drake.programs.model import StationModel, reparented

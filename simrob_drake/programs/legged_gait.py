@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from pydrake.math import RotationMatrix
 
+from simrob_drake.base.errors import InvalidParameter, UnknownName
+from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.references import hermite, sequence
-from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.frames import Vector
 from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.gaits.legs import OutOfReach
 from simrob_drake.programs.gaits.motion import Gait, JointMotion, SolvedGait

@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from simrob_drake.arguments import instance, truth
-from simrob_drake.errors import InvalidParameter, counted
-from simrob_drake.frames import PoseLike, as_transform, pose_from_transform
+from simrob_drake.base.arguments import instance, truth
+from simrob_drake.base.errors import InvalidParameter, counted
+from simrob_drake.base.frames import PoseLike, as_transform, pose_from_transform
 from simrob_drake.parts.site import WORLD
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.geometry import LeggedGeometry

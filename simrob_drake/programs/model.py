@@ -13,9 +13,8 @@ import numpy.typing as npt
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import BodyIndex, Frame, ModelInstanceIndex
 
-from simrob_drake.dynamics import Dynamics
-from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.frames import (
+from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.frames import (
     PoseLike,
     Vector,
     as_transform,
@@ -24,6 +23,7 @@ from simrob_drake.frames import (
     transform_from_xyz_quaternion,
     xyz_quaternion_from_transform,
 )
+from simrob_drake.dynamics import Dynamics
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.parts.site import WORLD, StationRobot
 from simrob_drake.parts.targets import owner_and_robot

@@ -13,9 +13,9 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.trajectories import Trajectory
 
-from simrob_drake.arguments import instance
-from simrob_drake.errors import shortened
-from simrob_drake.frames import Vector
+from simrob_drake.base.arguments import instance
+from simrob_drake.base.errors import shortened
+from simrob_drake.base.frames import Vector
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.programs.errors import (
     AccelerationLimitExceeded,

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
 
-from simrob_drake.arguments import whole
-from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.frames import (
+from simrob_drake.base.arguments import whole
+from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.frames import (
     POSE_SIZE,
     PoseLike,
     Targets,
@@ -23,7 +23,8 @@ from simrob_drake.frames import (
     pose_matrices,
     poses_from_matrices,
 )
-from simrob_drake.interpolation import stacked
+from simrob_drake.base.interpolation import stacked
+from simrob_drake.base.sections import FARTHEST, MOST_TURN
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.registry import SolverLike, solver_for
 from simrob_drake.kinematics.solver import Solver
@@ -34,7 +35,6 @@ from simrob_drake.programs.time_optimal import Motors
 from simrob_drake.programs.timing import How, Limits, is_free, remedy, through_all, timed
 from simrob_drake.programs.torques import check_torques, slowed_for_motors
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.sections import FARTHEST, MOST_TURN
 
 
 @runtime_checkable

@@ -10,9 +10,11 @@ from typing import Annotated, Any, Self
 import yaml
 from pydantic import BeforeValidator, PlainSerializer, model_validator
 
-from simrob_drake.arguments import as_path, instance
-from simrob_drake.errors import InvalidParameter, counted, shortened
-from simrob_drake.folders import written_at_once
+from simrob_drake.base.arguments import as_path, instance
+from simrob_drake.base.errors import InvalidParameter, counted, shortened
+from simrob_drake.base.folders import written_at_once
+from simrob_drake.base.sections import Duration, Positive, Strict, validated
+from simrob_drake.base.yaml_files import parse_yaml, read_yaml
 from simrob_drake.importer.packages import Border
 from simrob_drake.parts.controllers import loops_of
 from simrob_drake.parts.controllers.postures import Cell, Pace, Sequencer
@@ -22,10 +24,8 @@ from simrob_drake.programs.moves.kinds import KINDS, AnyMove, check_move
 from simrob_drake.programs.moves.move import Move
 from simrob_drake.programs.timeline import Change
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.sections import Duration, Positive, Strict, validated
 from simrob_drake.stations.located import located_changes
 from simrob_drake.stations.resolve import check_parts, resolve
-from simrob_drake.yaml_files import parse_yaml, read_yaml
 
 NAME = "automatic"  # what the sequencer is called in the station that runs a program
 

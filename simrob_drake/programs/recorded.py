@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal, Unpack
 
-from simrob_drake.arguments import instance
-from simrob_drake.frames import Vector
+from simrob_drake.base.arguments import instance
+from simrob_drake.base.frames import Vector
 from simrob_drake.programs.model import one_posture
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.stateful_station import GOES_ON, StatefulStation

@@ -2,12 +2,12 @@
 
 from typing import Any
 
-from simrob_drake.files import models_root
+from simrob_drake.base.files import models_root
+from simrob_drake.base.sections import file_schema, write_schema
 from simrob_drake.programs.gaits.registry import gaits_model
 from simrob_drake.programs.program import Program
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.pieces import PieceModel
-from simrob_drake.sections import file_schema, write_schema
 
 
 def model_schemas() -> dict[str, dict[str, Any]]:

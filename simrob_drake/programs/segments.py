@@ -18,11 +18,11 @@ from pydrake.math import BsplineBasis
 from pydrake.trajectories import BsplineTrajectory, CompositeTrajectory, Trajectory
 from scipy.interpolate import BSpline, make_interp_spline
 
-from simrob_drake.arguments import positive
+from simrob_drake.base.arguments import positive
+from simrob_drake.base.errors import InvalidParameter, angle, quoted
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.interpolation import stacked, turned_by
 from simrob_drake.blocks.cruise import TimeLaw
-from simrob_drake.errors import InvalidParameter, angle, quoted
-from simrob_drake.frames import Vector
-from simrob_drake.interpolation import stacked, turned_by
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.incremental import IncrementalSolver
 from simrob_drake.kinematics.solver import Solutions, Solver

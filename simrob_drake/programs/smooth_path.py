@@ -16,8 +16,8 @@ from pydrake.solvers import SnoptSolver, SolverOptions
 from pydrake.trajectories import BsplineTrajectory
 from scipy.interpolate import make_lsq_spline
 
-from simrob_drake.errors import SimrobError
-from simrob_drake.frames import Vector
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.frames import Vector
 from simrob_drake.programs.free_path import CLOSE_LOOK, SEARCHED, Search, TimelessPath
 from simrob_drake.stations.posed import PosedStation
 

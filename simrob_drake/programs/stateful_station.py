@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from pydrake.math import RigidTransform
 
-from simrob_drake.arguments import instance, seconds
-from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.frames import PoseLike, Vector, as_transform, pose_from_transform
+from simrob_drake.base.arguments import instance, seconds
+from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.frames import PoseLike, Vector, as_transform, pose_from_transform
 from simrob_drake.parts.site import WORLD, StationRobot
 from simrob_drake.programs.free_path import FreeSpace
 from simrob_drake.programs.grasps import let_go, taken, with_efforts

@@ -8,8 +8,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from pydrake.math import RigidTransform
 
-from simrob_drake.arguments import plain, seconds
-from simrob_drake.errors import InvalidParameter, SimrobError
+from simrob_drake.base.arguments import plain, seconds
+from simrob_drake.base.errors import InvalidParameter, SimrobError
 from simrob_drake.kinematics.registry import SolverLike
 from simrob_drake.parts.site import WORLD
 from simrob_drake.programs.branches import approaches

@@ -13,9 +13,9 @@ from pydrake.multibody.optimization import Toppra
 from pydrake.trajectories import BsplineTrajectory, Trajectory
 from scipy.interpolate import BSpline
 
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
 from simrob_drake.dynamics import Dynamics
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.programs.model import StationModel
 from simrob_drake.programs.plan import Plan

@@ -16,12 +16,12 @@ from typing import Annotated, Any, Protocol, Self
 import numpy as np
 from pydantic import Field, model_validator
 
+from simrob_drake.base.errors import one_of
+from simrob_drake.base.sections import Duration, Instant, NotNegative, Number, Positive, Strict, Triple
 from simrob_drake.blocks.references import Reference, later
-from simrob_drake.errors import one_of
 from simrob_drake.parts.forces import Drag, ForceConfig, Push
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult, joined
-from simrob_drake.sections import Duration, Instant, NotNegative, Number, Positive, Strict, Triple
 from simrob_drake.simulation import Moment, OnStep, ReferenceLike, Runner, Ticks
 from simrob_drake.stations.change_of_kind import settings_with
 from simrob_drake.stations.config import StationConfig

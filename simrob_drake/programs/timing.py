@@ -7,12 +7,12 @@ from typing import Any, Literal, TypedDict, get_args
 import numpy as np
 import numpy.typing as npt
 
-from simrob_drake.arguments import LONGEST, SHORTEST, positive, seconds
+from simrob_drake.base.arguments import LONGEST, SHORTEST, positive, seconds
+from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.extras import needed
+from simrob_drake.base.frames import Vector, numbers
 from simrob_drake.blocks.cruise import LONGEST_RAMP, TimeLaw, cruise, cruise_in, smooth_law
 from simrob_drake.blocks.references import PEAK
-from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.extras import needed
-from simrob_drake.frames import Vector, numbers
 from simrob_drake.programs.plan import Check, Plan, rate_ratio
 from simrob_drake.programs.segments import Segment, Stretch, by_law, rest
 from simrob_drake.programs.time_optimal import Motors

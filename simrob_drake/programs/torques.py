@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 from simrob_drake.programs.errors import TorqueLimitExceeded
 from simrob_drake.programs.plan import Plan, Remedy
 from simrob_drake.programs.time_optimal import Motors

@@ -15,9 +15,9 @@ from typing import Literal, TypedDict
 import numpy as np
 from pydrake.trajectories import Trajectory
 
+from simrob_drake.base.folders import filled_at_once
+from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.references import Samples, SineReference, hermite_samples
-from simrob_drake.folders import filled_at_once
-from simrob_drake.frames import Vector
 from simrob_drake.parts.references import TIME_COLUMN, Interpolation, Table, speed_columns
 from simrob_drake.results.plots.formats import PlotFormat, plot_format
 from simrob_drake.results.record.run import RecordedRun, all_events

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 
-from simrob_drake.arguments import as_path, truth
-from simrob_drake.errors import InvalidParameter, VerdictError, shortened
+from simrob_drake.base.arguments import as_path, truth
+from simrob_drake.base.errors import InvalidParameter, VerdictError, shortened
 from simrob_drake.results.files import default_folder, save_result
 from simrob_drake.results.plots.formats import PlotFormat
 from simrob_drake.results.record.run import DIVERGED, FAILED, RecordedRun
@@ -33,7 +33,7 @@ from typing import TypeVar
 
 from pydrake.multibody.plant import MultibodyPlant
 
-from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector, xyz_quaternion_from_transform
+from simrob_drake.base.frames import XYZ_QUATERNION_NAMES, Vector, xyz_quaternion_from_transform
 from simrob_drake.parts.site import StationPlant
 from simrob_drake.results.record.run import begins_of
 from simrob_drake.results.record.state import State, free_joint, joints_of

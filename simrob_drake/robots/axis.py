@@ -2,7 +2,7 @@
 
 from typing import Any, Literal
 
-from simrob_drake.sections import Strict
+from simrob_drake.base.sections import Strict
 
 
 class Axis(Strict):

@@ -11,9 +11,9 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint, ModelInstanceIndex
 from pydrake.systems.framework import Context
 
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
-from simrob_drake.sections import Number
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.sections import Number
 
 
 def in_a_row(places: npt.NDArray[np.intp]) -> npt.NDArray[np.intp] | slice:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from pydrake.math import RigidTransform
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 from simrob_drake.robots.urdf import (
     MOVABLE_JOINTS,
     add_frame,

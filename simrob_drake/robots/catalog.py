@@ -15,10 +15,12 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
-from simrob_drake.arguments import as_path
-from simrob_drake.errors import InvalidParameter, UnknownName, one_of
-from simrob_drake.files import ROBOT_FILE, robot_files
-from simrob_drake.frames import Vector
+from simrob_drake.base.arguments import as_path
+from simrob_drake.base.errors import InvalidParameter, UnknownName, one_of
+from simrob_drake.base.files import ROBOT_FILE, robot_files
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.sections import FileName, Number, Positive, Strict, default_of, is_file_name, validated
+from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.robots.axis import Axis, axes_by_name
 from simrob_drake.robots.axis_map import PRISMATIC, REVOLUTE, AxisUnit, AxisValues, PositiveAxisValues
 from simrob_drake.robots.bodies import links_without_inertia, tool_links
@@ -31,8 +33,6 @@ from simrob_drake.robots.limits import AxisLimits, Flags, middles
 from simrob_drake.robots.motors import Drives, Gains, set_drives
 from simrob_drake.robots.urdf import DRAKE, joint_figure, joint_limits, movable_joints, name_of, root_link
 from simrob_drake.robots.urdf_check import check_urdf, checked_urdf
-from simrob_drake.sections import FileName, Number, Positive, Strict, default_of, is_file_name, validated
-from simrob_drake.yaml_files import read_yaml
 
 
 class RobotModel(Strict):

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 
 # Entries of the reduced equations that are smaller count as zero. Ratios are scaled to 1 before.
 _ZERO = 1e-9

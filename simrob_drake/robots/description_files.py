@@ -3,9 +3,9 @@
 from os.path import isfile
 from pathlib import Path
 
-from simrob_drake.folders import is_cached
+from simrob_drake.base.folders import is_cached
+from simrob_drake.base.yaml_files import YAML_SUFFIXES, read_yaml
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.yaml_files import YAML_SUFFIXES, read_yaml
 
 _DESCRIPTION_KEYS = frozenset(("dh", "urdf", "axes"))  # keys of robots that no station has at its top
 

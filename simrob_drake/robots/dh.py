@@ -12,10 +12,10 @@ from pydantic import Field, model_validator
 from pydrake.geometry import Cylinder, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
-from simrob_drake.frames import Vector, transform_from_pose
+from simrob_drake.base.frames import Vector, transform_from_pose
+from simrob_drake.base.sections import ORIGIN, Colour, Inertia, NotNegative, Number, Pose, Positive, Strict, Triple
 from simrob_drake.robots.pieces import solid_inertia
 from simrob_drake.robots.urdf import Solid, add_colour, add_joint, add_motor, add_solid, set_inertia, written
-from simrob_drake.sections import ORIGIN, Colour, Inertia, NotNegative, Number, Pose, Positive, Strict, Triple
 
 BASE_LINK, TOOL_LINK = "base_link", "tool0"
 _JOINT = "joint_{}"

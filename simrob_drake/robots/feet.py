@@ -11,10 +11,10 @@ from pydantic import Field, model_validator
 from pydrake.geometry import Box, Sphere
 from pydrake.math import RigidTransform
 
-from simrob_drake.errors import one_of
-from simrob_drake.frames import Vector
+from simrob_drake.base.errors import one_of
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.sections import NotNegative, Positive, Strict, Triple
 from simrob_drake.robots.urdf import Solid, add_contact, add_solid, name_of
-from simrob_drake.sections import NotNegative, Positive, Strict, Triple
 
 
 class Sole(Strict):

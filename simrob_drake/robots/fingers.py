@@ -22,10 +22,10 @@ from pydantic import Field, model_validator
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.sections import Number, Positive, Strict
 from simrob_drake.robots.bodies import SHAPE_TAGS, carriers
 from simrob_drake.robots.urdf import MOVABLE_JOINTS, joint_limits, joints_at, link_of, name_of, outward, pose_of
-from simrob_drake.sections import Number, Positive, Strict
 
 FOLLOWS = "follows"
 """Element in which an import writes a ``mimic``, since Drake's parser would heed that under discrete solvers only."""

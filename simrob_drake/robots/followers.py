@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 from simrob_drake.robots.axis import Axis
 from simrob_drake.robots.coupled_axes import CoupledAxes, Equation, Firmness
 from simrob_drake.robots.fingers import FOLLOWS, mimic_line

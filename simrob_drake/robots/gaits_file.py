@@ -7,11 +7,11 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict
 
-from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.files import robot_files
+from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.files import robot_files
+from simrob_drake.base.sections import Number, validated
+from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.robots.catalog import RobotModel, robot_names
-from simrob_drake.sections import Number, validated
-from simrob_drake.yaml_files import read_yaml
 
 GAITS_FILE = "gaits.yaml"
 

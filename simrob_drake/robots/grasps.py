@@ -12,7 +12,7 @@ import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import Joint, JointIndex, RigidBody
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.outlines import shape_outline
 from simrob_drake.robots.parse import lone_robot

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
 """An array of booleans; the shape is in the docstrings."""

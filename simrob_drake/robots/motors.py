@@ -23,12 +23,12 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag
 from pydrake.math import RigidTransform
 
-from simrob_drake.files import models_root
-from simrob_drake.frames import Vector
+from simrob_drake.base.files import models_root
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.sections import NotNegative, Number, Positive, Strict, validated
+from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.robots.axis_map import AxisValues, every_axis
 from simrob_drake.robots.urdf import DRAKE, add_joint, child_of, copied, name_of, set_inertia, written
-from simrob_drake.sections import NotNegative, Number, Positive, Strict, validated
-from simrob_drake.yaml_files import read_yaml
 
 MOTORS_FILE = "motors.yaml"  # the motors that have names, in the folder of models
 OF_URDF, NO_MOTOR = "urdf", "none"

@@ -17,7 +17,7 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform, RotationMatrix
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 
 _RIM = np.arange(16) * np.pi / 8  # angles of the points that stand for the rim of a cylinder
 _SIGNS = np.array(list(product((-1.0, 1.0), repeat=3)))

@@ -15,9 +15,9 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, Frame, Joint, ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 
-from simrob_drake.constants import STANDARD_GRAVITY
-from simrob_drake.errors import InvalidModel
-from simrob_drake.frames import Vector
+from simrob_drake.base.constants import STANDARD_GRAVITY
+from simrob_drake.base.errors import InvalidModel
+from simrob_drake.base.frames import Vector
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.bodies import merge_fixed_links
 from simrob_drake.robots.catalog import RobotModel

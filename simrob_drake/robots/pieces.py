@@ -15,21 +15,10 @@ from pydrake.geometry import Box, Convex, Cylinder, Mesh, ReadObjToTriangleSurfa
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import CalcSpatialInertia, SpatialInertia
 
-from simrob_drake.errors import InvalidModel, one_of
-from simrob_drake.files import piece_files
-from simrob_drake.frames import Vector, pose_from_transform, transform_from_pose
-from simrob_drake.robots.urdf import (
-    Solid,
-    add_colour,
-    add_contact,
-    add_frame,
-    add_joint,
-    add_solid,
-    mesh_file,
-    pose_of,
-    set_inertia,
-)
-from simrob_drake.sections import (
+from simrob_drake.base.errors import InvalidModel, one_of
+from simrob_drake.base.files import piece_files
+from simrob_drake.base.frames import Vector, pose_from_transform, transform_from_pose
+from simrob_drake.base.sections import (
     ORIGIN,
     Colour,
     Inertia,
@@ -42,7 +31,18 @@ from simrob_drake.sections import (
     check_plain,
     validated,
 )
-from simrob_drake.yaml_files import read_yaml
+from simrob_drake.base.yaml_files import read_yaml
+from simrob_drake.robots.urdf import (
+    Solid,
+    add_colour,
+    add_contact,
+    add_frame,
+    add_joint,
+    add_solid,
+    mesh_file,
+    pose_of,
+    set_inertia,
+)
 
 _NOTHING = 1e-12  # products of inertia smaller than this part of the largest moment are rounding
 

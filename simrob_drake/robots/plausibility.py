@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 from simrob_drake.robots.bodies import carriers
 from simrob_drake.robots.shape_inertia import inertia_of_shapes
 from simrob_drake.robots.urdf import joint_limits, link_of, mass_of, moments_of, name_of, pose_of, root_link

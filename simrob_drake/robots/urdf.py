@@ -15,9 +15,9 @@ from pydrake.geometry import Box, Cylinder, Shape, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.tree import RotationalInertia
 
-from simrob_drake.errors import InvalidModel, one_of, shortened
-from simrob_drake.files import NotRead, models_root, text_of
-from simrob_drake.frames import Vector
+from simrob_drake.base.errors import InvalidModel, one_of, shortened
+from simrob_drake.base.files import NotRead, models_root, text_of
+from simrob_drake.base.frames import Vector
 
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 

@@ -10,7 +10,7 @@ from graphlib import CycleError, TopologicalSorter
 from os.path import isfile
 from pathlib import Path
 
-from simrob_drake.errors import InvalidModel, counted
+from simrob_drake.base.errors import InvalidModel, counted
 from simrob_drake.robots.urdf import (
     DRAKE,
     LIMITED_JOINTS,

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, TypeAlias, cast
 import numpy as np
 from pydrake.systems.framework import Context, Diagram, LeafSystem
 
-from simrob_drake.arguments import instance
+from simrob_drake.base.arguments import instance
+from simrob_drake.base.errors import InvalidParameter, one_of, quoted
+from simrob_drake.base.frames import numbers
 from simrob_drake.blocks.references import Reference, SineReference, corner_times, hold
-from simrob_drake.errors import InvalidParameter, one_of, quoted
-from simrob_drake.frames import numbers
 from simrob_drake.parts.controllers import readers_of
 from simrob_drake.parts.controllers.loop import sensors_read
 from simrob_drake.parts.controllers.own import driven_inputs

@@ -25,10 +25,10 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
 
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.progress import Advance
 from simrob_drake.blocks.sampled import SampledBlock
-from simrob_drake.errors import SimrobError
 from simrob_drake.parts.targets import owner_of_shape
-from simrob_drake.progress import Advance
 from simrob_drake.results.record.state import State
 from simrob_drake.stations.closed import ClosedStation, closed_station
 from simrob_drake.stations.config import StationConfig

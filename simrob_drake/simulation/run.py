@@ -16,12 +16,12 @@ from pydantic import ValidationError
 from pydrake.systems.framework import Context, OutputPort
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
-from simrob_drake.arguments import instance, seconds, truth
+from simrob_drake.base.arguments import instance, seconds, truth
+from simrob_drake.base.errors import InvalidParameter, one_of, quoted
+from simrob_drake.base.frames import Vector, numbers
+from simrob_drake.base.progress import note, progress_bar
 from simrob_drake.blocks.references import Reference, Samples, SineReference
-from simrob_drake.errors import InvalidParameter, one_of, quoted
-from simrob_drake.frames import Vector, numbers
 from simrob_drake.parts.forces import Push
-from simrob_drake.progress import note, progress_bar
 from simrob_drake.results.record.history import Recorder, StateHistory
 from simrob_drake.results.record.run import FAILED
 from simrob_drake.results.record.signals import Sampler, Stop, Watch, cut_at_stop, sample_signals

@@ -8,9 +8,9 @@ from typing import Any, Self
 import numpy as np
 from pydrake.systems.framework import Context, Diagram, LeafSystem
 
-from simrob_drake.arguments import drake_asserts, instance
+from simrob_drake.base.arguments import drake_asserts, instance
+from simrob_drake.base.errors import InvalidParameter, SimrobError
 from simrob_drake.blocks.references import Reference, Samples
-from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.parts.controllers import own_blocks
 from simrob_drake.parts.controllers.own import OwnController, driven_inputs, named_blocks, with_driven
 from simrob_drake.parts.forces import Push

@@ -15,8 +15,8 @@ import numpy as np
 from pydrake.systems.analysis import Simulator, SimulatorStatus
 from pydrake.systems.framework import Context, LeafSystem
 
+from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.sampled import BlockFails
-from simrob_drake.frames import Vector
 from simrob_drake.parts.forces import ForceConfig
 from simrob_drake.results.record.history import Recorder, StateHistory
 from simrob_drake.results.record.run import DIVERGED, INTERRUPTED, Ending

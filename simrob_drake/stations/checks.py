@@ -7,14 +7,14 @@ something is in order. The ports of a station (`StationPorts`) hold its plant wi
 import numpy as np
 from pydrake.systems.framework import Diagram
 
+from simrob_drake.base.errors import listed
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.signals import Signal
 from simrob_drake.blocks.references import Reference
-from simrob_drake.errors import listed
-from simrob_drake.frames import Vector
 from simrob_drake.parts.site import WORLD, ResolvedPiece, StationPlant, StationRobot
 from simrob_drake.robots.axis_map import AxisUnit
 from simrob_drake.robots.motors import Motor
 from simrob_drake.robots.urdf import doubtful_efforts
-from simrob_drake.signals import Signal
 from simrob_drake.stations.clearance import KNEELING, Standing, standing
 from simrob_drake.stations.clearance_checks import clearance_findings
 from simrob_drake.stations.closed import check_reference, closed_station, reference_samples

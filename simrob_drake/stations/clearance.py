@@ -14,7 +14,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, JacobianWrtVariable, RigidBody
 from pydrake.systems.framework import Context
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 from simrob_drake.parts.site import StationPlant, StationRobot
 from simrob_drake.parts.targets import FLOOR
 from simrob_drake.robots.outlines import lowest_points, shape_corners, shape_outline

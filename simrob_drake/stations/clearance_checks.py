@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from simrob_drake.base.errors import listed
+from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.references import Reference
-from simrob_drake.errors import listed
-from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.stations.clearance import Clearance
 from simrob_drake.stations.closed import reference_samples

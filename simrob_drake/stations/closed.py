@@ -9,6 +9,9 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, Outpu
 from pydrake.systems.primitives import ConstantVectorSource, TrajectorySource
 from pydrake.trajectories import Trajectory
 
+from simrob_drake.base.errors import InvalidParameter, SimrobError
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.lifetime import built
 from simrob_drake.blocks.block import fed, joined
 from simrob_drake.blocks.references import (
     Reference,
@@ -19,9 +22,6 @@ from simrob_drake.blocks.references import (
     reference_values,
     table,
 )
-from simrob_drake.errors import InvalidParameter, SimrobError
-from simrob_drake.frames import Vector
-from simrob_drake.lifetime import built
 from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.forces import ForceConfig
 from simrob_drake.parts.site import ResolvedRobot, StationRobot

@@ -22,8 +22,8 @@ from typing import NamedTuple
 import numpy as np
 from pydrake.geometry import GeometryId, QueryObject, Role, SceneGraphInspector
 
+from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.contacts import Distances, Pair
-from simrob_drake.frames import Vector
 from simrob_drake.parts.targets import owner_and_robot
 from simrob_drake.stations.fine_shapes import FineShapes
 from simrob_drake.stations.posed import PosedStation, random_posture

@@ -10,19 +10,9 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from simrob_drake.constants import LARGEST_GAIN, STANDARD_GRAVITY
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.importer.options import ImportOptions
-from simrob_drake.parts.controllers import Controllers
-from simrob_drake.parts.couplings import Couplings
-from simrob_drake.parts.forces import Forces
-from simrob_drake.parts.monitors import Monitors
-from simrob_drake.parts.references import Hold, ReferenceConfig
-from simrob_drake.parts.sensors import Sensors
-from simrob_drake.parts.terrain import Terrain
-from simrob_drake.robots.axis_map import AxisValues, NotNegativeAxisValues, PositiveAxisValues, every_axis
-from simrob_drake.robots.motors import CommandBusConfig, Drives, Motors
-from simrob_drake.sections import (
+from simrob_drake.base.constants import LARGEST_GAIN, STANDARD_GRAVITY
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.sections import (
     FASTEST_RATE,
     ORIGIN,
     Boolean,
@@ -37,6 +27,16 @@ from simrob_drake.sections import (
     check_plain,
     default_of,
 )
+from simrob_drake.importer.options import ImportOptions
+from simrob_drake.parts.controllers import Controllers
+from simrob_drake.parts.couplings import Couplings
+from simrob_drake.parts.forces import Forces
+from simrob_drake.parts.monitors import Monitors
+from simrob_drake.parts.references import Hold, ReferenceConfig
+from simrob_drake.parts.sensors import Sensors
+from simrob_drake.parts.terrain import Terrain
+from simrob_drake.robots.axis_map import AxisValues, NotNegativeAxisValues, PositiveAxisValues, every_axis
+from simrob_drake.robots.motors import CommandBusConfig, Drives, Motors
 from simrob_drake.stations.piece_config import PieceConfig, scattered
 from simrob_drake.stations.solver_config import (
     ContactConfig,

@@ -28,9 +28,9 @@ from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Saturation
 
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.block import fed, mapped, summed
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.parts.targets import FLOOR, piece_of_shape
 from simrob_drake.stations.config import StationConfig

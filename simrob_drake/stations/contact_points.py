@@ -43,7 +43,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 from simrob_drake.parts.site import WORLD, StationRobot
 from simrob_drake.parts.targets import FLOOR, own_name, piece_of_shape
 from simrob_drake.robots.outlines import shape_corners

@@ -11,12 +11,12 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from simrob_drake.errors import InvalidParameter, listed
-from simrob_drake.frames import Vector
+from simrob_drake.base.errors import InvalidParameter, listed
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.sections import plain_name
 from simrob_drake.parts.couplings import Gear
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.coupled_axes import AxisCondition, ConditionViolation, CoupledAxes, Firmness
-from simrob_drake.sections import plain_name
 from simrob_drake.stations.config import RobotConfig, StationConfig
 from simrob_drake.stations.solver_config import FixedSteps
 

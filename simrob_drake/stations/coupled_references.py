@@ -11,10 +11,10 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
+from simrob_drake.base.errors import InvalidParameter, listed
+from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.combined_references import combine_references
 from simrob_drake.blocks.references import Reference, SineReference, reference_values
-from simrob_drake.errors import InvalidParameter, listed
-from simrob_drake.frames import Vector
 from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.robots.coupled_axes import CoupledAxes, Dependence, Firmness
 from simrob_drake.stations.coupled import (

@@ -16,10 +16,11 @@ import yaml
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
 
-from simrob_drake.arguments import as_path
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.files import ROBOT_FILE
-from simrob_drake.frames import Vector, lean, xyz_quaternion_from_transform
+from simrob_drake.base.arguments import as_path
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.files import ROBOT_FILE
+from simrob_drake.base.frames import Vector, lean, xyz_quaternion_from_transform
+from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.importer.importing import gains_of, robot_from_file
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.packages import robot_file
@@ -36,7 +37,6 @@ from simrob_drake.stations.plausibility import plausibility_findings
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.stances import Stance, Stances
 from simrob_drake.stations.steps import apply_solver, step_findings
-from simrob_drake.yaml_files import YAML_SUFFIXES
 
 _MOVE = 1.5  # duration of the first move [s]
 _DURATION = 3.0  # duration of the run [s]

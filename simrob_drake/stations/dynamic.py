@@ -8,17 +8,17 @@ from pydrake.systems.controllers import InverseDynamics
 from pydrake.systems.framework import Context, DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, PassThrough
 
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.signals import Role, Signal, applied_signal
 from simrob_drake.blocks.block import fed, joined, mapped, summed
 from simrob_drake.blocks.command_bus import CommandBus
 from simrob_drake.blocks.model_torque import add_admittance, add_computed_torque, add_feedforward, add_model_torque
 from simrob_drake.blocks.monitor import SteadySteps
 from simrob_drake.blocks.passive_joints import add_external_force, add_joint_stops
 from simrob_drake.blocks.servo import ServoSignals, add_actuator_servos, add_motor, add_servos
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
 from simrob_drake.parts.site import FromState, Site, StationPlant, StationRobot
 from simrob_drake.robots.motors import CommandBusConfig
-from simrob_drake.signals import Role, Signal, applied_signal
 from simrob_drake.stations.config import JointStops, StationConfig
 from simrob_drake.stations.contact import wire_friction, with_friction
 from simrob_drake.stations.ports import (

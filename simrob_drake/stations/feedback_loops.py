@@ -12,11 +12,11 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from simrob_drake.errors import one_of
-from simrob_drake.files import diagrams_root
+from simrob_drake.base.errors import one_of
+from simrob_drake.base.files import diagrams_root
+from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.parts.sensors import Sensors
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.yaml_files import read_yaml
 
 Settings = dict[str, Any]
 """Values by dotted key that change a station when it is loaded."""

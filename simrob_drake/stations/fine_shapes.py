@@ -33,7 +33,7 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.convex_parts import cached_convex_parts
 from simrob_drake.importer.meshes.parts import Faces, mend, plain

@@ -12,8 +12,8 @@ prismatic [m, N].
 
 import numpy as np
 
+from simrob_drake.base.frames import Vector
 from simrob_drake.dynamics import Dynamics
-from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.robots.motors import rated_torques
 from simrob_drake.robots.plausibility import moving_mass, payload_doubt

@@ -8,7 +8,7 @@ some solvers.
 from collections.abc import Iterator
 from pathlib import Path
 
-from simrob_drake.errors import listed
+from simrob_drake.base.errors import listed
 from simrob_drake.importer.options import Entry, read_report
 from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.stations.config import StationConfig

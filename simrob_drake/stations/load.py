@@ -19,17 +19,17 @@ from typing import Any
 
 import yaml
 
-from simrob_drake.arguments import as_path, instance
-from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName, quoted
-from simrob_drake.extension import installed_extensions
-from simrob_drake.files import station_files
+from simrob_drake.base.arguments import as_path, instance
+from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName, quoted
+from simrob_drake.base.extension import installed_extensions
+from simrob_drake.base.files import station_files
+from simrob_drake.base.sections import validated
+from simrob_drake.base.yaml_files import YAML_SUFFIXES, place_of, read_yaml
 from simrob_drake.importer.packages import Border, is_robot_file
-from simrob_drake.sections import validated
 from simrob_drake.stations.change_of_kind import KeyLosses, kind_of
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.located import located, located_program
 from simrob_drake.stations.resolve import check_parts, resolve
-from simrob_drake.yaml_files import YAML_SUFFIXES, place_of, read_yaml
 
 ONLY_ROBOT = "robot"
 """Name of the robot of a station that has the section ``robot:`` instead of ``robots:``."""

@@ -7,8 +7,9 @@ from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
-from simrob_drake.errors import SimrobError
-from simrob_drake.files import ROBOT_FILE
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.files import ROBOT_FILE
+from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.importer.importing import robot_from_file
 from simrob_drake.importer.meshes.places import MeshPlaces
 from simrob_drake.importer.options import ImportOptions
@@ -18,7 +19,6 @@ from simrob_drake.robots.catalog import RobotModel, load_robot_file
 from simrob_drake.robots.pieces import described_piece
 from simrob_drake.robots.urdf import mesh_file
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.yaml_files import YAML_SUFFIXES
 
 _OF_ROBOTS = ("urdf", "model", "reference.file", *(f"import_options.{key}" for key in ("mesh_path", "hand", "srdf")))
 _KEYS = (

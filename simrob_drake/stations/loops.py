@@ -14,8 +14,8 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import Frame
 
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector, transform_from_pose
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector, transform_from_pose
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.parse import lone_robot
 

@@ -9,13 +9,8 @@ from pydantic import Field, model_validator
 from pydrake.common import RandomGenerator
 from pydrake.math import RigidTransform, RollPitchYaw, UniformlyRandomRotationMatrix
 
-from simrob_drake.frames import Vector, pose_from_transform
-from simrob_drake.robots.pieces import (
-    FORMS,
-    FrameSeries,
-    PieceShape,
-)
-from simrob_drake.sections import (
+from simrob_drake.base.frames import Vector, pose_from_transform
+from simrob_drake.base.sections import (
     ORIGIN,
     Boolean,
     Colour,
@@ -27,6 +22,11 @@ from simrob_drake.sections import (
     Pose,
     Positive,
     Strict,
+)
+from simrob_drake.robots.pieces import (
+    FORMS,
+    FrameSeries,
+    PieceShape,
 )
 from simrob_drake.stations.solver_config import PieceContact
 

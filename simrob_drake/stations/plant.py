@@ -20,11 +20,11 @@ from pydrake.multibody.plant import AddMultibodyPlant, CoulombFriction, Multibod
 from pydrake.multibody.tree import FixedOffsetFrame, JointActuatorIndex, ModelInstanceIndex, RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
+from simrob_drake.base.errors import InvalidModel, InvalidParameter
+from simrob_drake.base.extras import needed
+from simrob_drake.base.frames import transform_from_pose
 from simrob_drake.blocks.passive_joints import set_friction
 from simrob_drake.blocks.servo import set_actuators
-from simrob_drake.errors import InvalidModel, InvalidParameter
-from simrob_drake.extras import needed
-from simrob_drake.frames import transform_from_pose
 from simrob_drake.parts.site import WORLD, ResolvedRobot, StationPlant, StationRobot
 from simrob_drake.parts.targets import FLOOR
 from simrob_drake.robots.feet import put_on_feet

@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic import BaseModel
 
-from simrob_drake.errors import InvalidModel, listed
+from simrob_drake.base.errors import InvalidModel, listed
+from simrob_drake.base.sections import MOST_TURN
 from simrob_drake.parts.site import ResolvedPiece, Surroundings
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.pieces import PieceShape, solid_inertia
 from simrob_drake.robots.plausibility import Doubt, MassProperties, doubts_by_shapes, robot_doubts
 from simrob_drake.robots.urdf_check import checked_urdf
-from simrob_drake.sections import MOST_TURN
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.findings import Finding
 from simrob_drake.stations.grouping import group_by_words

@@ -19,8 +19,8 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame
 from pydrake.systems.framework import DiagramBuilder
 
-from simrob_drake.frames import Vector
-from simrob_drake.lifetime import built
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.lifetime import built
 from simrob_drake.parts.site import StationPlant, StationRobot
 from simrob_drake.parts.targets import owner_of_shape
 from simrob_drake.stations.config import StationConfig

@@ -12,11 +12,11 @@ from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import Selector, SelectorParams
 
+from simrob_drake.base.frames import Indices, Vector
+from simrob_drake.base.signals import POSE, VELOCITY, Panel, Role, Signal
 from simrob_drake.blocks.frame_poses import FramePoses
-from simrob_drake.frames import Indices, Vector
 from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.site import FromState, StationRobot
-from simrob_drake.signals import POSE, VELOCITY, Panel, Role, Signal
 from simrob_drake.stations.ports import StationPorts
 
 

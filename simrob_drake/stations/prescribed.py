@@ -46,11 +46,11 @@ from pydrake.multibody.tree import Joint, JointActuator, JointActuatorIndex
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Multiplexer, PassThrough
 
+from simrob_drake.base.errors import InvalidParameter, UnknownName
+from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.block import fed, joined, mapped
 from simrob_drake.blocks.joint_torque import JointTorqueSensor
 from simrob_drake.blocks.references import reference_values
-from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.frames import Vector
 from simrob_drake.parts.site import ResolvedRobot, StationRobot
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import ServoConfig, StationConfig

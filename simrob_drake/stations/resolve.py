@@ -9,8 +9,9 @@ import numpy as np
 from pydrake.geometry import ReadObjToTriangleSurfaceMesh
 from pydrake.math import RigidTransform
 
-from simrob_drake.errors import InvalidModel, InvalidParameter, UnknownName, one_of
-from simrob_drake.frames import Vector, transform_from_pose
+from simrob_drake.base.errors import InvalidModel, InvalidParameter, UnknownName, one_of
+from simrob_drake.base.frames import Vector, transform_from_pose
+from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.parts.controllers import flows_of, loops_of, readers_of
 from simrob_drake.parts.controllers.loop import check_loops, sensors_read
 from simrob_drake.parts.couplings import Gear
@@ -30,7 +31,6 @@ from simrob_drake.stations.prescribed import with_prescribed_axes
 from simrob_drake.stations.servos import check_motors, check_servo_without_model, drives_of, servo_gains, station_motors
 from simrob_drake.stations.solver_config import MujocoSolver
 from simrob_drake.stations.target_limits import check_targets
-from simrob_drake.yaml_files import YAML_SUFFIXES
 
 
 @dataclass(frozen=True)

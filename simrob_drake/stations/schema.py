@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from simrob_drake.files import diagrams_root
+from simrob_drake.base.files import diagrams_root
 from simrob_drake.parts import couplings, forces, monitors, sensors
 from simrob_drake.stations.config import RobotConfig, StationConfig
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from simrob_drake.base.errors import InvalidParameter, UnknownName
+from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.servo import MotorLine, ServoGains
-from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.frames import Vector
 from simrob_drake.parts.site import ResolvedRobot
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.motors import NO_MOTOR, OF_URDF, Drives, Motor, known_motors

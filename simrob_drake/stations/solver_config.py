@@ -4,7 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from simrob_drake.sections import Boolean, NotNegative, Number, Positive, Strict
+from simrob_drake.base.sections import Boolean, NotNegative, Number, Positive, Strict
 
 TIGHTER = 10.0  # how much tighter `simrob run --converge` reruns
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.multibody.tree import RevoluteJoint, RigidBody
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.stations.clearance import KNEELING, Clearance, Standing, reduce_own_overlaps, standing
 from simrob_drake.stations.legs import Leg, ends_of, foot_place, legs_of, put_upright, straight

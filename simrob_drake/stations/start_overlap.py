@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from pydrake.systems.framework import Context
 
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.parts.targets import owner_and_robot
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.ports import StationPorts

@@ -7,11 +7,11 @@ from typing import TypeAlias
 from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer
 from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, OutputPort
 
-from simrob_drake.arguments import drake_asserts, instance
+from simrob_drake.base.arguments import drake_asserts, instance
+from simrob_drake.base.errors import InvalidParameter, quoted
+from simrob_drake.base.lifetime import release
 from simrob_drake.blocks.block import fed, summed
 from simrob_drake.blocks.monitor import EventTimes, Trigger
-from simrob_drake.errors import InvalidParameter, quoted
-from simrob_drake.lifetime import release
 from simrob_drake.parts.controllers import flows_of, loops_of, own_blocks
 from simrob_drake.parts.controllers.loop import add_loops
 from simrob_drake.parts.controllers.own import add_own_blocks, wire_own_blocks, with_driven

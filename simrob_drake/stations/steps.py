@@ -14,9 +14,9 @@ from pydrake.multibody.contact_solvers import IcfSolverParameters
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Context, Diagram
 
+from simrob_drake.base.errors import UnsupportedSolver
+from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.references import Reference
-from simrob_drake.errors import UnsupportedSolver
-from simrob_drake.frames import Vector
 from simrob_drake.parts.site import StationPlant, StationRobot
 from simrob_drake.stations.closed import reference_samples
 from simrob_drake.stations.config import StationConfig

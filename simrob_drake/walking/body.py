@@ -15,9 +15,9 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, JacobianWrtVariable, ModelInstanceIndex, RigidBody
 from scipy.linalg.lapack import dgesv
 
-from simrob_drake.constants import STANDARD_GRAVITY
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
+from simrob_drake.base.constants import STANDARD_GRAVITY
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
 from simrob_drake.robots.axis_map import AxisMap, in_a_row
 from simrob_drake.robots.feet import FootContact
 from simrob_drake.walking.knees import knee_of

@@ -14,8 +14,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from simrob_drake.frames import Vector
-from simrob_drake.sections import NotNegative, Number, Speed, Strict
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.sections import NotNegative, Number, Speed, Strict
 from simrob_drake.walking.parameters import MaxSpeed
 from simrob_drake.walking.steps import Command, within
 

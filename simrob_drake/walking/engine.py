@@ -7,7 +7,7 @@ from operator import mul
 
 import numpy as np
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 from simrob_drake.walking.body import Body, Rows, StanceFeet, uphill
 from simrob_drake.walking.estimator import Estimate, Estimator
 from simrob_drake.walking.height_map import HeightMap

@@ -6,11 +6,11 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.frames import Vector
+from simrob_drake.base.errors import InvalidParameter, UnknownName
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.sections import Duration, Length, Number, Strict, validated
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.gaits_file import GAITS_FILE, gaits_file
-from simrob_drake.sections import Duration, Length, Number, Strict, validated
 
 GETTING_UP = "get_up"
 """The section of a robot's ``gaits.yaml``."""

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 
 Places = npt.NDArray[np.complex128]
 """In the plane: x ahead, y to the left, as complex numbers [m]."""

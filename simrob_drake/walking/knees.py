@@ -15,7 +15,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, RevoluteJoint
 from pydrake.systems.framework import Context
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 
 _LEAST = 0.05  # so that a leg never bends the other way [rad]
 _ANGLES = np.array([-tau / 3, 0.0, tau / 3])

@@ -7,11 +7,21 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field, model_validator
 
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.sections import (
+    Duration,
+    Length,
+    NotNegative,
+    Number,
+    Positive,
+    Renamed,
+    Speed,
+    Strict,
+    validated,
+)
 from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.gaits_file import GAITS_FILE, gaits_file
-from simrob_drake.sections import Duration, Length, NotNegative, Number, Positive, Renamed, Speed, Strict, validated
 
 REACTING = "reacting"
 """The section of a robot's ``gaits.yaml``."""

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 from simrob_drake.walking.parameters import EVENEST, SOFTEST
 from simrob_drake.walking.steps import Command, Landing
 

@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.table import Table
 
 from simrob_drake import Workcell, load_station
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.parts.targets import owner_and_robot
 from simrob_drake.programs.free_path import FreeSpace

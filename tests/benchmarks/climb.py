@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from simrob_drake import LeggedRobot, load_station
-from simrob_drake.errors import SimrobError
-from simrob_drake.tuning.doubts import drawn
-from simrob_drake.yaml_files import read_yaml
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.yaml_files import read_yaml
+from simrob_drake.extensions.tuning.doubts import drawn
 from tests.benchmarks.trot import GROUNDS
 
 START, DRAWS, FIRST = 0.12, 20, 3000

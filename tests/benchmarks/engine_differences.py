@@ -10,7 +10,7 @@ import sys
 import numpy as np
 
 from simrob_drake import SimulationResult, load_station, simulate, station_names
-from simrob_drake.errors import InvalidParameter, SimrobError
+from simrob_drake.base.errors import InvalidParameter, SimrobError
 
 STEP = 0.002
 

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from simrob_drake import LeggedRobot, load_station, simulate
+from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.gaits_file import gaits_file
-from simrob_drake.yaml_files import read_yaml
 
 FELLS = {"zjudancer": (60.0, 140.0), "roid1": (25.0, 60.0)}  # [N]
 SPEED = {"zjudancer": 0.25, "roid1": 0.15}  # [m/s]

@@ -16,7 +16,7 @@ import trimesh
 from rich.console import Console
 from rich.table import Table
 
-from simrob_drake.files import models_root
+from simrob_drake.base.files import models_root
 
 LINKS = 100
 ROUNDS = 3

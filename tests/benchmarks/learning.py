@@ -15,11 +15,11 @@ import numpy as np
 import yaml
 
 from simrob_drake import load_station
-from simrob_drake.errors import SimrobError
-from simrob_drake.files import models_root
-from simrob_drake.learning.environment import StationEnvironment
-from simrob_drake.learning.task import load_task, task_names
-from simrob_drake.learning.vector import StationVectorEnvironment
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.files import models_root
+from simrob_drake.extensions.learning.environment import StationEnvironment
+from simrob_drake.extensions.learning.task import load_task, task_names
+from simrob_drake.extensions.learning.vector import StationVectorEnvironment
 
 SECONDS = 2.0
 ROUNDS = 5

@@ -13,9 +13,9 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
+from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.references import reference_values
-from simrob_drake.frames import Vector
-from simrob_drake.mujoco.built import BuiltStation
+from simrob_drake.extensions.mujoco.built import BuiltStation
 from simrob_drake.stations.closed import station_references
 from simrob_drake.stations.config import StationConfig
 from tests.benchmarks.stepping import SAMPLES, Motion

@@ -41,7 +41,7 @@ def stations_in_mujoco() -> Table:
 
 
 def _add(table: Table, told: str, config: StationConfig, reference: object) -> None:
-    from simrob_drake.mujoco.runner import MujocoRunner, RunRequest
+    from simrob_drake.extensions.mujoco.runner import MujocoRunner, RunRequest
 
     drake, mujoco = Runner(config), MujocoRunner(config, step=STEP)
     one, other = drake.run(reference=reference), mujoco.run(reference=reference)

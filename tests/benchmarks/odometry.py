@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from simrob_drake import simulate
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.quadruped import trot

@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 
 from simrob_drake import SimulationResult, load_station, simulate
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.yaml_files import read_yaml
+from simrob_drake.extensions.tuning.doubts import drawn
+from simrob_drake.extensions.tuning.processes import Processes
 from simrob_drake.results.record.walks import locomotion
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.stations.load import ONLY_ROBOT
-from simrob_drake.tuning.doubts import drawn
-from simrob_drake.tuning.processes import Processes
 from simrob_drake.walking import path
-from simrob_drake.yaml_files import read_yaml
 from tests.benchmarks.walking_falls import GUARDS, Outcome
 
 SPEEDS = {"zjudancer": 0.25, "roid1": 0.2, "humanoid": 0.15, "yobotics": 0.5}  # m/s

@@ -14,10 +14,10 @@ from distributed import LocalCluster
 from rich.console import Console
 from rich.table import Table
 
-from simrob_drake.tuning import scene
-from simrob_drake.tuning.journal import killed, made
-from simrob_drake.tuning.processes import Cluster, Engine, Processes
-from simrob_drake.tuning.rollout import Case
+from simrob_drake.extensions.tuning import scene
+from simrob_drake.extensions.tuning.journal import killed, made
+from simrob_drake.extensions.tuning.processes import Cluster, Engine, Processes
+from simrob_drake.extensions.tuning.rollout import Case
 
 STATION, SHORT = "humanoid_dynamic", {"duration": 0.5}
 ROUNDS = 3

@@ -10,10 +10,10 @@ import sys
 import numpy as np
 
 from simrob_drake import load_station, simulate
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
+from simrob_drake.extensions.tuning.doubts import drawn
 from simrob_drake.results.record.touch import Slide
 from simrob_drake.results.record.walks import locomotion
-from simrob_drake.tuning.doubts import drawn
 
 ROBOTS = ("zjudancer", "roid1", "humanoid", "yobotics")
 SHORTEST = 0.06  # a stance at least [s]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simrob_drake import load_station, simulate
-from simrob_drake.frames import Vector, transform_from_xyz_quaternion
+from simrob_drake.base.frames import Vector, transform_from_xyz_quaternion
 from simrob_drake.stations.config import StationConfig
 from tests.test_legged_stations import STEPPING
 

@@ -17,7 +17,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from tests.teach.e2e.running import Running, browser, missing, running
+from tests.extensions.pendant.e2e.running import Running, browser, missing, running
 
 RUNS = 100
 _CLICKS = 60

@@ -19,10 +19,10 @@ from xml.etree import ElementTree
 import numpy as np
 
 from simrob_drake import SimulationResult, simulate
+from simrob_drake.base.yaml_files import parse_yaml
 from simrob_drake.results.record.walks import locomotion
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.yaml_files import parse_yaml
 
 STATION = "yobotics_walking"
 SIDES = {"forward": 0.0, "left": 90.0, "backward": 180.0, "right": 270.0}

@@ -9,7 +9,7 @@ import sys
 import numpy as np
 
 from simrob_drake import load_station, simulate
-from simrob_drake.tuning.doubts import drawn
+from simrob_drake.extensions.tuning.doubts import drawn
 
 FORCES = {"zjudancer": 20.0, "roid1": 7.0, "humanoid": 15.0, "yobotics": 110.0}  # N
 DRAWS = 50

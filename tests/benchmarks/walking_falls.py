@@ -20,12 +20,12 @@ from xml.etree import ElementTree
 import numpy as np
 
 from simrob_drake import simulate
-from simrob_drake.files import models_root
+from simrob_drake.base.files import models_root
+from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.registry import load_gaits
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.yaml_files import read_yaml
 
 WITHSTANDS = {  # push of 0.1 s ahead, back, to the left and to the right: docs/results/walking.md [N]
     "zjudancer walk": (11.0, 18.0, 11.0, 11.0),

@@ -5,8 +5,8 @@ import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from simrob_drake import load_station
-from simrob_drake.errors import SimrobError
-from simrob_drake.frames import xyz_quaternion_from_transform
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.frames import xyz_quaternion_from_transform
 from simrob_drake.stations.resolve import resolve
 
 

@@ -20,9 +20,9 @@ from pydrake.multibody.tree import FixedOffsetFrame, RotationalInertia, SpatialI
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station, simulate
+from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.blocks.contacts import ContactReader, Contacts, DistanceSensor, ForceSensor
 from simrob_drake.blocks.momentum_observer import MomentumObserver
-from simrob_drake.errors import InvalidParameter
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.outlines import lowest_points
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.blocks.cruise import TimeLaw, cruise, cruise_in, cruising, smooth_law
 from simrob_drake.blocks.references import smooth
-from simrob_drake.errors import InvalidParameter
 
 
 def ends(law: TimeLaw, order: int) -> np.ndarray:

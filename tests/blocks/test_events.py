@@ -6,8 +6,8 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import LinearSystem
 
+from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.blocks.monitor import EventTimes, SteadySteps
-from simrob_drake.errors import InvalidParameter
 
 
 def step_ends(*blocks: LeafSystem, scheme: str = "runge_kutta3", duration: float = 2.0) -> list[float]:

@@ -9,8 +9,8 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame
 from pydrake.systems.framework import DiagramBuilder
 
+from simrob_drake.base.frames import transform_from_xyz_quaternion
 from simrob_drake.blocks.frame_poses import FramePoses
-from simrob_drake.frames import transform_from_xyz_quaternion
 
 OFFSET = RigidTransform(RollPitchYaw(0.1, 0.2, 0.3), [0.01, 0.02, 0.03])
 FRAMES = ("base_link", "tool0", "pen")

@@ -12,8 +12,8 @@ from pydrake.systems.primitives import MatrixGain, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
 from simrob_drake import add_station, load_station
+from simrob_drake.base.errors import InvalidParameter, SimrobError
 from simrob_drake.blocks.monitor import Condition, Monitor, SteadySteps
-from simrob_drake.errors import InvalidParameter, SimrobError
 from simrob_drake.parts.monitors.monitor import MonitorSection
 from simrob_drake.parts.site import Surroundings
 from simrob_drake.stations.resolve import resolve

@@ -5,7 +5,7 @@ import pytest
 from pydrake.trajectories import PiecewisePolynomial
 
 from simrob_drake import load_station, simulate
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.stations.resolve import resolve
 
 GRAVITY = 9.81  # m/s², the pendulum's station

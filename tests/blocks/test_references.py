@@ -15,6 +15,7 @@ from pydrake.trajectories import (
 )
 from scipy.interpolate import CubicSpline
 
+from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.blocks.monitor import EventTimes
 from simrob_drake.blocks.references import (
     Reference,
@@ -31,7 +32,6 @@ from simrob_drake.blocks.references import (
     sequence,
     table,
 )
-from simrob_drake.errors import InvalidParameter
 
 START, TARGET = np.array([0.1, -0.2, 0.0]), np.array([1.1, 0.3, 0.0])
 

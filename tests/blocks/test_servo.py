@@ -10,9 +10,9 @@ from pydrake.systems.primitives import ConstantVectorSource, PassThrough, Sine, 
 from pydrake.trajectories import PiecewisePolynomial
 from scipy.integrate import solve_ivp
 
+from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.blocks.monitor import EventTimes
 from simrob_drake.blocks.servo import CLAMP_TIME, ServoGains, ServoSignals, add_servos
-from simrob_drake.errors import InvalidParameter
 
 NAMES = ("a", "b", "c")
 COUNT = len(NAMES)

@@ -10,9 +10,9 @@ from functools import cache
 from pathlib import Path
 from xml.sax.saxutils import escape
 
+from tests.extensions.simulink.slx_files import pendulum
 from tests.fuzz.damage import damaged, xml_damage
 from tests.fuzz.valid import URDF, mesh
-from tests.simulink.slx_files import pendulum
 
 MJCF = b"""<mujoco model="arm"><compiler angle="degree"/><default><joint damping="0.5"/></default><worldbody>
 <body name="base"><geom type="box" size="0.1 0.1 0.05"/><body name="upper" pos="0 0 0.1">

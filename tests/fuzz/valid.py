@@ -13,17 +13,17 @@ import trimesh
 from scipy.io import savemat
 
 import simrob_drake
-from simrob_drake.files import diagrams_root, models_root
-from simrob_drake.learning.writing import write_network
+from simrob_drake.base.files import diagrams_root, models_root
+from simrob_drake.base.yaml_files import parse_yaml
+from simrob_drake.extensions.learning.writing import write_network
+from simrob_drake.extensions.tuning.journal import made
+from simrob_drake.extensions.tuning.study import Study
+from simrob_drake.extensions.tuning.study_folder import StudyFolder
+from simrob_drake.extensions.tuning.sweep import Sweep
+from simrob_drake.extensions.tuning.sweep_folder import SweepFolder
 from simrob_drake.simulation import simulate
 from simrob_drake.stations.load import load_station
-from simrob_drake.tuning.journal import made
-from simrob_drake.tuning.study import Study
-from simrob_drake.tuning.study_folder import StudyFolder
-from simrob_drake.tuning.sweep import Sweep
-from simrob_drake.tuning.sweep_folder import SweepFolder
-from simrob_drake.yaml_files import parse_yaml
-from tests.tuning.here import Here
+from tests.extensions.tuning.here import Here
 
 Files = Mapping[str, bytes | Path]
 """Contents by name; a path is linked to."""
@@ -154,7 +154,7 @@ def study() -> Files:
     def write(place: Path) -> None:
         (place / "study.yaml").write_bytes(STUDY)
         asked = Study(**parse_yaml(STUDY.decode(), "study"))
-        with patch("simrob_drake.tuning.study_folder.engine", lambda **_: Here()):
+        with patch("simrob_drake.extensions.tuning.study_folder.engine", lambda **_: Here()):
             StudyFolder(place / "study", asked).run(progress=False)
 
     return _made(write)

@@ -5,15 +5,15 @@ import traceback
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.files import NotRead, content_of
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
-from simrob_drake.errors import SimrobError
-from simrob_drake.files import NotRead, content_of
-from simrob_drake.learning.environment import StationEnvironment
+from simrob_drake.extensions.learning.environment import StationEnvironment
+from simrob_drake.extensions.pendant.own_files import MOST, keep
+from simrob_drake.extensions.tuning.proof import Proof
+from simrob_drake.extensions.tuning.study import Study
 from simrob_drake.programs.program import Program
-from simrob_drake.teach.own_files import MOST, keep
-from simrob_drake.tuning.proof import Proof
-from simrob_drake.tuning.study import Study
 from tests.fuzz.cases import Case
 
 ALLOWED = ("done", "refused", "diverged")

@@ -6,9 +6,9 @@ import struct
 import numpy as np
 import pytest
 
-from simrob_drake.errors import InvalidModel
-from simrob_drake.files import models_root
-from simrob_drake.folders import CACHE_VARIABLE
+from simrob_drake.base.errors import InvalidModel
+from simrob_drake.base.files import models_root
+from simrob_drake.base.folders import CACHE_VARIABLE
 from simrob_drake.importer import importing
 from simrob_drake.importer.importing import import_summary, robot_from_file
 from simrob_drake.importer.options import ImportOptions

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from broken_robots import ARM, DEFECTS, LEGS, Absent, Defect, Package, Swap
 
-from simrob_drake.errors import InvalidModel, OutputError
+from simrob_drake.base.errors import InvalidModel, OutputError
 from simrob_drake.importer.importing import ImportedRobot, import_robot
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.probe import probe

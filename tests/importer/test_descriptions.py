@@ -7,8 +7,8 @@ import pytest
 from repair_stages import ARM
 from typer.testing import CliRunner
 
+from simrob_drake.base.errors import InvalidModel, UnknownName
 from simrob_drake.cli.app import app
-from simrob_drake.errors import InvalidModel, UnknownName
 from simrob_drake.importer.importing import examine_robot
 from simrob_drake.importer.packages import is_robot_file, robot_file
 

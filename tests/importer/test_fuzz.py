@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from simrob_drake.errors import InvalidModel
+from simrob_drake.base.errors import InvalidModel
 from simrob_drake.importer.importing import import_robot
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.robots.catalog import RobotModel

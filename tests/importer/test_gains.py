@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from simrob_drake.constants import LARGEST_GAIN
-from simrob_drake.files import models_root
+from simrob_drake.base.constants import LARGEST_GAIN
+from simrob_drake.base.files import models_root
 from simrob_drake.importer.importing import first_gains, import_robot
 from simrob_drake.robots.catalog import load_robot_from_urdf
 from simrob_drake.robots.parse import lone_robot

@@ -7,7 +7,7 @@ from functools import partial
 import pytest
 from repair_stages import joint, repair
 
-from simrob_drake.errors import InvalidModel
+from simrob_drake.base.errors import InvalidModel
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.robots import urdf_check
 from simrob_drake.robots.urdf_check import check_urdf

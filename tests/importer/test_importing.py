@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simrob_drake.errors import InvalidModel, OutputError
+from simrob_drake.base.errors import InvalidModel, OutputError
 from simrob_drake.importer.importing import default_folder, examine_robot, import_robot
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.robots.catalog import load_robot

@@ -11,8 +11,8 @@ import trimesh
 from pydrake.multibody.plant import MultibodyPlant
 from typer.testing import CliRunner
 
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.cli.app import app
-from simrob_drake.errors import SimrobError
 from simrob_drake.importer import importing
 from simrob_drake.importer.importing import ImportedRobot, import_robot
 from simrob_drake.importer.meshes.places import MeshPlaces

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from simrob_drake import Arm, SimrobError, load_station
-from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.folders import CACHE_VARIABLE
+from simrob_drake.base.errors import InvalidParameter, UnknownName
+from simrob_drake.base.folders import CACHE_VARIABLE
 from simrob_drake.importer.importing import import_robot, robot_from_file
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.stations.draft import draft_station

@@ -8,7 +8,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.importer.importing import ImportedRobot, import_robot
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.reading.source import read_source

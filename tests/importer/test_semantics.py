@@ -7,7 +7,7 @@ import pytest
 from pydrake.geometry import Role
 
 from simrob_drake import Arm, load_station
-from simrob_drake.errors import InvalidModel
+from simrob_drake.base.errors import InvalidModel
 from simrob_drake.importer.importing import import_robot, robot_from_file
 from simrob_drake.importer.options import ImportOptions
 from tests.robots.hands import box, gantry, joint, link

@@ -15,7 +15,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 from trimesh.visual.material import PBRMaterial
 
-from simrob_drake.errors import InvalidModel
+from simrob_drake.base.errors import InvalidModel
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.shapes import import_shapes
 from simrob_drake.robots.urdf import pose_of

@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from repair_stages import END, INERTIA, Repaired, joint, with_defect
 
-from simrob_drake.errors import InvalidModel
+from simrob_drake.base.errors import InvalidModel
 from simrob_drake.importer.options import ImportOptions
 
 HAND = f'<link name="hand"><inertial><mass value="1"/>{INERTIA}</inertial></link>'

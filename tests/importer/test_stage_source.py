@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from repair_stages import ARM
 
-from simrob_drake.errors import InvalidModel
+from simrob_drake.base.errors import InvalidModel
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.importer.reading import xml_file
 from simrob_drake.importer.reading.source import read_source

@@ -5,7 +5,7 @@ import xml.etree.ElementTree as ET
 import pytest
 from repair_stages import ARM, END, FLANGE, INERTIA, LIMIT, TIP, Repaired, joint, with_defect
 
-from simrob_drake.errors import InvalidModel
+from simrob_drake.base.errors import InvalidModel
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.structure import mend_numbers
 from simrob_drake.robots.urdf import movable_joints, name_of, root_link

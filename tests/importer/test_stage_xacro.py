@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from simrob_drake.base.errors import InvalidModel
+from simrob_drake.base.folders import CACHE_VARIABLE
 from simrob_drake.cli.app import app
-from simrob_drake.errors import InvalidModel
-from simrob_drake.folders import CACHE_VARIABLE
 from simrob_drake.importer.importing import robot_from_file
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.reading import child, xacro

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from simrob_drake.errors import InvalidConfig, InvalidModel
+from simrob_drake.base.errors import InvalidConfig, InvalidModel
 from simrob_drake.importer.importing import examine_robot
 from simrob_drake.importer.reading import child
 from simrob_drake.importer.reading.expressions import NotAllowed, evaluate, symbols

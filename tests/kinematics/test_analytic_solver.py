@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simrob_drake.errors import UnknownName
+from simrob_drake.base.errors import UnknownName
 from simrob_drake.kinematics import AnalyticSolver, NoClosedForm, Unreachable, require
 
 PROMISED = 1e-9  # m and rad

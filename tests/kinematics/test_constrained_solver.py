@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.frames import transform_from_pose
+from simrob_drake.base.errors import InvalidParameter, UnknownName
+from simrob_drake.base.frames import transform_from_pose
 from simrob_drake.kinematics import (
     Aiming,
     Chain,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.base.errors import InvalidParameter, UnknownName
 from simrob_drake.kinematics import NoClosedForm, branches
 
 REACHED = 1e-8  # m and rad

@@ -6,7 +6,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.base.errors import InvalidParameter, UnknownName
 from simrob_drake.kinematics import Chain, UnsupportedChain
 from simrob_drake.kinematics.closed_form import SixAxisArm
 from simrob_drake.robots.catalog import load_robot

@@ -5,8 +5,8 @@ import pytest
 from pydrake.math import RigidTransform
 from scipy.spatial.transform import Rotation
 
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import poses_from_matrices, rotation_vectors, transform_from_pose
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import poses_from_matrices, rotation_vectors, transform_from_pose
 from simrob_drake.kinematics import pose_errors, pose_matrices
 
 VECTORS = np.random.default_rng(1).uniform(-1.5, 1.5, (50, 6))

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform
 
-from simrob_drake.errors import InvalidParameter, SimrobError, UnknownName
-from simrob_drake.frames import poses_from_matrices
+from simrob_drake.base.errors import InvalidParameter, SimrobError, UnknownName
+from simrob_drake.base.frames import poses_from_matrices
 from simrob_drake.kinematics import (
     NoClosedForm,
     Unreachable,

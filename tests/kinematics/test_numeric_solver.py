@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.kinematics import NumericSolver, Unreachable, pose_errors, require
 
 

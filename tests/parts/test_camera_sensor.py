@@ -7,8 +7,8 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import LeafSystem
 
 from simrob_drake import load_station, simulate
-from simrob_drake.errors import SimrobError
-from simrob_drake.frames import transform_from_pose, transform_from_xyz_quaternion
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.frames import transform_from_pose, transform_from_xyz_quaternion
 
 ABOVE = {"kind": "camera", "pose": [0, 0, 2.0, 0, 0, np.pi]}
 ASIDE = {"kind": "camera", "pose": [-0.9, 0.1, 0.5, 0, 1.9, np.pi / 2 * 0], "width": 160, "height": 120, "rate": 4.0}

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from simrob_drake import Station
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.parts.controllers.postures import CapturePoint
 
 

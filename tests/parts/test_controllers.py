@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simrob_drake import load_station, simulate
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.parts.controllers.touchdown import Touchdown
 from simrob_drake.stations.load import station_yaml
 from simrob_drake.stations.resolve import resolve

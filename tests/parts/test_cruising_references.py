@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simrob_drake import load_station, simulate
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.robots.urdf import DRAKE, joint_figure
 

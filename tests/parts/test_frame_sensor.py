@@ -5,8 +5,8 @@ import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from simrob_drake import load_station, simulate
-from simrob_drake.errors import InvalidConfig
-from simrob_drake.frames import transform_from_xyz_quaternion
+from simrob_drake.base.errors import InvalidConfig
+from simrob_drake.base.frames import transform_from_xyz_quaternion
 from simrob_drake.parts.sensors.frames import RelativeMotion
 
 STEP = 1e-6

@@ -5,7 +5,7 @@ import pytest
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake import load_station, simulate
-from simrob_drake.frames import transform_from_pose
+from simrob_drake.base.frames import transform_from_pose
 from simrob_drake.parts.ground import Ground
 from simrob_drake.results.animation.camera import walked_way
 from simrob_drake.results.record.walks import locomotion

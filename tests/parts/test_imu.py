@@ -7,8 +7,8 @@ import pytest
 from pydrake.trajectories import PiecewisePolynomial
 
 from simrob_drake import load_station, simulate
-from simrob_drake.errors import SimrobError
-from simrob_drake.frames import transform_from_xyz_quaternion
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.frames import transform_from_xyz_quaternion
 from simrob_drake.parts.sensors.frames import InertialUnit
 from simrob_drake.results.block_diagram.picture import station_dot
 from simrob_drake.results.plots.own import save_plots

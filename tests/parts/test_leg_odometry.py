@@ -11,7 +11,8 @@ from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RotationMatrix
 
 from simrob_drake import load_station, simulate
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.parts.sensors.frames import InertialUnit
 from simrob_drake.parts.sensors.leg_odometry import BaseEstimator, LegOdometry, Soles
 from simrob_drake.programs.gaits.biped import walk
@@ -20,7 +21,6 @@ from simrob_drake.results.block_diagram.picture import station_dot
 from simrob_drake.stations import feedback_loops
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.yaml_files import read_yaml
 
 PERIOD, GRAVITY = 0.005, np.array([0.0, 0.0, -9.80665])
 NAMES = "base_pose", "base_velocity", "bias", "lowest", "places", "shares"

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from simrob_drake import load_station
-from simrob_drake.errors import InvalidConfig
+from simrob_drake.base.errors import InvalidConfig
 
 FAMILIES = ("sensors", "monitors", "references", "forces", "couplings", "controllers")
 ELSEWHERE = "flow_"  # files of kinds of blocks of a signal flow, in its own union

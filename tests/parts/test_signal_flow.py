@@ -5,7 +5,7 @@ import pytest
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 from simrob_drake import add_station, load_station, simulate
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.resolve import resolve
 

@@ -6,7 +6,7 @@ from PIL import Image
 from pydrake.geometry import HalfSpace, Role
 
 from simrob_drake import load_station, simulate
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.parts.terrain import Terrain
 from simrob_drake.stations.posed import PosedStation
 from simrob_drake.stations.resolve import resolve

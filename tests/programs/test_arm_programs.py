@@ -7,9 +7,9 @@ import pytest
 import yaml
 
 from simrob_drake import Arm, Program, Workcell, load_station
+from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError
+from simrob_drake.base.frames import as_transform, xyz_quaternion_from_transform
 from simrob_drake.cli.programs import check_program
-from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError
-from simrob_drake.frames import as_transform, xyz_quaternion_from_transform
 from simrob_drake.programs.moves.together import MOTIONS
 from simrob_drake.programs.timing import How
 from simrob_drake.results.record.run import all_events

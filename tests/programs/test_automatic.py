@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from simrob_drake import Arm, LeggedRobot, Program, load_station
+from simrob_drake.base.errors import InvalidConfig, InvalidParameter
 from simrob_drake.cli.app import run_command
-from simrob_drake.errors import InvalidConfig, InvalidParameter
 from simrob_drake.programs.errors import JointLimitExceeded
 
 pytestmark = pytest.mark.usefixtures("no_plots")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simrob_drake import Arm, Workcell
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.programs.errors import JointLimitExceeded, PathCollision
 
 DOWN = (0.0, 0.0, np.pi)

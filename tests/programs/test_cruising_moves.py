@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from simrob_drake import SimrobError, Workcell
+from simrob_drake.base.frames import transform_from_pose
 from simrob_drake.blocks.references import hermite, hermite_samples
-from simrob_drake.frames import transform_from_pose
 from simrob_drake.programs.errors import AccelerationLimitExceeded, SpeedLimitExceeded
 from simrob_drake.programs.segments import zone_size
 from tests.programs.conftest import DOWN, HOME

@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from simrob_drake import LeggedRobot, Program, load_station
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.results.record.run import events_of
 from simrob_drake.results.result import joined
 

@@ -5,7 +5,7 @@ import pytest
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake import Arm, LeggedRobot, load_station
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.base.errors import InvalidParameter, UnknownName
 from simrob_drake.programs.grasps import _gap
 from tests.programs.conftest import BARE
 

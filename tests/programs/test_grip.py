@@ -7,9 +7,9 @@ import pytest
 import yaml
 
 from simrob_drake import Arm, Workcell, load_station
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.files import models_root
 from simrob_drake.cli.app import run_command
-from simrob_drake.errors import SimrobError
-from simrob_drake.files import models_root
 from simrob_drake.robots.fingers import Gripper, fingers_of
 
 DOWN = [0.0, 0.0, np.pi]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from simrob_drake import LeggedRobot, Program, Workcell, load_station
-from simrob_drake.errors import InvalidConfig, InvalidParameter, UnknownName
-from simrob_drake.frames import transform_from_pose
+from simrob_drake.base.errors import InvalidConfig, InvalidParameter, UnknownName
+from simrob_drake.base.frames import transform_from_pose
 from simrob_drake.programs.errors import JointLimitExceeded
 from simrob_drake.programs.gaits.legs import OutOfReach
 from simrob_drake.programs.moves.attach import AttachMove, ReleaseMove

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from simrob_drake import Arm, LeggedRobot, Program, SimrobError, Workcell, load_station
-from simrob_drake.errors import InvalidConfig, InvalidParameter, UnknownName
-from simrob_drake.frames import transform_from_pose
+from simrob_drake.base.errors import InvalidConfig, InvalidParameter, UnknownName
+from simrob_drake.base.frames import transform_from_pose
 from simrob_drake.kinematics import Unreachable
 from simrob_drake.programs.errors import JointLimitExceeded
 from simrob_drake.programs.gaits.legs import OutOfReach

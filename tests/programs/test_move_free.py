@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from simrob_drake import Arm, Workcell, load_station
-from simrob_drake.errors import InvalidConfig, InvalidParameter, SimrobError
-from simrob_drake.frames import as_transform
+from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError
+from simrob_drake.base.frames import as_transform
 from simrob_drake.kinematics.every_branch import goal_postures
 from simrob_drake.kinematics.solver import Unreachable
 from simrob_drake.programs import smooth_path

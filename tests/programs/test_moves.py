@@ -7,9 +7,9 @@ import pytest
 from pydrake.math import RigidTransform
 
 from simrob_drake import Arm, LeggedRobot, Program, SimrobError, Workcell, load_station
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import transform_from_pose
-from simrob_drake.interpolation import Arc, turned_by
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import transform_from_pose
+from simrob_drake.base.interpolation import Arc, turned_by
 from simrob_drake.kinematics import IncrementalSolver, NoClosedForm, Unreachable
 from simrob_drake.kinematics.numeric import NumericSolver
 from simrob_drake.programs import stateful_station

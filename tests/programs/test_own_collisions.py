@@ -7,10 +7,10 @@ import pytest
 
 from simrob_drake import Arm
 from simrob_drake.cli.app import run_command
+from simrob_drake.extensions.rapid.importing import import_rapid
 from simrob_drake.programs.errors import GoalInCollision, NoFreePath, PathCollision
 from simrob_drake.programs.plan import check_collisions
 from simrob_drake.programs.segments import PathPoint
-from simrob_drake.rapid.importing import import_rapid
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.load import bare_station
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simrob_drake import Program
-from simrob_drake.errors import InvalidConfig, InvalidParameter, OutputError, SimrobError, UnknownName
+from simrob_drake.base.errors import InvalidConfig, InvalidParameter, OutputError, SimrobError, UnknownName
 from simrob_drake.programs.errors import JointLimitExceeded
 from simrob_drake.programs.moves.joints import move_of
 from simrob_drake.programs.stages import postures_of

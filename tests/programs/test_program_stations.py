@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from simrob_drake import Arm, Workcell, build_station, load_station, simulate, three_point_frame
-from simrob_drake.files import models_root
+from simrob_drake.base.files import models_root
 from tests.programs.conftest import DOWN, HOME
 
 STATIONS = ("irb120_workcell", "irb120_chess", "irb120_on_belt", "belt_pick", "two_arms")

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from simrob_drake.files import models_root
+from simrob_drake.base.files import models_root
+from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.programs.gaits.registry import load_gaits
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.schemas import model_schemas
 from simrob_drake.robots.catalog import load_robot_file
 from simrob_drake.robots.pieces import described_piece
-from simrob_drake.yaml_files import read_yaml
 
 LOADERS = {
     "robot": load_robot_file,

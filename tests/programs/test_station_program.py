@@ -7,13 +7,13 @@ import pytest
 import yaml
 
 from simrob_drake import Workcell, load_station, simulate
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.cli.app import run_command
 from simrob_drake.cli.programs import check_program, own_program
-from simrob_drake.comparison.engines import compare_engines
-from simrob_drake.errors import SimrobError
+from simrob_drake.extensions.comparison.engines import compare_engines
+from simrob_drake.extensions.tuning.scene import Scene
 from simrob_drake.programs.whole_program import carried_program, run_whole
 from simrob_drake.stations.load import station_yaml
-from simrob_drake.tuning.scene import Scene
 
 pytestmark = pytest.mark.usefixtures("no_plots")
 

@@ -7,8 +7,8 @@ import pytest
 import yaml
 
 from simrob_drake import Arm, Workcell, load_station
-from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.files import models_root
+from simrob_drake.base.errors import InvalidParameter, UnknownName
+from simrob_drake.base.files import models_root
 from simrob_drake.programs.errors import SpeedLimitExceeded
 from tests.programs.conftest import DOWN, HOME
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from simrob_drake import LeggedRobot, Workcell, load_station
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.sections import validated
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.timeline import GRID, Change, Timeline
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.sections import validated
 from simrob_drake.simulation import Moment, Runner, Ticks
 
 MOVES: list[dict[str, Any]] = [{"target_deg": {"left_elbow": 30}, "duration": 0.5}, {"wait": 0.52}]

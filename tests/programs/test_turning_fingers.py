@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simrob_drake import Arm, Workcell, load_station
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.importer.importing import robot_from_file
 from simrob_drake.robots.grasps import stroke_of
 from simrob_drake.stations.draft import draft_station

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from simrob_drake import Arm, SimrobError, State, Workcell, load_station, simulate
-from simrob_drake.frames import transform_from_pose
+from simrob_drake.base.frames import transform_from_pose
 from tests.programs.conftest import BARE, DOWN, HOME
 
 pytestmark = pytest.mark.usefixtures("no_plots")

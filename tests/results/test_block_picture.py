@@ -18,10 +18,10 @@ from pydrake.systems.primitives import (
     Selector,
 )
 
+from simrob_drake.base.errors import InvalidParameter, OutputError, SimrobError
+from simrob_drake.base.files import diagrams_root
 from simrob_drake.blocks.contacts import ContactReader
 from simrob_drake.blocks.monitor import EventTimes, SteadySteps
-from simrob_drake.errors import InvalidParameter, OutputError, SimrobError
-from simrob_drake.files import diagrams_root
 from simrob_drake.parts.controllers import KINDS
 from simrob_drake.results.block_diagram.graph import BlockGraph
 from simrob_drake.results.block_diagram.layout import Layout, text_width

@@ -8,8 +8,8 @@ import pytest
 from pydrake.trajectories import PiecewisePolynomial
 
 from simrob_drake import Workcell, load_station, simulate
+from simrob_drake.base.errors import InvalidConfig, InvalidParameter, OutputError, UnknownName
 from simrob_drake.blocks.references import sequence
-from simrob_drake.errors import InvalidConfig, InvalidParameter, OutputError, UnknownName
 from simrob_drake.results.record.walks import locomotion
 
 pytestmark = pytest.mark.usefixtures("no_plots")

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.image import imread
 
 from simrob_drake import load_station, simulate
-from simrob_drake.errors import InvalidParameter, OutputError, SimrobError
+from simrob_drake.base.errors import InvalidParameter, OutputError, SimrobError
 from simrob_drake.results.animation.pictures import Studio, save_film_strip, save_video
 
 

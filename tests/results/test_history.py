@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.results.record.history import PlantSlice, StateHistory
 
 TIMES = np.array([0.0, 0.1, 0.4, 1.0])

@@ -7,7 +7,7 @@ import pytest
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake import LeggedRobot, load_station, simulate
-from simrob_drake.frames import xyz_quaternion_from_transform
+from simrob_drake.base.frames import xyz_quaternion_from_transform
 from simrob_drake.results.record.walks import (
     fallen,
     foot_slip,

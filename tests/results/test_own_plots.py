@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
-from simrob_drake.errors import OutputError, UnknownName
+from simrob_drake.base.errors import OutputError, UnknownName
 from simrob_drake.results.colours import COLOURS
 from simrob_drake.results.plots.own import panels, save_figure
 

@@ -13,13 +13,13 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from simrob_drake import build_station, load_station, simulate, simulate_diagram
-from simrob_drake.errors import OutputError, UnknownName
-from simrob_drake.frames import transform_from_xyz_quaternion
+from simrob_drake.base.errors import OutputError, UnknownName
+from simrob_drake.base.frames import transform_from_xyz_quaternion
+from simrob_drake.base.signals import Panel, Signal
 from simrob_drake.results.plots import joint_plots
 from simrob_drake.results.plots.grid import Curve, Plot, Stack, grid_figure
 from simrob_drake.results.plots.joint_plots import side_groups
 from simrob_drake.results.plots.own import save_plots
-from simrob_drake.signals import Panel, Signal
 from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.resolve import resolve
 

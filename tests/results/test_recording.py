@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 
 from simrob_drake import load_station, simulate
+from simrob_drake.base.constants import STANDARD_GRAVITY
+from simrob_drake.base.errors import InvalidParameter, OutputError
 from simrob_drake.blocks.contacts import Contacts
-from simrob_drake.constants import STANDARD_GRAVITY
-from simrob_drake.errors import InvalidParameter, OutputError
 from simrob_drake.results.animation import live, recording
 from simrob_drake.results.animation.camera import FIELD_OF_VIEW, WINDOW_ASPECT, aspect_of, camera_on, frame_times
 from simrob_drake.results.animation.drawn import open_meshcat

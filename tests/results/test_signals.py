@@ -8,8 +8,8 @@ from pydrake.multibody.tree import MultibodyForces
 from pydrake.trajectories import PiecewisePolynomial
 
 from simrob_drake import SimulationResult, load_station, simulate
+from simrob_drake.base.frames import transform_from_xyz_quaternion
 from simrob_drake.blocks.contacts import Contacts
-from simrob_drake.frames import transform_from_xyz_quaternion
 
 STEP, KD, SPEEDING = 0.02, 5.0, 5.0
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from simrob_drake import Arm, LeggedRobot, Runner, load_station, simulate
+from simrob_drake.base.errors import VerdictError
 from simrob_drake.cli.app import run_command
-from simrob_drake.errors import VerdictError
 from simrob_drake.results.record.touch import Slide
 from simrob_drake.results.verdict.judge import CRITERIA
 from simrob_drake.results.verdict.verdict import Criterion, Measure, MeasuredValue, Verdict, join_verdicts

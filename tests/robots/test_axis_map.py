@@ -5,7 +5,7 @@ import pytest
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable, PrismaticJoint, RevoluteJoint, SpatialInertia
 
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.robots.axis_map import AxisMap, in_a_row
 
 SIGNS = np.array([-1.0, 1.0, -1.0])

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simrob_drake.errors import InvalidConfig, InvalidModel, InvalidParameter, UnknownName
+from simrob_drake.base.errors import InvalidConfig, InvalidModel, InvalidParameter, UnknownName
 from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_from_urdf, robot_names
 
 Write = Callable[[str], Path]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from simrob_drake import LeggedRobot, load_station
-from simrob_drake.errors import SimrobError
-from simrob_drake.folders import CACHE_VARIABLE
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.folders import CACHE_VARIABLE
 from simrob_drake.importer.importing import examine_robot
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.resolve import resolve

@@ -9,14 +9,14 @@ import pytest
 from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 
-from simrob_drake.errors import InvalidConfig, InvalidModel
-from simrob_drake.frames import transform_from_pose
+from simrob_drake.base.errors import InvalidConfig, InvalidModel
+from simrob_drake.base.frames import transform_from_pose
+from simrob_drake.base.sections import validated
 from simrob_drake.robots.catalog import load_robot, load_robot_file, robot_names
 from simrob_drake.robots.dh import DhTable, dh_robot
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.urdf import with_absolute_meshes
 from simrob_drake.robots.urdf_check import check_urdf
-from simrob_drake.sections import validated
 from simrob_drake.simulation import simulate
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.load import load_station, station_yaml

@@ -7,10 +7,10 @@ import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.framework import DiagramBuilder
 
-from simrob_drake.errors import InvalidConfig, SimrobError, UnknownName
+from simrob_drake.base.errors import InvalidConfig, SimrobError, UnknownName
+from simrob_drake.base.sections import validated
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.robots.feet import Feet, FootContact, put_on_feet
-from simrob_drake.sections import validated
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.plant import StationPlant, add_plant
 from simrob_drake.stations.resolve import resolve

@@ -9,8 +9,8 @@ import pytest
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 
-from simrob_drake.files import models_root
-from simrob_drake.frames import pose_from_transform
+from simrob_drake.base.files import models_root
+from simrob_drake.base.frames import pose_from_transform
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.stations.checks import holding_torque
 from simrob_drake.stations.load import load_station

@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.programs.errors import JointLimitExceeded
 from simrob_drake.programs.moves.joints import targets_on
 from simrob_drake.robots.catalog import load_robot

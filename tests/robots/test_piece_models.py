@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from pydrake.geometry import ReadObjToTriangleSurfaceMesh
 
-from simrob_drake.files import models_root
-from simrob_drake.frames import transform_from_pose
+from simrob_drake.base.files import models_root
+from simrob_drake.base.frames import transform_from_pose
 from simrob_drake.robots.pieces import PieceModel, described_piece, piece_file, piece_names, solid_inertia
 from tests.robots.known_pieces import load_piece
 

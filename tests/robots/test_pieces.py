@@ -10,8 +10,9 @@ from pydrake.geometry import Box, Cylinder, Mesh, SceneGraph, Sphere
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FrameIndex
 
-from simrob_drake.errors import InvalidConfig, InvalidModel, UnknownName
-from simrob_drake.frames import transform_from_pose
+from simrob_drake.base.errors import InvalidConfig, InvalidModel, UnknownName
+from simrob_drake.base.frames import transform_from_pose
+from simrob_drake.base.sections import validated
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.pieces import (
     PieceModel,
@@ -22,7 +23,6 @@ from simrob_drake.robots.pieces import (
     weighed,
     with_changes,
 )
-from simrob_drake.sections import validated
 from tests.robots.known_pieces import load_piece
 
 POSE = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)

@@ -10,7 +10,7 @@ import pytest
 from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 
-from simrob_drake.errors import InvalidModel, UnknownName
+from simrob_drake.base.errors import InvalidModel, UnknownName
 from simrob_drake.robots.bodies import links_without_inertia, tool_links
 from simrob_drake.robots.catalog import Axis, load_robot_from_urdf
 from simrob_drake.robots.parse import add_urdf

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from simrob_drake import linearize
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.simulation import simulate
 from simrob_drake.stations.load import load_station
 

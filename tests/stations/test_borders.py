@@ -6,14 +6,14 @@ from pathlib import Path
 import pytest
 import yaml
 
-from simrob_drake.errors import InvalidConfig
+from simrob_drake.base.errors import InvalidConfig
+from simrob_drake.extensions.tuning.study import Study
 from simrob_drake.importer.packages import MESH_PATH_VARIABLE, granted, granting
 from simrob_drake.programs.program import Program
 from simrob_drake.robots.catalog import load_robot_file
 from simrob_drake.stations.load import load_station, station_yaml
 from simrob_drake.stations.located import FILES, carried, located_changes, located_station
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.tuning.study import Study
 
 BOX = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
 URDF = """<robot name="arm"><link name="base"/>

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from simrob_drake import Arm, load_station, simulate
-from simrob_drake.errors import SimrobError
-from simrob_drake.frames import transform_from_pose
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.frames import transform_from_pose
 from simrob_drake.stations import plant
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.plant import add_robot

@@ -7,8 +7,8 @@ import pytest
 import yaml
 
 from simrob_drake import load_station, simulate
-from simrob_drake.errors import InvalidModel, SimrobError
-from simrob_drake.folders import CACHE_VARIABLE
+from simrob_drake.base.errors import InvalidModel, SimrobError
+from simrob_drake.base.folders import CACHE_VARIABLE
 from simrob_drake.importer.importing import examine_robot
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.stations.draft import draft_station

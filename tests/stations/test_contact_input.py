@@ -3,7 +3,7 @@
 import pytest
 
 from simrob_drake import load_station, simulate
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.parts.monitors.sections import force_limit, quasi_static_limits
 from simrob_drake.stations.contact import largest_stiffness
 from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver

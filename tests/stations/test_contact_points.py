@@ -8,7 +8,7 @@ from pydrake.geometry import Box, HalfSpace, Role, Sphere
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station, simulate
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.contact_points import (
     LARGEST_RADIUS,

@@ -8,12 +8,12 @@ import yaml
 from pydrake.trajectories import PiecewisePolynomial
 
 from simrob_drake import Arm, load_station, simulate
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.blocks.combined_references import combine_references
 from simrob_drake.blocks.references import SineReference, hold, move, ramp, reference_values
-from simrob_drake.errors import SimrobError
+from simrob_drake.extensions.pendant.arm_questions import jog_move
 from simrob_drake.programs.program import Program
 from simrob_drake.robots.coupled_axes import CoupledAxes, Equation, Firmness
-from simrob_drake.teach.arm_questions import jog_move
 
 LINK = """<link name="{name}_link"><inertial><mass value="1"/>
 <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>"""

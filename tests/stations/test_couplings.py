@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from simrob_drake import load_station, simulate
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.parts.couplings import KINDS
 
 LINK = """<link name="{name}"><inertial><origin xyz="{com}"/><mass value="{mass}"/>

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from simrob_drake.files import models_root
-from simrob_drake.folders import CACHE_VARIABLE
+from simrob_drake.base.files import models_root
+from simrob_drake.base.folders import CACHE_VARIABLE
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.simulation import simulate
 from simrob_drake.stations.checks import check_station

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.robots.catalog import load_robot, load_robot_file
 from simrob_drake.stations.load import bare_station, load_station
 from simrob_drake.stations.resolve import resolve

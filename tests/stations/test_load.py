@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from simrob_drake import simulate
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.cli.arguments import changes_of
-from simrob_drake.errors import SimrobError
 from simrob_drake.parts.references import Hold
 from simrob_drake.stations.change_of_kind import KeysLeftOut, settings_with
 from simrob_drake.stations.load import load_station, station_names, station_yaml, with_settings

@@ -5,8 +5,8 @@ import pytest
 import yaml
 
 from simrob_drake import build_station, load_station
-from simrob_drake.errors import SimrobError
-from simrob_drake.frames import rotation_of
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.frames import rotation_of
 
 
 def pieces_file(folder, free, fixed=0):

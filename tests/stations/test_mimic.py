@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from simrob_drake import load_station, simulate
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.importer.importing import examine_robot, robot_from_file
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.draft import draft_station

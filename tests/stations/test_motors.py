@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import yaml
 
-from simrob_drake.errors import SimrobError
-from simrob_drake.mujoco.built import BuiltStation, check_sayable
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.extensions.mujoco.built import BuiltStation, check_sayable
 from simrob_drake.results.block_diagram.picture import station_dot
 from simrob_drake.results.record.summary import summary_of
 from simrob_drake.robots.motors import known_motors

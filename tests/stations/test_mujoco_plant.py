@@ -8,7 +8,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import LeafSystem
 
 from simrob_drake import build_station, load_station, simulate
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.simulation.runner import Runner
 
 pytest.importorskip("mujoco", reason="installed with the extra mujoco")

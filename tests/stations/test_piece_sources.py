@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from simrob_drake.errors import InvalidConfig, InvalidModel, OutputError, SimrobError
-from simrob_drake.frames import transform_from_pose
+from simrob_drake.base.errors import InvalidConfig, InvalidModel, OutputError, SimrobError
+from simrob_drake.base.frames import transform_from_pose
 from simrob_drake.importer.meshes.checks import MESH_FORMATS
 from simrob_drake.importer.meshes.library import drake_mesh
 from simrob_drake.robots.pieces import PieceModel

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from simrob_drake import load_station, simulate
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.importer.importing import examine_robot
 from simrob_drake.robots.catalog import load_robot, robot_names
 from simrob_drake.robots.plausibility import MassProperties, doubts_by_shapes, payload_doubt, robot_doubts

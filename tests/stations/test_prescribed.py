@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from simrob_drake import load_station, simulate
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
 
 MASS, LENGTH, MIDDLE, INERTIA, GRAVITY = 1.0, 1.0, 0.5, 0.1, 9.80665
 SWING, RATE = np.deg2rad(40.0), 2 * np.pi * 0.5

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from simrob_drake.errors import InvalidConfig
-from simrob_drake.frames import transform_from_pose
+from simrob_drake.base.errors import InvalidConfig
+from simrob_drake.base.frames import transform_from_pose
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station, station_yaml
 

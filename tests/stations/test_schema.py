@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from simrob_drake.files import diagrams_root
+from simrob_drake.base.files import diagrams_root
 from simrob_drake.parts import monitors
 from simrob_drake.parts.monitors.sections import Fall
 from simrob_drake.stations.schema import SCHEMA_FILE, station_schema

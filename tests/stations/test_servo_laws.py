@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simrob_drake import build_station, load_station, simulate
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.results.block_diagram.picture import station_dot
 from simrob_drake.stations.checks import check_station
 

@@ -7,7 +7,7 @@ import pytest
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.clearance import Standing, standing
 from simrob_drake.stations.findings import Finding

@@ -10,9 +10,9 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from simrob_drake import add_station, apply_solver, build_station, load_station, simulate
-from simrob_drake.errors import SimrobError
-from simrob_drake.files import models_root
-from simrob_drake.frames import transform_from_pose, transform_from_xyz_quaternion
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.files import models_root
+from simrob_drake.base.frames import transform_from_pose, transform_from_xyz_quaternion
 from simrob_drake.simulation.built import StationDiagrams
 from simrob_drake.stations.closed import station_references
 from simrob_drake.stations.resolve import resolve

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simrob_drake import load_station, simulate
-from simrob_drake.folders import CACHE_VARIABLE
+from simrob_drake.base.folders import CACHE_VARIABLE
 from simrob_drake.stations import draft
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.draft import draft_station, gets_through

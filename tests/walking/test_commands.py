@@ -7,7 +7,7 @@ import pytest
 from pydrake.systems.framework import BasicVector, LeafSystem
 
 from simrob_drake import load_station, simulate
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.stations.checks import check_station
 from simrob_drake.walking.commands import Commanded, Commander, Follower, Waypoints, beyond, clipped
 from simrob_drake.walking.parameters import MaxSpeed

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simrob_drake import LeggedRobot, load_station, simulate
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.programs.program import Program
 from simrob_drake.results.animation.live import Steering
 from simrob_drake.results.animation.window import Board

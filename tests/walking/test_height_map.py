@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simrob_drake import load_station, simulate
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.stations.station import build_station
 from simrob_drake.walking.height_map import CELL, HeightMap
 from simrob_drake.walking.planner import WalkPlanner

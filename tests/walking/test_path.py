@@ -7,7 +7,7 @@ from math import pi, radians, sqrt, tan
 import numpy as np
 import pytest
 
-from simrob_drake.errors import InvalidConfig
+from simrob_drake.base.errors import InvalidConfig
 from simrob_drake.walking.commands import Follower, Path, Waypoints
 from simrob_drake.walking.parameters import MaxSpeed
 

@@ -9,7 +9,7 @@ from pydrake.math import RollPitchYaw
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import simulate
-from simrob_drake.errors import InvalidConfig
+from simrob_drake.base.errors import InvalidConfig
 from simrob_drake.parts.controllers.walk import WalkingLoop
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.station import add_station

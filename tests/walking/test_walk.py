@@ -8,7 +8,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station, simulate
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.parts.controllers.walk import WalkingLoop
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.registry import load_gaits

@@ -5,13 +5,13 @@ from typing import ClassVar
 import numpy as np
 from pydantic import Field
 
+from simrob_drake.base.sections import Integer
 from simrob_drake.blocks.references import smooth
 from simrob_drake.programs.gaits.motion import Gait, JointMotion, Pace
 from simrob_drake.programs.gaits.phases import samples
 from simrob_drake.programs.gaits.sequences import standing_height
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.robots.axis_map import AxisValues
-from simrob_drake.sections import Integer
 
 
 class Bob(Gait):

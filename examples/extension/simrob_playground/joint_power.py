@@ -5,11 +5,11 @@ from typing import Literal
 import numpy as np
 from pydrake.systems.framework import Context, DiagramBuilder
 
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.signals import Signal, sensor_panel
 from simrob_drake.blocks.block import Block
-from simrob_drake.frames import Vector
 from simrob_drake.parts.sensors.sensor import Sensor, axis_names, sensor_label
 from simrob_drake.parts.site import Site
-from simrob_drake.signals import Signal, sensor_panel
 
 
 class JointPower(Sensor):

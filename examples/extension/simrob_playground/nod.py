@@ -6,12 +6,12 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import Field
 
+from simrob_drake.base.sections import Duration, Integer, Number
 from simrob_drake.programs.moves.move import Move, Run
 from simrob_drake.programs.moves.move_j import plan_move_abs_j
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.planning import Planning
 from simrob_drake.programs.stateful_station import StatefulStation
-from simrob_drake.sections import Duration, Integer, Number
 
 
 class NodMove(Move):

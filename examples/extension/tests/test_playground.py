@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simrob_drake import Arm, LeggedRobot, load_station, simulate
-from simrob_drake.errors import SimrobError
+from simrob_drake.base.errors import SimrobError
 
 
 def test_the_power_is_torque_times_speed():

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any, NoReturn
 from xml.sax.saxutils import unescape
 
-from simrob_drake.errors import shortened
-from simrob_drake.files import content_of
+from simrob_drake.base.errors import shortened
+from simrob_drake.base.files import content_of
 
 MESH_FORMATS = (".stl", ".dae", ".obj", ".gltf", ".glb", ".ply", ".off")
 LARGEST_FILE = 100_000_000

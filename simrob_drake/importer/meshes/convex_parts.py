@@ -16,14 +16,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from simrob_drake.errors import OutputError
-from simrob_drake.files import content_of
-from simrob_drake.folders import cache_entry, written_at_once
-from simrob_drake.frames import Vector
+from simrob_drake.base.errors import OutputError
+from simrob_drake.base.files import content_of
+from simrob_drake.base.folders import cache_entry, written_at_once
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.interrupts import heard_afterwards
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.hulls import convex_hull
 from simrob_drake.importer.meshes.parts import Faces
-from simrob_drake.interrupts import heard_afterwards
 
 MOST_PARTS = 12
 """Largest count of parts. The link of an arm is one or two tubes with flanges, so more parts

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.interrupts import heard_afterwards
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.parts import MeshPart
-from simrob_drake.interrupts import heard_afterwards
 
 if TYPE_CHECKING:
     from scipy.spatial import ConvexHull

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from simrob_drake.frames import Vector
-from simrob_drake.interrupts import heard_afterwards
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.interrupts import heard_afterwards
 
 if TYPE_CHECKING:
     from PIL.Image import Image

@@ -9,7 +9,7 @@ from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 from urllib.parse import unquote
 
-from simrob_drake.errors import shortened
+from simrob_drake.base.errors import shortened
 from simrob_drake.importer.meshes.checks import references
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.packages import Border, OutsideBorder, resolved, sorted_entries

@@ -11,11 +11,11 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
-from simrob_drake.files import NotRead, TooLarge, content_of
-from simrob_drake.frames import Vector
+from simrob_drake.base.files import NotRead, TooLarge, content_of
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.interrupts import heard_afterwards
 from simrob_drake.importer.meshes.checks import LARGEST_FILE, MESH_FORMATS, UnreadableMesh, checked, decoded
 from simrob_drake.importer.meshes.parts import MeshPart, Rgba, face_count, grouped_by_look, usable
-from simrob_drake.interrupts import heard_afterwards
 
 _MOST_FACES = 1_500_000  # more take more than a gigabyte of memory to decimate
 _MOST_SHADED = 200_000  # a mesh with more faces is decimated, which leaves nothing of its normals

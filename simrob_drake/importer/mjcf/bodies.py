@@ -10,8 +10,8 @@ import numpy as np
 from pydrake.common.eigen_geometry import AngleAxis, Quaternion
 from pydrake.math import RigidTransform, RotationMatrix
 
-from simrob_drake.errors import one_of
-from simrob_drake.frames import Vector
+from simrob_drake.base.errors import one_of
+from simrob_drake.base.frames import Vector
 from simrob_drake.importer.mjcf.drives import DriveWriter, UrdfJoint
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.importer.repairs.base import FLOATING_MARK

@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simrob_drake.errors import shortened
-from simrob_drake.extras import lacking
-from simrob_drake.files import content_of
+from simrob_drake.base.errors import shortened
+from simrob_drake.base.extras import lacking
+from simrob_drake.base.files import content_of
 from simrob_drake.importer.meshes.checks import LARGEST_FILE, UnreadableMesh
 from simrob_drake.importer.meshes.parts import mean_colour, usable
 from simrob_drake.importer.meshes.places import MeshMissing, MeshPlaces

@@ -18,7 +18,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import IO, Any, cast
 
-from simrob_drake.errors import shortened
+from simrob_drake.base.errors import shortened
 from simrob_drake.importer.options import ImportReport
 
 MAX_OUTPUT = 20_000_000  # of one line that the process says [bytes]

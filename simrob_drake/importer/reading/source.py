@@ -5,13 +5,13 @@ import xml.etree.ElementTree as ET
 from collections import Counter
 from pathlib import Path
 
+from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.importer.mjcf.reading import read_mjcf
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.reading.xacro import XACRO, expanded
 from simrob_drake.importer.reading.xml_file import parse_tree, xml_text
 from simrob_drake.importer.sdf.reading import read_sdf
 from simrob_drake.robots.urdf import DRAKE
-from simrob_drake.yaml_files import read_yaml
 
 _HIDDEN = re.compile(r"<(link|joint|visual|collision|inertial|transmission|geometry|mesh|origin|limit|mimic)\b[^<]*>")
 

@@ -19,9 +19,9 @@ from os.path import exists  # which is false for names that no file can have
 from pathlib import Path
 from typing import Any
 
-from simrob_drake.errors import InvalidModel, shortened
-from simrob_drake.extras import lacking
-from simrob_drake.files import NotRead, text_of
+from simrob_drake.base.errors import InvalidModel, shortened
+from simrob_drake.base.extras import lacking
+from simrob_drake.base.files import NotRead, text_of
 from simrob_drake.importer.meshes.places import unknown_package
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.packages import Border, OutsideBorder, sorted_entries

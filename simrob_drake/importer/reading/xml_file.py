@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TypeVar
 from xml.parsers import expat
 
-from simrob_drake.files import NotRead, content_of
+from simrob_drake.base.files import NotRead, content_of
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.robots.urdf import DRAKE, LARGEST_URDF, MOST_TAGS
 

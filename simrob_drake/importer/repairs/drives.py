@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simrob_drake.constants import STANDARD_GRAVITY
+from simrob_drake.base.constants import STANDARD_GRAVITY
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.base import find_base
 from simrob_drake.importer.repairs.names import FreeNames

@@ -13,7 +13,7 @@ import numpy as np
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
-from simrob_drake.errors import nearest, shortened
+from simrob_drake.base.errors import nearest, shortened
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.base import FLOATING_MARK
 from simrob_drake.importer.repairs.structure import drop_lost_frames, number

@@ -12,7 +12,7 @@ from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path, PurePath
 
-from simrob_drake.errors import shortened
+from simrob_drake.base.errors import shortened
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.hulls import box_of, hull_of, is_hull
 from simrob_drake.importer.meshes.library import Mesh, MeshLibrary, MeshWriter, Scale

@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from simrob_drake.errors import listed, nearest, shortened
+from simrob_drake.base.errors import listed, nearest, shortened
 from simrob_drake.importer.loops import TAG as CLOSING
 from simrob_drake.importer.loops import LoopCoupling, closing_of_joint, second_parents
 from simrob_drake.importer.options import ImportOptions, ImportReport

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from os.path import isdir
 from pathlib import Path
 
-from simrob_drake.errors import one_of, shortened
+from simrob_drake.base.errors import one_of, shortened
 from simrob_drake.importer.meshes.places import MeshMissing, MeshPlaces
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.packages import MODEL_MANIFEST, OutsideBorder

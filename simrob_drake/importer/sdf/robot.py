@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from pydrake.math import RigidTransform
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.importer.repairs.materials import DEFAULT_RGBA
 from simrob_drake.importer.repairs.names import FreeNames
@@ -32,7 +33,6 @@ from simrob_drake.robots.urdf import (
     written,
 )
 from simrob_drake.robots.urdf_check import SHAPE_SIZES, numbers_in
-from simrob_drake.yaml_files import read_yaml
 
 _MOVING = ("revolute", "continuous", "prismatic", "ball", "universal", "revolute2", "screw")
 _AXES = {"universal": ("axis", "axis2"), "revolute2": ("axis", "axis2"), "ball": ("x", "y", "z")}

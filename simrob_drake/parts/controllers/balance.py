@@ -21,14 +21,14 @@ import numpy as np
 from pydantic import Field, model_validator
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 
+from simrob_drake.base.errors import one_of
+from simrob_drake.base.frames import Vector, rotation_of
+from simrob_drake.base.sections import NotNegative, Number, Positive, Strict
 from simrob_drake.blocks.block import mapped
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.errors import one_of
-from simrob_drake.frames import Vector, rotation_of
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.controllers.support import Balanced, Direction, Support
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
-from simrob_drake.sections import NotNegative, Number, Positive, Strict
 
 _TOUCHES = 0.003
 """How high above the lowest foot another still touches the floor, since servos and contacts give way [m]."""

@@ -10,15 +10,15 @@ from pydantic import AfterValidator, Field
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, JacobianWrtVariable
 
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.sections import NotNegative, Positive, Triple
 from simrob_drake.blocks.sampled import Changes, Named, RunEnds, SampledBlock
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.loop import LoopSection, check_force_is_read
 from simrob_drake.parts.monitors.sections import force_limit
 from simrob_drake.parts.site import WORLD, ResolvedRobot, Site, StationRobot, Surroundings
 from simrob_drake.parts.targets import frame_of
 from simrob_drake.robots.axis_map import AxisMap, AxisValues
-from simrob_drake.sections import NotNegative, Positive, Triple
 
 _DAMPED = 1e-6 * np.eye(6)
 """The damping of the least squares, squared: near a singularity joints move less, elsewhere it does not show."""

@@ -10,9 +10,9 @@ import pydrake.math as drake
 from pydantic import Field, model_validator
 from pydrake.symbolic import Expression, Formula, if_then_else
 
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.sections import Instant, NotNegative, Number, Strict
 from simrob_drake.blocks.written_net import NetBlock, Values
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.sections import Instant, NotNegative, Number, Strict
 
 _SAME = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "floor",
          "ceil")  # fmt: skip

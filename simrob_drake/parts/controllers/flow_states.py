@@ -8,10 +8,10 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.sections import NotNegative, Number, Positive
 from simrob_drake.blocks.written_net import Values
-from simrob_drake.errors import InvalidParameter
 from simrob_drake.parts.controllers.flow_blocks import Bounded, FlowBlock, Row, chosen, largest, least
-from simrob_drake.sections import NotNegative, Number, Positive
 
 
 class Integrator(Bounded, FlowBlock):

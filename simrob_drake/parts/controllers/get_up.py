@@ -8,13 +8,13 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from simrob_drake.base.frames import Vector, vertical
+from simrob_drake.base.sections import Boolean, Integer
 from simrob_drake.blocks.sampled import Changes, Named, RunEnds, SampledBlock
-from simrob_drake.frames import Vector, vertical
 from simrob_drake.parts.controllers.loop import ASKED, LoopSection
 from simrob_drake.parts.ground import Ground
 from simrob_drake.parts.site import Site, StationRobot, Surroundings
 from simrob_drake.robots.gaits_file import gaits_file
-from simrob_drake.sections import Boolean, Integer
 from simrob_drake.walking.getting_up import RisingPosture, load_getting_up, postures
 from simrob_drake.walking.stride import eased
 

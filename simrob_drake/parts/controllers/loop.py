@@ -10,15 +10,15 @@ from pydantic import Field
 from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort
 from pydrake.systems.primitives import Adder, AffineSystem, Multiplexer, Saturation
 
+from simrob_drake.base.errors import InvalidParameter, UnknownName, one_of
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.sections import Integer, Number, Positive, Strict
 from simrob_drake.blocks.block import mapped
 from simrob_drake.blocks.sampled import SampledBlock
-from simrob_drake.errors import InvalidParameter, UnknownName, one_of
-from simrob_drake.frames import Vector
 from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.controllers.own import add_to, declare_output
 from simrob_drake.parts.sensors.sensor import Sensor
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
-from simrob_drake.sections import Integer, Number, Positive, Strict
 
 if TYPE_CHECKING:
     from simrob_drake.parts.controllers.signal_flow import SignalFlow

@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from simrob_drake.errors import InvalidParameter, shown
-from simrob_drake.extras import needed
-from simrob_drake.files import NotRead, content_of
-from simrob_drake.frames import Vector
+from simrob_drake.base.errors import InvalidParameter, shown
+from simrob_drake.base.extras import needed
+from simrob_drake.base.files import NotRead, content_of
+from simrob_drake.base.frames import Vector
 
 _LARGEST_FILE = 10_000_000
 """Largest size of a file [bytes]. A network of a million weights has less than half of it."""

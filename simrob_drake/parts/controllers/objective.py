@@ -15,15 +15,15 @@ from pydrake import symbolic
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import SymbolicVectorSystem
 
+from simrob_drake.base.errors import InvalidParameter, UnknownName
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.sections import NotNegative, Number, Positive
+from simrob_drake.base.signals import Signal
 from simrob_drake.blocks.block import mapped
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.flow_blocks import chosen, largest, least
 from simrob_drake.parts.controllers.loop import LoopSection, Wired
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
-from simrob_drake.sections import NotNegative, Number, Positive
-from simrob_drake.signals import Signal
 
 MEMORY = ("integral", "asked", "effort", "number", "held", "begun")
 """What the law remembers: x, what is asked for, u, the number of the target, how long it has been asked for [s], and

@@ -13,12 +13,12 @@ from pydantic import ConfigDict, Field
 from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort, PortDataType
 from pydrake.systems.primitives import PassThrough
 
+from simrob_drake.base.errors import InvalidParameter, one_of, quoted
+from simrob_drake.base.sections import Strict
+from simrob_drake.base.signals import Panel, Signal
 from simrob_drake.blocks.block import summed
-from simrob_drake.errors import InvalidParameter, one_of, quoted
 from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.site import Site, StationRobot
-from simrob_drake.sections import Strict
-from simrob_drake.signals import Panel, Signal
 
 
 def declare_output(

@@ -15,14 +15,14 @@ from pydantic import Field, model_validator
 from pydrake.math import RollPitchYaw, RotationMatrix
 from pydrake.systems.framework import Context
 
+from simrob_drake.base.errors import InvalidParameter, UnknownName, shown
+from simrob_drake.base.frames import Vector, rotation_of
+from simrob_drake.base.sections import Frequency, Number, Positive
 from simrob_drake.blocks.sampled import BlockFails, Changes, Named, SampledBlock
-from simrob_drake.errors import InvalidParameter, UnknownName, shown
-from simrob_drake.frames import Vector, rotation_of
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.controllers.network import Network
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
 from simrob_drake.robots.axis_map import PositiveAxisValues
-from simrob_drake.sections import Frequency, Number, Positive
 
 TURNED = {"attitude": 3, "lean": 2, "heading_error": 1}  # what is observed of the orientation, and of what size it is
 _TURN = 2  # the place in a goal of the rate at which the heading is to turn to the left [rad/s]

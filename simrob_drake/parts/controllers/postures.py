@@ -11,14 +11,14 @@ from pydantic import Field, model_validator
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector, lean, vertical
+from simrob_drake.base.sections import NotNegative, Number, Positive, Strict
 from simrob_drake.blocks.sampled import Changes, Named, RunEnds, SampledBlock
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector, lean, vertical
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.ground import Ground
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.sections import NotNegative, Number, Positive, Strict
 
 REACHED = "reached"  # what the block remembers last: when each cell was reached [s], -1 until then
 

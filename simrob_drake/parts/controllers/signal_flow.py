@@ -12,13 +12,15 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Demultiplexer, PassThrough
 
+from simrob_drake.base.errors import InvalidParameter, UnknownName, one_of
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.sections import Strict, Triple
+from simrob_drake.base.signals import applied_signal
 from simrob_drake.blocks.block import fed, joined
 from simrob_drake.blocks.monitor import Condition, Trigger
 from simrob_drake.blocks.passive_joints import add_external_force
 from simrob_drake.blocks.signal_net import signal_net
 from simrob_drake.blocks.written_net import WiredBlock
-from simrob_drake.errors import InvalidParameter, UnknownName, one_of
-from simrob_drake.frames import Vector
 from simrob_drake.parts.captions import InnerBlock, wrapped
 from simrob_drake.parts.controllers.flow_blocks import (
     Compare,
@@ -48,8 +50,6 @@ from simrob_drake.parts.controllers.own import add_to, declare_output
 from simrob_drake.parts.monitors.monitor import add_monitor
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.parts.targets import check_frame, frame_of
-from simrob_drake.sections import Strict, Triple
-from simrob_drake.signals import applied_signal
 
 _ONE, _TIME = "one", "time"
 _AT_ONCE = ("effort", "estimate", "inertial")

@@ -12,8 +12,8 @@ import numpy as np
 from pydrake.math import RotationMatrix
 from pydrake.multibody.tree import Frame, RevoluteJoint, RigidBody
 
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
 from simrob_drake.parts.site import StationRobot
 
 _COUNTS = 0.003  # by how much a point of the feet is higher than the lowest when it counts e times less [m]

@@ -9,14 +9,14 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.sections import NotNegative, Positive
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.controllers.support import Limb, limb_to
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
 from simrob_drake.robots.urdf import link_of, name_of
-from simrob_drake.sections import NotNegative, Positive
 
 _FOLLOWS, _TOUCHED, _STANDS = 0.0, 1.0, 2.0
 """A leg goes as planned; it touched while the plan still has it in the air; it stands, until the plan lifts it."""

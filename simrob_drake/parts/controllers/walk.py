@@ -9,14 +9,14 @@ import numpy as np
 from pydantic import Field, model_validator
 from pydrake.systems.framework import Context
 
+from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.sections import Boolean
 from simrob_drake.blocks.sampled import TIME, Changes, Named, RunEnds, SampledBlock
-from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.frames import Vector
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.controllers.support import axes_to
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
 from simrob_drake.robots.gaits_file import gaits_file
-from simrob_drake.sections import Boolean
 from simrob_drake.walking.body import Body
 from simrob_drake.walking.commands import Commanded, Commander, Follower, Waypoints, beyond, clipped, command_of
 from simrob_drake.walking.engine import Engine

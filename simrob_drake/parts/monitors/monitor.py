@@ -7,11 +7,11 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
+from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.frames import XYZ_QUATERNION_NAMES, Vector
+from simrob_drake.base.sections import NotNegative, Strict
 from simrob_drake.blocks.monitor import Condition, Monitor, Trigger
-from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.frames import XYZ_QUATERNION_NAMES, Vector
 from simrob_drake.parts.site import ResolvedRobot, Site, Surroundings, named
-from simrob_drake.sections import NotNegative, Strict
 
 
 class MonitorSection(Strict, ABC):

@@ -7,17 +7,17 @@ from typing import Literal
 import numpy as np
 from pydantic import model_validator
 
+from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.files import models_root
+from simrob_drake.base.frames import Vector, lean
+from simrob_drake.base.sections import NotNegative, Number, Positive, Strict, Triple, validated
+from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.blocks.monitor import Condition
-from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.files import models_root
-from simrob_drake.frames import Vector, lean
 from simrob_drake.parts.monitors.monitor import MonitorSection, PoseMonitorSection, SensorMonitorSection, of_axes, worst
 from simrob_drake.parts.site import ResolvedRobot, Surroundings
 from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.description_files import gripper_advice
 from simrob_drake.robots.grasps import stroke_of
-from simrob_drake.sections import NotNegative, Number, Positive, Strict, Triple, validated
-from simrob_drake.yaml_files import read_yaml
 
 
 class JointLimit(MonitorSection):

@@ -35,14 +35,14 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.sensors import CameraInfo
 
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector, transform_from_pose
+from simrob_drake.base.lifetime import weakly
+from simrob_drake.base.sections import ORIGIN, Boolean, Integer, NotNegative, Pose, Positive
 from simrob_drake.blocks.block import Block, fed
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector, transform_from_pose
-from simrob_drake.lifetime import weakly
 from simrob_drake.parts.sensors.sensor import Sensor, sensor_label
 from simrob_drake.parts.site import WORLD, Site, StationPlant
 from simrob_drake.parts.targets import frame_of, owner_of_shape
-from simrob_drake.sections import ORIGIN, Boolean, Integer, NotNegative, Pose, Positive
 
 _RENDERER = "cameras"
 _SHARPER = 0.1  # of the nearest depth: where VTK begins to draw

@@ -11,15 +11,15 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, FrameIndex
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder
 
+from simrob_drake.base.frames import transform_from_pose, transform_from_xyz_quaternion, xyz_quaternion_from_transform
+from simrob_drake.base.lifetime import weakly
+from simrob_drake.base.sections import ORIGIN, Boolean, Integer, NotNegative, Pose
+from simrob_drake.base.signals import POSE, VELOCITY, Panel, Signal
 from simrob_drake.blocks.block import Block, fed
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.frames import transform_from_pose, transform_from_xyz_quaternion, xyz_quaternion_from_transform
-from simrob_drake.lifetime import weakly
 from simrob_drake.parts.sensors.sensor import SampledSensor, Sensor, axis_names, normal, sensor_label
 from simrob_drake.parts.site import WORLD, Site, Surroundings
 from simrob_drake.parts.targets import check_frame, frame_of
-from simrob_drake.sections import ORIGIN, Boolean, Integer, NotNegative, Pose
-from simrob_drake.signals import POSE, VELOCITY, Panel, Signal
 
 _INERTIAL = {
     "specific_force": (("x", "y", "z"), "m/s²"),

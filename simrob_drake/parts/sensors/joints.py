@@ -6,17 +6,17 @@ import numpy as np
 from pydantic import Field
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.sections import Integer, NotNegative, Positive
+from simrob_drake.base.signals import Panel, Signal, sensor_panel
 from simrob_drake.blocks.block import fed, joined, mapped
 from simrob_drake.blocks.command_bus import rounded
 from simrob_drake.blocks.joint_torque import JointTorqueSensor
 from simrob_drake.blocks.momentum_observer import MomentumObserver
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
 from simrob_drake.parts.sensors.sensor import SampledSensor, Sensor, axis_names, normal, sensor_label
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
-from simrob_drake.sections import Integer, NotNegative, Positive
-from simrob_drake.signals import Panel, Signal, sensor_panel
 
 
 class Encoders(SampledSensor):

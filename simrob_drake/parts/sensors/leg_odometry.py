@@ -32,13 +32,13 @@ import numpy as np
 from pydantic import Field
 from pydrake.systems.framework import DiagramBuilder
 
+from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.frames import Vector, rotation_of, xyz_quaternion_from_transform
+from simrob_drake.base.sections import Boolean, Positive
+from simrob_drake.base.signals import POSE, VELOCITY, Panel, Signal
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.frames import Vector, rotation_of, xyz_quaternion_from_transform
 from simrob_drake.parts.sensors.sensor import SampledSensor, axis_names
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings, named
-from simrob_drake.sections import Boolean, Positive
-from simrob_drake.signals import POSE, VELOCITY, Panel, Signal
 
 _COUNTS = 0.003  # by how much a point of the feet is higher than the lowest when it counts e times less [m]
 _BIAS = 1.0  # time constant of the bias of the accelerometer [s]

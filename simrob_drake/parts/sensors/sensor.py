@@ -10,14 +10,14 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import ZeroOrderHold
 
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.lifetime import release_with
+from simrob_drake.base.sections import Boolean, NotNegative, Positive, Strict
+from simrob_drake.base.signals import Compute, Recorded, Signal
 from simrob_drake.blocks.block import fed
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
-from simrob_drake.lifetime import release_with
 from simrob_drake.parts.site import Site, StationRobot, Surroundings
 from simrob_drake.parts.targets import check_frame
-from simrob_drake.sections import Boolean, NotNegative, Positive, Strict
-from simrob_drake.signals import Compute, Recorded, Signal
 
 
 class Sensor(Strict, ABC):

@@ -11,17 +11,17 @@ from pydrake.multibody.tree import Frame
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Demultiplexer
 
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.sections import Integer, NotNegative
+from simrob_drake.base.signals import Recorded, Signal, sensor_panel
 from simrob_drake.blocks.block import fed
 from simrob_drake.blocks.command_bus import rounded
 from simrob_drake.blocks.contacts import ContactReader, Contacts, DistanceSensor, ForceSensor
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
 from simrob_drake.parts.sensors.sensor import ShapeSensor, axis_names, check_contact, normal, sampled, sensor_label
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.parts.targets import check_body, check_frame, frame_of, shapes_of
-from simrob_drake.sections import Integer, NotNegative
-from simrob_drake.signals import Recorded, Signal, sensor_panel
 
 
 class Distance(ShapeSensor):

@@ -12,13 +12,13 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.interpolate import BPoly
 
-from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.frames import Vector
+from simrob_drake.base.errors import InvalidParameter, UnknownName
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.sections import Number, Positive
 from simrob_drake.programs.gaits.motion import EvenSteps, JointMotion, Pace, SolvedGait
 from simrob_drake.programs.gaits.phases import Phase, check_steps, gait_plan, on_path, ramp_shares
 from simrob_drake.programs.gaits.walker import Foot, Walker
 from simrob_drake.programs.gaits.whole_body import WholeBody
-from simrob_drake.sections import Number, Positive
 
 SIDES = ("right_foot", "left_foot")  # who steps first, and who next
 

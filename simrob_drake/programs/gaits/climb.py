@@ -12,16 +12,16 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.sections import NotNegative, Number, Positive
 from simrob_drake.blocks.references import smooth
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
 from simrob_drake.programs.gaits.biped import SIDES
 from simrob_drake.programs.gaits.motion import JointMotion, Pace, SolvedGait
 from simrob_drake.programs.gaits.phases import GaitPlan, Phase, gait_plan
 from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, moved_inside
 from simrob_drake.programs.gaits.walker import Foot, Walker
 from simrob_drake.programs.gaits.whole_body import WholeBody
-from simrob_drake.sections import NotNegative, Number, Positive
 from simrob_drake.walking.height_map import CELL, HeightMap
 from simrob_drake.walking.height_map import Places as Shifts
 

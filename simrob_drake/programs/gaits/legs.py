@@ -7,8 +7,8 @@ the foot moves sideways with the trunk. Three (a quadruped) reach a position.
 
 import numpy as np
 
-from simrob_drake.errors import InvalidParameter, SimrobError
-from simrob_drake.frames import Vector
+from simrob_drake.base.errors import InvalidParameter, SimrobError
+from simrob_drake.base.frames import Vector
 from simrob_drake.kinematics.numeric import fit_postures
 from simrob_drake.programs.gaits.walker import Foot
 from simrob_drake.robots.catalog import RobotModel

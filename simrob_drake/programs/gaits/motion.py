@@ -9,16 +9,16 @@ import numpy as np
 from pydantic import Field
 from pydrake.trajectories import Trajectory
 
-from simrob_drake.arguments import number
+from simrob_drake.base.arguments import number
+from simrob_drake.base.errors import UnknownName
+from simrob_drake.base.files import ROBOT_FILE, models_root
+from simrob_drake.base.frames import Vector, poses_from_matrices
+from simrob_drake.base.sections import Integer, NotNegative, Number, Strict, validated
 from simrob_drake.blocks.references import hermite
-from simrob_drake.errors import UnknownName
-from simrob_drake.files import ROBOT_FILE, models_root
-from simrob_drake.frames import Vector, poses_from_matrices
 from simrob_drake.parts.monitors.sections import Fall
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.sections import Integer, NotNegative, Number, Strict, validated
 from simrob_drake.stations.config import ServoConfig, StationConfig
 from simrob_drake.stations.load import ONLY_ROBOT, load_station
 from simrob_drake.stations.solver_config import ContinuousSolver, SolverConfig

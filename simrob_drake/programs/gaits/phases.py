@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from simrob_drake.arguments import whole
+from simrob_drake.base.arguments import whole
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.references import smooth
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
 
 SAMPLE = 0.01  # time between the samples of a plan [s]
 _LONGEST, _MOST_STEPS = 1000.0, 10_000  # of a plan [s], which takes 50 ms of the processor for a second of it

@@ -5,14 +5,14 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from simrob_drake.errors import InvalidParameter, UnknownName
-from simrob_drake.frames import Vector
+from simrob_drake.base.errors import InvalidParameter, UnknownName
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.sections import Integer, Number, Positive
 from simrob_drake.programs.gaits.motion import EvenSteps, JointMotion, Pace, SolvedGait
 from simrob_drake.programs.gaits.phases import Phase, check_steps, gait_plan, on_path, ramp_shares
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.gaits.whole_body import WholeBody
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.sections import Integer, Number, Positive
 
 PAIRS = (("front_left_foot", "rear_right_foot"), ("front_right_foot", "rear_left_foot"))
 """Feet that a trot swings together."""

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from pydantic import Field, create_model
 
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.extension import classes_of_extensions, register_core_names
-from simrob_drake.frames import Vector
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.extension import classes_of_extensions, register_core_names
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.sections import Number, Strict, validated
 from simrob_drake.programs.gaits.biped import BipedWalk, Kick
 from simrob_drake.programs.gaits.climb import Climb
 from simrob_drake.programs.gaits.motion import Gait
@@ -21,7 +22,6 @@ from simrob_drake.programs.gaits.quadruped import Crawl, Stand, Trot
 from simrob_drake.programs.gaits.sequences import March, Posing
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.gaits_file import gaits_file
-from simrob_drake.sections import Number, Strict, validated
 from simrob_drake.walking.getting_up import GettingUp
 from simrob_drake.walking.parameters import WalkingParameters
 

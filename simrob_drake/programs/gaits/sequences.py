@@ -7,11 +7,12 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from simrob_drake.arguments import positive
+from simrob_drake.base.arguments import positive
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.interpolation import stacked
+from simrob_drake.base.sections import Boolean, Integer
 from simrob_drake.blocks.references import smooth
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
-from simrob_drake.interpolation import stacked
 from simrob_drake.kinematics.skeleton import Skeleton
 from simrob_drake.parts.references import Waypoint
 from simrob_drake.programs.gaits.motion import Gait, JointMotion, Pace
@@ -19,7 +20,6 @@ from simrob_drake.programs.gaits.phases import check_steps, samples
 from simrob_drake.programs.gaits.walker import Walker, mirrored
 from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.sections import Boolean, Integer
 
 
 class March(Gait):

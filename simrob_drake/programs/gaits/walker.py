@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.interpolation import stacked
 from simrob_drake.blocks.references import smooth
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
-from simrob_drake.interpolation import stacked
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.skeleton import Skeleton, skeleton_of
 from simrob_drake.programs.gaits.zmp import LEVEL

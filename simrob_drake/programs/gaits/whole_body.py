@@ -12,8 +12,8 @@ with :math:`Z = \sum m (z\,\partial y/\partial\varphi - y\,\partial z/\partial\v
 
 import numpy as np
 
-from simrob_drake.frames import Vector
-from simrob_drake.interpolation import stacked
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.interpolation import stacked
 from simrob_drake.programs.gaits.legs import leg_angles
 from simrob_drake.programs.gaits.motion import JointMotion, SolvedGait
 from simrob_drake.programs.gaits.phases import SAMPLE, GaitPlan

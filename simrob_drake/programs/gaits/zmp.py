@@ -21,9 +21,9 @@ some :math:`\sqrt{z/g}`. It is found as a boundary value problem: at rest over :
 import numpy as np
 from scipy.linalg import solve_banded
 
-from simrob_drake.constants import STANDARD_GRAVITY
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
+from simrob_drake.base.constants import STANDARD_GRAVITY
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
 from simrob_drake.kinematics.skeleton import Skeleton
 
 LEVEL = np.array([0.0, 0.0, -STANDARD_GRAVITY])  # gravity over a level floor [m/s²]

@@ -3,13 +3,13 @@
 from collections.abc import Mapping
 from typing import ClassVar
 
+from simrob_drake.base.sections import Boolean, Pose
 from simrob_drake.parts.site import WORLD
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.grasps import let_go
 from simrob_drake.programs.model import StationModel, reparented
 from simrob_drake.programs.moves.move import Move, Outlook, Run, Stage, naming
 from simrob_drake.programs.stateful_station import StatefulStation
-from simrob_drake.sections import Boolean, Pose
 from simrob_drake.stations.config import StationConfig
 
 

@@ -7,8 +7,9 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import ConfigDict
 
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.sections import Positive
 from simrob_drake.programs.gaits.biped import SIDES
 from simrob_drake.programs.gaits.climb import BallFootholds, Climb, Footholds, Places, SoleFootholds
 from simrob_drake.programs.gaits.walker import UP, Foot, Walker, rotations_about
@@ -16,7 +17,6 @@ from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.legged_gait import perform, planned_gait
 from simrob_drake.programs.moves.move import Move, Outlook, Stage, naming
 from simrob_drake.results.result import SimulationResult, joined
-from simrob_drake.sections import Positive
 from simrob_drake.stations.resolve import resolve
 
 _FARTHEST = 100.0  # m

@@ -10,8 +10,9 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from pydantic import model_validator
 
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.sections import Duration, NotNegative, Pose, Positive
 from simrob_drake.programs.moves.move import Move, Run
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.planning import POINTS, Planning
@@ -20,7 +21,6 @@ from simrob_drake.programs.stateful_station import StatefulStation
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.description_files import gripper_advice
 from simrob_drake.robots.grasps import Stroke, stroke_of
-from simrob_drake.sections import Duration, NotNegative, Pose, Positive
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.servos import servo_gains
 

@@ -6,14 +6,14 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.sections import Duration, Number
 from simrob_drake.programs.errors import JointLimitExceeded
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.moves.move import MOVE_TIME, Move, Outlook, Run, Stage, checked
 from simrob_drake.programs.moves.move_j import plan_move_abs_j
 from simrob_drake.programs.stateful_station import StatefulStation
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.sections import Duration, Number
 from simrob_drake.stations.coupled_references import with_partners
 
 Targets = Annotated[dict[str, Number], Field(min_length=1)]

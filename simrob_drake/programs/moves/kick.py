@@ -7,7 +7,8 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import ConfigDict
 
-from simrob_drake.errors import InvalidParameter, one_of
+from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.sections import Number, Positive
 from simrob_drake.programs.gaits.biped import Kick
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.walker import Walker
@@ -15,7 +16,6 @@ from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.legged_gait import perform, planned_gait
 from simrob_drake.programs.moves.move import Move, Outlook, Stage, naming
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.sections import Number, Positive
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
 

@@ -12,8 +12,8 @@ from pydantic import GetJsonSchemaHandler, TypeAdapter
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
-from simrob_drake.errors import InvalidConfig, InvalidParameter, nearest, quoted
-from simrob_drake.extension import classes_of_extensions, register_core_names
+from simrob_drake.base.errors import InvalidConfig, InvalidParameter, nearest, quoted
+from simrob_drake.base.extension import classes_of_extensions, register_core_names
 from simrob_drake.programs.moves.attach import AttachMove, ReleaseMove
 from simrob_drake.programs.moves.climb import ClimbMove
 from simrob_drake.programs.moves.get_up import GetUpMove

@@ -7,13 +7,13 @@ from typing import Annotated, Any, ClassVar, Self, cast
 import numpy as np
 from pydantic import Field, model_validator
 
+from simrob_drake.base.sections import Duration, Integer, Number, Pose, Positive, Strict
 from simrob_drake.kinematics.registry import SolverName
 from simrob_drake.programs.moves.move import Move, Run
 from simrob_drake.programs.plan import CHECKED, Check, Plan
 from simrob_drake.programs.planning import Planning
 from simrob_drake.programs.stateful_station import StatefulStation
 from simrob_drake.programs.timing import How, Profile
-from simrob_drake.sections import Duration, Integer, Number, Pose, Positive, Strict
 
 Row = Annotated[tuple[Number, ...], Field(min_length=1)]
 Rows = Row | Annotated[tuple[Row, ...], Field(min_length=1)]

@@ -19,13 +19,13 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
-from simrob_drake.arguments import LONGEST, SHORTEST, plain
-from simrob_drake.errors import InvalidParameter, SimrobError
+from simrob_drake.base.arguments import LONGEST, SHORTEST, plain
+from simrob_drake.base.errors import InvalidParameter, SimrobError
+from simrob_drake.base.sections import Strict, validated
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.stateful_station import StatefulStation
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.sections import Strict, validated
 from simrob_drake.stations.config import StationConfig
 
 Kind = TypeVar("Kind", bound="Move")

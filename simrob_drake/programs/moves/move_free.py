@@ -17,10 +17,11 @@ import numpy.typing as npt
 from pydantic import model_validator
 from pydrake.math import RotationMatrix
 
-from simrob_drake.arguments import positive, truth, whole
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
-from simrob_drake.interpolation import stacked
+from simrob_drake.base.arguments import positive, truth, whole
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.interpolation import stacked
+from simrob_drake.base.sections import Boolean, Integer, Pose, Positive
 from simrob_drake.kinematics.every_branch import goal_postures
 from simrob_drake.programs.errors import GoalInCollision
 from simrob_drake.programs.free_path import FreeSpace, Search, TimelessPath, metres_per_radian
@@ -32,7 +33,6 @@ from simrob_drake.programs.smooth_path import RateLimits, find_faster_path
 from simrob_drake.programs.tape import recorded
 from simrob_drake.programs.timing import How, is_free, timed
 from simrob_drake.programs.torques import slowed_for_motors
-from simrob_drake.sections import Boolean, Integer, Pose, Positive
 from simrob_drake.stations.collisions import Overlap
 
 PLANNING_TIME = 10.0  # longest duration of a search by default [s]

@@ -5,8 +5,9 @@ from typing import ClassVar, Unpack
 
 import numpy.typing as npt
 
-from simrob_drake.arguments import truth
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.base.arguments import truth
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.sections import Boolean
 from simrob_drake.kinematics.registry import SolverLike
 from simrob_drake.programs.moves.motion import ArmMotion, Rows, ToolMotion
 from simrob_drake.programs.plan import Plan, target_name
@@ -23,7 +24,6 @@ from simrob_drake.programs.planning import (
 from simrob_drake.programs.segments import joint_segment, joint_way
 from simrob_drake.programs.tape import recorded
 from simrob_drake.programs.timing import How
-from simrob_drake.sections import Boolean
 
 
 class MoveAbsJ(ArmMotion):

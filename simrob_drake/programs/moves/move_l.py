@@ -6,10 +6,10 @@ from typing import ClassVar, Unpack
 
 import numpy as np
 
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
-from simrob_drake.interpolation import Arc, stacked, turn
-from simrob_drake.interpolation import poses as poses_between
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.interpolation import Arc, stacked, turn
+from simrob_drake.base.interpolation import poses as poses_between
 from simrob_drake.kinematics.registry import SolverLike
 from simrob_drake.programs.moves.motion import ArmMotion, Rows, ToolMotion
 from simrob_drake.programs.plan import Plan, target_name

@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import Field
 
+from simrob_drake.base.sections import Duration
 from simrob_drake.programs.moves.motion import ArmMotion
 from simrob_drake.programs.moves.move import Move, Run, field_of
 from simrob_drake.programs.moves.move_free import MoveFree, plan_together
 from simrob_drake.programs.moves.move_j import MoveAbsJ, MoveJ
 from simrob_drake.programs.moves.move_l import MoveC, MoveL
 from simrob_drake.programs.stateful_station import StatefulStation
-from simrob_drake.sections import Duration
 
 MOTIONS: tuple[type[ArmMotion], ...] = (MoveAbsJ, MoveJ, MoveL, MoveC, MoveFree)
 """Kinds of moves that an arm plans and runs; a new one is listed here."""

@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
+from simrob_drake.base.sections import Duration
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.moves.move import Move, Outlook, Run, Stage
 from simrob_drake.programs.stateful_station import StatefulStation
-from simrob_drake.sections import Duration
 
 
 class WaitMove(Move):

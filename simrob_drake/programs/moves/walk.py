@@ -8,16 +8,16 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import ConfigDict, Field
 
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import finite
+from simrob_drake.base.sections import Boolean, Duration, Number
 from simrob_drake.blocks.references import hold
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import finite
 from simrob_drake.parts.controllers.walk import Walk
 from simrob_drake.programs.gaits.motion import JointMotion, short_steps
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.legged_gait import perform, planned_gait, taught_arms
 from simrob_drake.programs.moves.move import MOST_AMPLITUDE, MOST_STEPS, Move, Outlook, Stage, checked, naming
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.sections import Boolean, Duration, Number
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import check_parts, resolve
 from simrob_drake.walking.commands import Commanded

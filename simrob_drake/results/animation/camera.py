@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector, xyz_quaternion_from_transform
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector, xyz_quaternion_from_transform
 from simrob_drake.parts.site import StationPlant
 from simrob_drake.results.record.run import DIVERGED, RecordedRun
 from simrob_drake.results.record.walks import headings, legged_robots

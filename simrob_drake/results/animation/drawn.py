@@ -22,7 +22,7 @@ from pydrake.geometry import (
 )
 from pydrake.multibody.tree import ModelInstanceIndex
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 from simrob_drake.results import colours
 from simrob_drake.results.animation.camera import FIELD_OF_VIEW, Camera
 from simrob_drake.results.animation.scene import ViewedStation

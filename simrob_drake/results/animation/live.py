@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from pydrake.geometry import Meshcat, Role
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on, side
 from simrob_drake.results.animation.drawn import Command, commands, draw_geometry, draw_tool_paths, look, pose_commands
 from simrob_drake.results.animation.scene import ViewedStation, draw_floor_lines, floor_under

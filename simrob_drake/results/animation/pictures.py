@@ -22,11 +22,11 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.sensors import CameraInfo
 
-from simrob_drake.errors import InvalidParameter, OutputError
-from simrob_drake.extras import needed
-from simrob_drake.folders import replaced_at_once
-from simrob_drake.frames import Vector
-from simrob_drake.progress import Advance, progress_bar
+from simrob_drake.base.errors import InvalidParameter, OutputError
+from simrob_drake.base.extras import needed
+from simrob_drake.base.folders import replaced_at_once
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.progress import Advance, progress_bar
 from simrob_drake.results.animation.camera import (
     FIELD_OF_VIEW,
     Camera,

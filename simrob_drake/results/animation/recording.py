@@ -20,9 +20,9 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform, RotationMatrix
 
+from simrob_drake.base.folders import replaced_at_once
+from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.contacts import Contacts
-from simrob_drake.folders import replaced_at_once
-from simrob_drake.frames import Vector
 from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on, frame_times, side, walked_way
 from simrob_drake.results.animation.drawn import draw_searches, draw_tool_paths, look, open_meshcat, path_colour
 from simrob_drake.results.animation.scene import SPACING, ViewedStation, floor_lines, with_floor_under

@@ -10,10 +10,10 @@ from io import BytesIO
 from math import fsum
 from pathlib import Path
 
-from simrob_drake.arguments import as_path
-from simrob_drake.errors import InvalidParameter, one_of
-from simrob_drake.files import diagrams_root
-from simrob_drake.folders import replaced_at_once
+from simrob_drake.base.arguments import as_path
+from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.files import diagrams_root
+from simrob_drake.base.folders import replaced_at_once
 from simrob_drake.results.block_diagram.graph import ROLES, BlockGraph, DrawnBlock, Net
 from simrob_drake.results.block_diagram.layout import CELL, LINE, ROW, Layout, Placed, text_width
 from simrob_drake.results.block_diagram.reading import COLOURS, TITLES, WIRE, dot_text, mermaid_text, read_blocks

@@ -13,11 +13,11 @@ import numpy as np
 from pydrake.systems.framework import Diagram, InputPort, LeafSystem, OutputPort, System
 from pydrake.systems.primitives import Adder, Demultiplexer, MatrixGain, Multiplexer, PassThrough, Selector
 
+from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.blocks.monitor import EventTimes, SteadySteps
 from simrob_drake.parts.captions import BlockRole, Drawn, Shape, wrapped
 from simrob_drake.results.block_diagram.graph import BARS, ROLES, Arrow, BlockGraph, DrawnBlock
 from simrob_drake.stations.ports import StationPorts
-from simrob_drake.yaml_files import read_yaml
 
 _LOOKS = read_yaml(Path(__file__).with_name("looks.yaml"))
 _SYMBOLS: dict[str, str] = _LOOKS["symbols"]

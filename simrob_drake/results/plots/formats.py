@@ -2,7 +2,7 @@
 
 from typing import Any, Literal, get_args
 
-from simrob_drake.errors import one_of
+from simrob_drake.base.errors import one_of
 
 PlotFormat = Literal["png", "svg", "pdf"]  # pixels, or lines that stay sharp at any size: for browsers and for papers
 

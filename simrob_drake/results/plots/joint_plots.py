@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from simrob_drake.frames import Vector, matrices_from_xyz_quaternions, poses_from_matrices
+from simrob_drake.base.frames import Vector, matrices_from_xyz_quaternions, poses_from_matrices
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.results.colours import COLOURS, RED
 from simrob_drake.results.plots.grid import (

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 
-from simrob_drake.folders import writing
+from simrob_drake.base.folders import writing
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.results.colours import looks
 from simrob_drake.results.plots.formats import UNDATED, PlotFormat, plot_format

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.signals import Panel, Signal
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.results.colours import COLOURS, looks
 from simrob_drake.results.plots.grid import Curve, Plot, Stack, smallest
 from simrob_drake.results.plots.joint_plots import SideGroup, side_groups
 from simrob_drake.results.record.run import RecordedRun
-from simrob_drake.signals import Panel, Signal
 
 PAPER = 7.16  # the width of a page's text [inches]
 

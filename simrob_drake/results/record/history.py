@@ -20,8 +20,8 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, EventStatus
 
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
 
 Rates = Callable[[Vector], Vector]
 """Computes time derivatives of the plant's positions, (k, nq), from continuous states of the diagram, (k, nx)."""

@@ -11,8 +11,8 @@ import numpy as np
 from pydrake.geometry import GeometryId
 from pydrake.multibody.plant import ContactResults
 
+from simrob_drake.base.frames import Indices, Vector
 from simrob_drake.blocks.contacts import Contacts
-from simrob_drake.frames import Indices, Vector
 from simrob_drake.parts.site import StationPlant
 from simrob_drake.parts.targets import owner_and_robot
 

@@ -14,14 +14,14 @@ import numpy as np
 from pydrake.multibody.plant import ContactResults
 from pydrake.systems.framework import Context
 
+from simrob_drake.base.errors import one_of
+from simrob_drake.base.frames import VELOCITY_NAMES, XYZ_QUATERNION_NAMES, Vector
+from simrob_drake.base.signals import Panel, Signal
 from simrob_drake.blocks.references import Reference, Samples
-from simrob_drake.errors import one_of
-from simrob_drake.frames import VELOCITY_NAMES, XYZ_QUATERNION_NAMES, Vector
 from simrob_drake.parts.site import StationPlant, StationRobot, named
 from simrob_drake.results.record.piece_contacts import ContactSample, sample_piece_contacts
 from simrob_drake.results.record.state import State
 from simrob_drake.results.record.touch import Event, Touch, onsets
-from simrob_drake.signals import Panel, Signal
 from simrob_drake.stations.config import StationConfig
 
 Ending = Literal["completed", "monitor", "diverged", "interrupted", "failed"]

@@ -18,9 +18,9 @@ import numpy as np
 from pydrake.multibody.plant import ContactResults
 from pydrake.systems.framework import Context, Diagram, OutputPort, PortDataType
 
+from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.monitor import NOT_YET
 from simrob_drake.blocks.sampled import SampledBlock
-from simrob_drake.frames import Vector
 from simrob_drake.parts.site import Site
 from simrob_drake.results.record.history import PlantSlice, StateHistory, parts, plant_slice
 

@@ -14,15 +14,15 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint
 from pydrake.systems.framework import Context, Diagram, System
 
-from simrob_drake.arguments import instance
+from simrob_drake.base.arguments import instance
+from simrob_drake.base.errors import InvalidConfig, InvalidParameter
+from simrob_drake.base.files import NotRead, text_of
+from simrob_drake.base.frames import Vector, finite
+from simrob_drake.base.sections import Number, Strict, validated
+from simrob_drake.base.yaml_files import parse_json
 from simrob_drake.blocks.monitor import Monitor
-from simrob_drake.errors import InvalidConfig, InvalidParameter
-from simrob_drake.files import NotRead, text_of
-from simrob_drake.frames import Vector, finite
 from simrob_drake.parts.site import ResolvedRobot, Site, StationPlant
-from simrob_drake.sections import Number, Strict, validated
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.yaml_files import parse_json
 
 _LARGEST = 10_000_000  # bytes of a file
 _OF_ROBOTS, _OF_PLANT = ("positions", "velocities", "references"), ("joints", "blocks")

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from simrob_drake.frames import Vector, pose_from_transform, transform_from_xyz_quaternion
+from simrob_drake.base.frames import Vector, pose_from_transform, transform_from_xyz_quaternion
 from simrob_drake.results.record.run import DIVERGED, RecordedRun
 from simrob_drake.results.record.walks import legged_robots, locomotion
 from simrob_drake.results.verdict.verdict import Verdict

@@ -15,8 +15,8 @@ from pydrake.geometry import GeometryId, QueryObject
 from pydrake.multibody.plant import ContactResults
 from pydrake.systems.framework import Context
 
+from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.contacts import pressing
-from simrob_drake.frames import Vector
 from simrob_drake.parts.ground import Ground
 from simrob_drake.parts.site import StationPlant, StationRobot
 from simrob_drake.parts.targets import FLOOR, owner_and_robot

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simrob_drake.frames import Vector, transform_from_xyz_quaternion
+from simrob_drake.base.frames import Vector, transform_from_xyz_quaternion
 from simrob_drake.parts.couplings import Between
 from simrob_drake.results.record.piece_contacts import ContactSample
 from simrob_drake.results.record.run import RecordedRun

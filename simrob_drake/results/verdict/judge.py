@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 from simrob_drake.parts.couplings import Between
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.results.record.run import RecordedRun

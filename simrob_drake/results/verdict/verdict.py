@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from simrob_drake.errors import one_of
-from simrob_drake.frames import Vector
+from simrob_drake.base.errors import one_of
+from simrob_drake.base.frames import Vector
 from simrob_drake.stations.solver_config import VerdictConfig
 
 if TYPE_CHECKING:  # this import would be circular: a run has a verdict

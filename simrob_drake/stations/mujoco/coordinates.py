@@ -11,7 +11,7 @@ import numpy.typing as npt
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, Joint, RigidBody
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 
 
 class Names:

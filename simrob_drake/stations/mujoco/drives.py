@@ -10,7 +10,7 @@ from pydrake.geometry import GeometryId
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, JointActuatorIndex
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 from simrob_drake.parts.sensors.shapes import Distance, Force
 from simrob_drake.parts.site import StationPlant, StationRobot, Surroundings
 from simrob_drake.parts.targets import shapes_of

@@ -46,7 +46,7 @@ import numpy as np
 from pydrake.geometry import DefaultProximityProperties, GeometryId, ProximityProperties
 from pydrake.multibody.plant import CalcContactFrictionFromSurfaceProperties, CoulombFriction
 
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.parts.forces import place_of
 from simrob_drake.parts.site import StationPlant
 from simrob_drake.stations.dynamic import stops_of

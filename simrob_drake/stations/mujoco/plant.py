@@ -13,10 +13,10 @@ from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 from pydrake.systems.framework import Context, DiscreteValues, EventStatus, InputPort, OutputPort, ValueProducer
 
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.lifetime import weakly
 from simrob_drake.blocks.block import Block
 from simrob_drake.blocks.contacts import Contacts
-from simrob_drake.frames import Vector
-from simrob_drake.lifetime import weakly
 from simrob_drake.parts.site import StationPlant
 from simrob_drake.robots.axis_map import in_a_row
 from simrob_drake.stations.mujoco.coordinates import Coordinates, Names, Places

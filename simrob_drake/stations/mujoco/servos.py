@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.multibody.tree import JointActuatorIndex
 
-from simrob_drake.frames import Vector
+from simrob_drake.base.frames import Vector
 from simrob_drake.parts.site import StationPlant
 from simrob_drake.robots.axis_map import in_a_row
 from simrob_drake.stations.mujoco.coordinates import Names

@@ -26,8 +26,8 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import Joint, JointActuatorIndex, PrismaticJoint, RevoluteJoint, RigidBody, WeldJoint
 
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.frames import Vector
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Vector
 from simrob_drake.parts.couplings import Gear
 from simrob_drake.parts.site import StationPlant
 from simrob_drake.parts.targets import own_name

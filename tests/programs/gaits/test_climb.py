@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from simrob_drake import LeggedRobot, load_station
-from simrob_drake.errors import SimrobError
-from simrob_drake.interpolation import stacked
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.interpolation import stacked
 from simrob_drake.programs.gaits.climb import BallFootholds, Climb, SoleMargins, profile_ahead
 from simrob_drake.programs.gaits.walker import Walker, facing_rotation
 from simrob_drake.programs.legged_gait import planned_gait

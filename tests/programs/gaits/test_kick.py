@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from simrob_drake import LeggedRobot, load_station
-from simrob_drake.errors import InvalidParameter, SimrobError
-from simrob_drake.interpolation import stacked
+from simrob_drake.base.errors import InvalidParameter, SimrobError
+from simrob_drake.base.interpolation import stacked
 from simrob_drake.programs.gaits.biped import Kick
 from simrob_drake.programs.gaits.legs import OutOfReach
 from simrob_drake.programs.gaits.walker import Walker, facing_rotation

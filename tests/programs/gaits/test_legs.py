@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.interpolation import stacked
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.interpolation import stacked
 from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.legs import ROWS, OutOfReach, leg_angles

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.programs.gaits.zmp import com_from_zmp
 
 STEP, HEIGHT, GRAVITY = 0.002, 0.25, 9.80665

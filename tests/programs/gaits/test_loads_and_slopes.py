@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simrob_drake import LeggedRobot, load_station
-from simrob_drake.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.programs.gaits.biped import BipedWalk, planned_walk
 from simrob_drake.programs.gaits.walker import Walker, upright
 from simrob_drake.programs.gaits.zmp import LEVEL, whole_body_zmp

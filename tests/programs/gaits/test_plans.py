@@ -5,7 +5,7 @@ import pytest
 from pydrake.systems.framework import DiagramBuilder
 from scipy.spatial import ConvexHull
 
-from simrob_drake.errors import InvalidConfig, InvalidParameter, UnknownName
+from simrob_drake.base.errors import InvalidConfig, InvalidParameter, UnknownName
 from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.gaits.biped import BipedWalk, planned_walk, walk
 from simrob_drake.programs.gaits.legs import OutOfReach

@@ -2,8 +2,8 @@
 
 import pytest
 
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.files import models_root
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.files import models_root
 from simrob_drake.programs.gaits.registry import gait_kinds, gaits_model, gaits_of, load_gaits
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.robots.gaits_file import GAITS_FILE

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simrob_drake import load_station
-from simrob_drake.errors import InvalidParameter, UnknownName
+from simrob_drake.base.errors import InvalidParameter, UnknownName
 from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.gaits.registry import load_gaits
 from simrob_drake.programs.gaits.sequences import march, posing, standing_height

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from simrob_drake import LeggedRobot, load_station
-from simrob_drake.errors import InvalidParameter
-from simrob_drake.files import ROBOT_FILE, models_root
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.files import ROBOT_FILE, models_root
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.walker import Walker

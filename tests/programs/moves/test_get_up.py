@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from simrob_drake import LeggedRobot, load_station, simulate
+from simrob_drake.base.errors import InvalidParameter, SimrobError, UnknownName
+from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.blocks.sampled import RunEnds
-from simrob_drake.errors import InvalidParameter, SimrobError, UnknownName
 from simrob_drake.parts.controllers.get_up import Rising
 from simrob_drake.parts.ground import Ground
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.walking.getting_up import RisingPosture, load_getting_up, postures
-from simrob_drake.yaml_files import read_yaml
 
 LYING = {"zjudancer": [0.0, 0.0, 0.06, 0.0, 0.0, -1.5], "roid1": [0.0, 0.0, 0.1, 0.0, -1.5, 0.0]}
 """Belly down, and on its back."""

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from simrob_drake import Arm, LeggedRobot, Program, Workcell
-from simrob_drake.errors import InvalidConfig, InvalidParameter
+from simrob_drake.base.errors import InvalidConfig, InvalidParameter
+from simrob_drake.base.sections import Strict
 from simrob_drake.programs import moves
 from simrob_drake.programs.moves.grip import FingerMove
 from simrob_drake.programs.moves.kinds import KINDS, check_move
@@ -16,7 +17,6 @@ from simrob_drake.programs.moves.motion import ArmMotion, ToolMotion
 from simrob_drake.programs.moves.move import Move, Outlook, field_of
 from simrob_drake.programs.moves.move_l import plan_move_l
 from simrob_drake.programs.moves.walk import GaitMove
-from simrob_drake.sections import Strict
 
 ENTRIES = [
     {"target_deg": {"left_knee": 10.0}, "duration": 1.0},

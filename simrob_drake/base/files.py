@@ -1,0 +1,227 @@
+"""The files that a user names, of a size that somebody may have meant, and their CSV; where those that ship are."""
+
+import csv
+import io
+import math
+import os
+import stat
+from array import array
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from io import BufferedReader
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simrob_drake.base.errors import InvalidConfig, shortened
+from simrob_drake.base.extension import addition_folders
+
+LARGEST_TEXT = 1_000_000  # of files that are written by hand [bytes]: a station's has some thousand
+
+
+class NotRead(OSError):
+    """A file that cannot or may not be read; the text says why, and is all that there is to say."""
+
+
+class TooLarge(NotRead):
+    """A file with more bytes than are read."""
+
+
+def content_of(file: Path | str, largest: int = LARGEST_TEXT) -> bytes:
+    """Return the bytes of a file. Devices and pipes, which may have no end, are not waited for.
+
+    Raises NotRead: it is not there, is no regular file, or no file can have its name; TooLarge: it has more bytes than
+    ``largest``.
+    """
+    with opened(file) as content:
+        size = os.fstat(content.fileno()).st_size
+        found = b"" if size > largest else content.read(largest + 1) or b""  # None where reading would wait
+    if max(len(found), size) > largest:
+        raise TooLarge(f"it is larger than {largest / 1e6:g} MB")
+    return found
+
+
+@contextmanager
+def opened(file: Path | str) -> Iterator[BufferedReader]:
+    """Open a file as :func:`content_of` reads it, for those that are read bit by bit; raises NotRead as that does."""
+    try:
+        with _open(file) as content:
+            yield content
+    except NotRead:
+        raise
+    except OSError as problem:
+        raise NotRead(problem.strerror or str(problem)) from problem
+
+
+def _open(file: Path | str) -> BufferedReader:
+    try:
+        return open(file, "rb", opener=_at_once)
+    except ValueError as problem:  # of a surrogate, or the character 0
+        raise NotRead("no file can have this name") from problem
+
+
+def _at_once(file: str, flags: int) -> int:
+    """Open a regular file, and wait for no other."""
+    descriptor = os.open(file, flags | os.O_NONBLOCK)
+    kind = os.fstat(descriptor).st_mode
+    if stat.S_ISREG(kind):
+        return descriptor
+    os.close(descriptor)
+    raise NotRead("it is a folder" if stat.S_ISDIR(kind) else "it is no regular file")
+
+
+def text_of(file: Path | str, largest: int = LARGEST_TEXT) -> str:
+    """Return a file's text in UTF-8, lines ended by line feeds, without byte order mark; raises NotRead: it is none."""
+    try:
+        return content_of(file, largest).decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+    except UnicodeDecodeError as problem:
+        raise NotRead(f"it is no text in UTF-8: {problem.reason} in byte {problem.start}") from problem
+
+
+LARGEST_TABLE = 100_000_000  # of a file [bytes]: a million rows of seven columns
+_LONGEST_LINE = 1_000_000  # letters
+
+
+def read_columns(file: Path, names: Sequence[str]) -> tuple[NDArray[np.float64], list[int]]:
+    """Return the columns of these names, which stand in the first line, in any order and among others.
+
+    Empty lines do not count, nor does the mark that spreadsheets put before UTF-8.
+
+    Returns:
+        the values, shape (m, len(names)), and the number of each row's line, of length m.
+
+    Raises:
+        InvalidConfig: the file cannot be read, lacks a column or has it twice, or a row is longer than the first line
+            or holds something that is no finite number.
+    """
+    rows = _rows(file)
+    first, header = _header(rows, file)
+    _check_header(header, names, file, first)
+    places = [header.index(name) for name in names]
+    values, lines = array("d"), array("q")  # a list of numbers takes five times as much
+    for line, row in rows:
+        if len(row) > len(header) and "".join(row[len(header) :]).strip():
+            raise InvalidConfig(file, f"line {line}", f"has {len(row)} cells, and the columns are {len(header)}")
+        values.extend(_numbers(row, places, file, line))
+        lines.append(line)
+    return np.array(values).reshape(-1, len(names)), lines.tolist()
+
+
+def read_matrix(file: Path) -> NDArray[np.float64]:
+    """Return the numbers of a table without names, shape (lines, columns).
+
+    Raises InvalidConfig: the file cannot be read, holds no line, or one of another length than the first or with
+    something that is no finite number.
+    """
+    rows = list[list[float]]()
+    for line, row in _rows(file):
+        rows.append(_numbers(row, list(range(len(row))), file, line))
+        if len(row) != len(rows[0]):
+            raise InvalidConfig(file, f"line {line}", f"has {len(row)} cells, and the first line {len(rows[0])}")
+    if not rows:
+        raise InvalidConfig(file, "", "is empty; it must hold lines of numbers")
+    return np.array(rows)
+
+
+def column_names(file: Path) -> list[str]:
+    """Return the names in the first line that is not empty; raises InvalidConfig: no file to read, or an empty one."""
+    return _header(_rows(file), file)[1]
+
+
+def _header(rows: Iterator[tuple[int, list[str]]], file: Path) -> tuple[int, list[str]]:
+    """Return the number and the names of the first line."""
+    line, header = next(rows, (1, []))
+    if not header:
+        raise InvalidConfig(file, "", "is empty; it must hold a line of names, and lines of numbers below")
+    return line, [name.strip() for name in header]
+
+
+def _rows(file: Path) -> Iterator[tuple[int, list[str]]]:
+    """Yield the rows that are not empty, each with the number of its last line."""
+    try:
+        text = text_of(file, LARGEST_TABLE)
+        first, lines = text.lstrip().partition("\n")[0], io.StringIO(text)
+        separator = ";" if ";" in first and "," not in first else ","
+        reader = csv.reader(iter(lambda: lines.readline(_LONGEST_LINE), ""), delimiter=separator)
+        for row in reader:
+            if "".join(row).strip():
+                yield reader.line_num, [cell.replace(",", ".") for cell in row] if separator == ";" else row
+    except (NotRead, csv.Error) as problem:
+        raise InvalidConfig(file, "", f"cannot be read ({problem})") from problem
+
+
+def _check_header(header: list[str], names: Sequence[str], file: Path, line: int) -> None:
+    missing = [name for name in names if name not in header]
+    if missing:
+        other = next((mark for mark in (";", "\t") if any(mark in name for name in header)), None)
+        hint = f"; it is separated by {other!r}, and must be by commas, with decimal points" if other else ""
+        lacking = f"lacks the columns {', '.join(missing)}; needed: {', '.join(names)}{hint}"
+        raise InvalidConfig(file, f"line {line}", lacking)
+    twice = next((name for name in names if header.count(name) > 1), None)
+    if twice is not None:
+        raise InvalidConfig(file, f"line {line}", f"names the column {twice} twice")
+
+
+def _numbers(row: list[str], places: list[int], file: Path, line: int) -> list[float]:
+    try:
+        values = [float(row[place]) for place in places]
+    except (ValueError, IndexError):
+        values = [math.nan]
+    if not all(map(math.isfinite, values)):
+        found = shortened(",".join(row))
+        raise InvalidConfig(file, f"line {line}", f"holds something that is no number: {found}")
+    return values
+
+
+ROBOT_FILE, PIECE_FILE, EXERCISE_FILE = "robot.yaml", "piece.yaml", "exercise.yaml"
+"""What the files are called that describe a robot, a piece and an exercise of the course."""
+_PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def data_root() -> Path:
+    """Return the folder with ``models``, ``diagrams`` and ``course``: inside the wheel, or the top of a checkout."""
+    installed = _PACKAGE / "data"
+    return installed if installed.is_dir() else _PACKAGE.parent
+
+
+def models_root() -> Path:
+    """Return the folder with one folder a robot, and ``pieces``."""
+    return data_root() / "models"
+
+
+def diagrams_root() -> Path:
+    """Return the folder with one YAML file a station."""
+    return data_root() / "diagrams"
+
+
+def station_files() -> dict[str, Path]:
+    """Return the files of the stations that come with the package and with extensions, by name."""
+    return _named_files(diagrams_root(), "stations", "*.yaml", lambda file: file.stem)
+
+
+def robot_files() -> dict[str, Path]:
+    """Return the files of the robots that come with the package and with extensions, by name."""
+    return _named_files(models_root(), "robots", f"*/{ROBOT_FILE}", lambda file: file.parent.name)
+
+
+def piece_files() -> dict[str, Path]:
+    """Return the files of the pieces that come with the package and with extensions, by name."""
+    return _named_files(models_root() / "pieces", "pieces", f"*/{PIECE_FILE}", lambda file: file.parent.name)
+
+
+def _named_files(own: Path, point: str, pattern: str, name_of: Callable[[Path], str]) -> dict[str, Path]:
+    """Find the files of a pattern in the package's own folder and in those that extensions add at a point, by name.
+
+    A name that the package itself has means its own file.
+    """
+    found: dict[str, Path] = {}
+    for folder in (own, *addition_folders(point)):
+        for file in sorted(folder.glob(pattern)):
+            found.setdefault(name_of(file), file)
+    return found
+
+
+def exercise_files() -> list[Path]:
+    """Return the files of the exercises of the course that come with the package."""
+    return sorted(data_root().glob(f"course/*/{EXERCISE_FILE}"))

@@ -1,0 +1,277 @@
+"""Poses in every form that users write, one or many: vectors, matrices, the quaternion form of the ports; their errors.
+
+Inside the package a pose is a :class:`pydrake.math.RigidTransform`, a batch of them an array of homogeneous matrices of
+shape (k, 4, 4). The pose vector [x y z Rz Ry Rx] is the convention
+of SimRob: metres and radians, with the rotation R = Rz(rz) Ry(ry) Rx(rx).
+"""
+
+import math
+import operator
+from collections.abc import Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
+
+from simrob_drake.base.errors import InvalidParameter
+
+POSE_SIZE = 6
+XYZ_QUATERNION_NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz")
+VELOCITY_NAMES = ("vx", "vy", "vz", "wx", "wy", "wz")
+
+Vector = np.ndarray[Any, np.dtype[np.float64]]
+"""An array of floats of any shape; the shape is in the docstrings."""
+
+Indices = np.ndarray[Any, np.dtype[np.intp]]
+"""An array of indices of another array."""
+
+
+PoseLike: TypeAlias = RigidTransform | npt.ArrayLike
+"""A pose in any form: a RigidTransform, a pose vector (6,), or a homogeneous matrix (4, 4)."""
+
+_RIGID = 1e-6  # by how much a matrix may miss a rotation: printed figures pass, a scaled matrix does not
+_APART = 1e-9  # points nearer to each other, or to a line through others, define no frame [m]
+
+
+def as_transform(pose: PoseLike) -> RigidTransform:
+    """Turn a pose in any form into a transform.
+
+    Args:
+        pose: a pose vector [x y z Rz Ry Rx] (6,) [m, rad], a matrix (4, 4), or a transform.
+
+    Raises:
+        InvalidParameter: another shape, numbers that are not finite, or a matrix that is no rigid motion.
+    """
+    if isinstance(pose, RigidTransform):
+        return pose
+    matrix = numbers(pose)
+    if matrix.shape != (4, 4):
+        return transform_from_pose(pose)
+    turn = matrix[:3, :3]
+    rigid = np.isfinite(matrix).all() and (matrix[3] == [0, 0, 0, 1]).all()
+    if not rigid or np.abs(turn @ turn.T - np.eye(3)).max() > _RIGID or np.linalg.det(turn) < 0:
+        raise InvalidParameter("pose", matrix.tolist(), "a rotation, a place, and a last row 0 0 0 1")
+    return RigidTransform(RotationMatrix.ProjectToRotationMatrix(turn), matrix[:3, 3])
+
+
+def three_point_frame(x1: npt.ArrayLike, x2: npt.ArrayLike, y1: npt.ArrayLike) -> RigidTransform:
+    r"""Return the frame of three points, as robot controllers teach it: x from x1 to x2, y towards y1.
+
+    The origin is the foot of the perpendicular from y1 to the line through x1 and x2:
+    :math:`p_0 = x_1 + \frac{(y_1 - x_1)\cdot d}{d \cdot d} d` with :math:`d = x_2 - x_1`. (SimRob's
+    ``Prod(x1, x2, y1)`` searches for the same point.) The x axis points from there to x2, y to y1, z is their product.
+
+    Args:
+        x1: on the x axis, shape (3,) [m].
+        x2: further on the x axis, beyond the origin, shape (3,) [m].
+        y1: on the y axis, shape (3,) [m].
+
+    Raises:
+        InvalidParameter: points that lie on one line, or x2 at the origin of the frame.
+    """
+    first, second, third = (point(values, name) for values, name in ((x1, "x1"), (x2, "x2"), (y1, "y1")))
+    along = second - first
+    if np.linalg.norm(along) < _APART:
+        raise InvalidParameter("x2", second.tolist(), f"another point than x1 {first.tolist()}")
+    origin = first + (third - first) @ along / (along @ along) * along
+    n, o = second - origin, third - origin
+    if np.linalg.norm(o) < _APART:
+        raise InvalidParameter(
+            "y1", third.tolist(), "off the line through x1 and x2: three collinear points fix no frame"
+        )
+    if np.linalg.norm(n) < _APART:
+        raise InvalidParameter("x2", second.tolist(), "away from the foot of the perpendicular from y1, the origin")
+    n, o = n / np.linalg.norm(n), o / np.linalg.norm(o)
+    return RigidTransform(RotationMatrix(np.column_stack([n, o, np.cross(n, o)])), origin)
+
+
+def point(values: npt.ArrayLike, name: str = "point") -> Vector:
+    """Return three finite numbers as an array (3,) [m]; raises InvalidParameter: anything else, called ``name``."""
+    place = finite(values)
+    if place.shape != (3,):
+        raise InvalidParameter(name, values, "three finite numbers [x y z] in m")
+    return place
+
+
+def transform_from_pose(pose: npt.ArrayLike) -> RigidTransform:
+    """Turn a pose [x y z Rz Ry Rx], shape (6,) [m, rad], into a transform; raises InvalidParameter: not six numbers."""
+    values = finite(pose)
+    if values.shape != (POSE_SIZE,):
+        raise InvalidParameter("pose", pose, "six finite numbers [x y z Rz Ry Rx] in m and rad")
+    return RigidTransform(RollPitchYaw(values[:2:-1]), values[:3])
+
+
+def pose_from_transform(transform: RigidTransform) -> Vector:
+    """Turn a transform into a pose vector [x y z Rz Ry Rx], shape (6,) [m, rad]; Ry is within ±π/2.
+
+    Where x points along ±z, Rz and Rx turn about the same axis, and only together they mean something: Rx is what Rz
+    leaves over, so that the pose vector gives the same rotation back to rounding even there.
+    """
+    return poses_from_matrices(transform.GetAsMatrix4())
+
+
+def poses_from_matrices(matrices: Vector) -> Vector:
+    """Turn homogeneous matrices (..., 4, 4) into pose vectors (..., 6), as :func:`pose_from_transform` does."""
+    turn = matrices[..., :3, :3]
+    about_z = np.arctan2(turn[..., 1, 0], turn[..., 0, 0])
+    cosine, sine = np.cos(about_z), np.sin(about_z)
+    about_y = np.arctan2(-turn[..., 2, 0], np.hypot(turn[..., 0, 0], turn[..., 1, 0]))
+    about_x = np.arctan2(
+        sine * turn[..., 0, 2] - cosine * turn[..., 1, 2], cosine * turn[..., 1, 1] - sine * turn[..., 0, 1]
+    )
+    return np.concatenate([matrices[..., :3, 3], np.stack([about_z, about_y, about_x], axis=-1)], axis=-1)
+
+
+def xyz_quaternion_from_transform(transform: RigidTransform) -> Vector:
+    """Turn a transform into [x y z qw qx qy qz], shape (7,), the form of the pose ports; qw is not negative."""
+    wxyz = transform.rotation().ToQuaternion().wxyz()
+    return np.concatenate([transform.translation(), wxyz if wxyz[0] >= 0 else -wxyz])
+
+
+def transform_from_xyz_quaternion(values: npt.ArrayLike) -> RigidTransform:
+    """Turn [x y z qw qx qy qz], shape (7,), into a transform; the quaternion need not be normalised.
+
+    Raises:
+        InvalidParameter: not seven finite numbers, or no quaternion.
+    """
+    xyz_wxyz = finite(values)
+    if xyz_wxyz.shape != (len(XYZ_QUATERNION_NAMES),) or not xyz_wxyz[3:].any():
+        raise InvalidParameter("pose", values, "seven finite numbers [x y z qw qx qy qz], the last four not all zero")
+    return RigidTransform(rotation_of(xyz_wxyz[3:]), xyz_wxyz[:3])
+
+
+def rotation_of(quaternion: Vector) -> RotationMatrix:
+    """Return the rotation of a quaternion (4,) qw qx qy qz that may have any length."""
+    return RotationMatrix(Quaternion(quaternion / np.linalg.norm(quaternion)))
+
+
+def matrices_from_xyz_quaternions(values: Vector) -> Vector:
+    """Turn [x y z qw qx qy qz] with unit quaternions, shape (..., 7), into homogeneous matrices (..., 4, 4)."""
+    crossed = np.swapaxes(np.cross(values[..., np.newaxis, 4:], np.eye(3)), -1, -2)  # of (qx qy qz), as a matrix
+    matrices = np.zeros((*values.shape[:-1], 4, 4))
+    matrices[..., :3, :3] = np.eye(3) + 2 * (values[..., 3, np.newaxis, np.newaxis] * crossed + crossed @ crossed)
+    matrices[..., :3, 3], matrices[..., 3, 3] = values[..., :3], 1.0
+    return matrices
+
+
+def numbers(values: Any) -> Vector:
+    """Return values as an array of floats, NaN where a masked array hides one; an empty array if they are none."""
+    try:
+        if isinstance(values, np.ma.MaskedArray):
+            values = np.ma.filled(values.astype(float), np.nan)
+        return np.zeros(0) if np.iscomplexobj(values) else np.asarray(values, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        return np.zeros(0)
+
+
+def finite(values: Any) -> Vector:
+    """Return values as an array of floats if all of them are finite; an empty array if they are anything else."""
+    found = numbers(values)
+    return found if np.isfinite(found).all() else np.zeros(0)
+
+
+def vertical(qw: float, qx: float, qy: float, qz: float) -> tuple[float, float, float]:
+    """Return the world's upward direction in the axes of a body of an orientation, of plain numbers."""
+    return 2 * (qx * qz - qw * qy), 2 * (qy * qz + qw * qx), 1 - 2 * (qx * qx + qy * qy)
+
+
+def lean(up: list[float], qw: float, qx: float, qy: float, qz: float) -> float:
+    """Return the angle [rad] from a body's ``up`` (3,) to the world's, in plain numbers: each step and sample asks."""
+    upward = sum(map(operator.mul, vertical(qw, qx, qy, qz), up))
+    return math.acos(min(max(upward, -1.0), 1.0)) if math.isfinite(upward) else upward
+
+
+Targets: TypeAlias = npt.ArrayLike | RigidTransform | Sequence[RigidTransform]
+"""One pose or many: pose vectors [x y z Rz Ry Rx], matrices (4, 4), or RigidTransforms."""
+
+_EXPECTED = "pose vectors [x y z Rz Ry Rx] (6,) or (k, 6), matrices (4, 4) or (k, 4, 4), or RigidTransforms"
+_HALF_TURN = -0.99  # cosine below which the antisymmetric part of a rotation tells the axis too roughly
+_SINE_AND_TRACE = np.zeros((9, 4))  # of a rotation matrix row by row: sine times axis, and trace
+_SINE_AND_TRACE[[7, 5, 2, 6, 3, 1], [0, 0, 1, 1, 2, 2]] = [0.5, -0.5, 0.5, -0.5, 0.5, -0.5]
+_SINE_AND_TRACE[[0, 4, 8], 3] = 1.0
+
+
+def pose_matrices(targets: Targets, name: str = "targets") -> Vector:
+    """Turn one pose or many, in any form of :data:`Targets`, into matrices, shape (k, 4, 4); one pose gives k = 1.
+
+    Raises InvalidParameter, which calls them ``name``: another shape, numbers that are not finite, or a matrix that is
+    no rigid motion.
+    """
+    if isinstance(targets, RigidTransform):
+        return np.array([targets.GetAsMatrix4()])
+    if isinstance(targets, Sequence) and any(isinstance(target, RigidTransform) for target in targets):
+        if not all(isinstance(target, RigidTransform) for target in targets):
+            raise InvalidParameter(name, targets, f"{_EXPECTED}, all of one form")
+        return np.array([target.GetAsMatrix4() for target in targets if isinstance(target, RigidTransform)])
+    values = numbers(targets)
+    if not values.size:
+        raise InvalidParameter(name, targets, _EXPECTED)
+    if not np.isfinite(values).all():
+        index = np.argwhere(~np.isfinite(values))[0].tolist()
+        raise InvalidParameter(name, f"an array with {values[tuple(index)]} at {index}", "finite numbers")
+    if values.ndim in (1, 2) and values.shape[-1] == POSE_SIZE:
+        return _matrices_from_vectors(np.atleast_2d(values))
+    if values.ndim in (2, 3) and values.shape[-2:] == (4, 4):
+        return _checked_matrices(values.reshape(-1, 4, 4), name)
+    raise InvalidParameter(name, f"an array of shape {values.shape}", _EXPECTED)
+
+
+def one_pose(target: Targets, name: str) -> Vector:
+    """Return one pose in any form as a matrix (4, 4); errors are those of :func:`pose_matrices`, or tell of several."""
+    matrices = pose_matrices(target, name)
+    if len(matrices) != 1:
+        raise InvalidParameter(name, f"{len(matrices)} poses", "one pose")
+    return np.asarray(matrices[0])
+
+
+def rotation_vectors(turns: Vector) -> Vector:
+    """Return the rotation vectors (axis times angle, at most π) of rotation matrices (k, 3, 3), shape (k, 3) [rad]."""
+    parts = turns.reshape(-1, 9) @ _SINE_AND_TRACE
+    sine = np.sqrt((parts[:, :3] * parts[:, :3]).sum(axis=1))
+    cosine = 0.5 * (parts[:, 3] - 1.0)
+    angle = np.arctan2(sine, cosine)
+    scale = np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 1.0)
+    vectors = scale[:, np.newaxis] * parts[:, :3]
+    if (cosine < _HALF_TURN).any():
+        from scipy.spatial.transform import Rotation  # which takes its time to load
+
+        rows = cosine < _HALF_TURN
+        vectors[rows] = Rotation.from_matrix(turns[rows]).as_rotvec()
+    return vectors
+
+
+def pose_errors(targets: Vector, actual: Vector) -> Vector:
+    """Return what leads from ``actual`` to ``targets`` (k, 4, 4): [x y z] [m], rotation vector [rad], shape (k, 6)."""
+    turns = targets[:, :3, :3] @ actual[:, :3, :3].transpose(0, 2, 1)
+    return np.concatenate([targets[:, :3, 3] - actual[:, :3, 3], rotation_vectors(turns)], axis=1)
+
+
+def within(errors: Vector, weights: Vector, tolerance: Vector) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """Tell which errors (k, 6), where they have weight, are within a tolerance (2,) [m, rad], shape (k,)."""
+    squares = errors * errors * (weights > 0)
+    near: np.ndarray[Any, np.dtype[np.bool_]] = squares[:, :3].sum(axis=1) <= tolerance[0] ** 2
+    near &= squares[:, 3:].sum(axis=1) <= tolerance[1] ** 2
+    return near
+
+
+def _matrices_from_vectors(vectors: Vector) -> Vector:
+    (cz, cy, cx), (sz, sy, sx) = np.cos(vectors[:, 3:].T), np.sin(vectors[:, 3:].T)
+    matrices = np.zeros((len(vectors), 4, 4))
+    matrices[:, 0, :3] = np.stack([cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx], axis=1)
+    matrices[:, 1, :3] = np.stack([sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx], axis=1)
+    matrices[:, 2, :3] = np.stack([-sy, cy * sx, cy * cx], axis=1)
+    matrices[:, :3, 3] = vectors[:, :3]
+    matrices[:, 3, 3] = 1.0
+    return matrices
+
+
+def _checked_matrices(matrices: Vector, name: str) -> Vector:
+    turns = matrices[:, :3, :3]
+    square = np.abs(turns @ turns.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2)) < _RIGID
+    rigid = square & (np.linalg.det(turns) > 0) & (matrices[:, 3] == [0, 0, 0, 1]).all(axis=1)
+    if not rigid.all():
+        bad = int(np.argmin(rigid))
+        raise InvalidParameter(f"{name}[{bad}]", matrices[bad].tolist(), "a rotation, a place, and a last row 0 0 0 1")
+    return matrices

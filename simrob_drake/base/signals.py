@@ -1,0 +1,81 @@
+"""What the outputs of a station are: columns with units and roles, and the plots that show them.
+
+Whoever makes an output declares it once; tables, plots, block pictures and summaries only read the declarations.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol, TypeAlias
+
+from simrob_drake.base.frames import VELOCITY_NAMES, XYZ_QUATERNION_NAMES, Vector
+
+Role = Literal[
+    "reference", "motion", "effort", "pose", "force", "moment", "applied", "estimate", "distance", "inertial", "own"
+]
+"""What a signal is: what a robot is asked, how it moves, what drives it, where it is, what is felt or applied."""
+
+POSE = XYZ_QUATERNION_NAMES, ("m",) * 3 + ("1",) * 4, "position [m]"
+VELOCITY = VELOCITY_NAMES, ("m/s",) * 3 + ("rad/s",) * 3, "velocity [m/s]"
+"""What columns of poses and velocities are called, their units, and the label of a plot of the first three."""
+
+
+@dataclass(frozen=True)
+class Panel:
+    """What one plot panel of declared signals shows."""
+
+    figure: str  # the file it belongs to, without suffix: ``sensors``, ``piece_ball``
+    heading: str  # of the figure
+    title: str  # of the panel
+    label: str  # of its upright axis, with the unit
+    columns: tuple[str, ...]  # of the result
+    components: tuple[str, ...] = ()  # what the curves are called; as the columns end unless given
+
+
+class Recorded(Protocol):
+    """A run that is over, as parts look at it: its recorded states, and any port evaluated at them."""
+
+    @property
+    def step_times(self) -> Vector:
+        """Ends of the accepted steps, shape (m,) [s]."""
+
+    @property
+    def memo(self) -> dict[Any, Any]:
+        """What parts worked out of this run, for each other."""
+
+    def sample(self, ports: Sequence[Any], times: Vector) -> list[Any]:
+        """Return the values of ports at times (k,) [s]: arrays (k, size), or lists of abstract values."""
+
+
+Compute: TypeAlias = Callable[[Recorded, Vector], Vector]
+"""Gives columns of a run that is over at times (m,) [s], shape (m, k)."""
+
+
+@dataclass(frozen=True)
+class Signal:
+    """Columns of a result."""
+
+    names: tuple[str, ...]  # of the k columns
+    units: tuple[str, ...]  # of each of them, shape (k,): ``rad``, ``N·m``, ``1``
+    role: Role  # what they are
+    output: str = ""  # the station's output port that gives them; empty where they are computed
+    entries: tuple[int, ...] | None = None  # which of the output's values they are; all of them unless given
+    compute: Compute | None = None  # gives them of a run at times (m,), shape (m, k), where no port does
+    # changes what the port gave, of a run at times (m,), shape (m, k) to (m, k)
+    adjust: Callable[[Recorded, Vector, Vector], Vector] | None = None
+    part: str = ""  # the sensor, piece or block that declares them; empty for the robots' own
+    # title and label of their own plot panel, with figure and heading; None where plots of robots show them
+    panel: Panel | None = None
+
+
+def sensor_panel(title: str, quantity: str, names: Sequence[str], units: Sequence[str]) -> Panel:
+    """Return the panel of a sensor's columns in the figure ``sensors``: "force [N]" on its upright axis."""
+    unit = ", ".join(dict.fromkeys(units))
+    return Panel("sensors", "sensors", title, f"{quantity} [{unit}]", tuple(names))
+
+
+def applied_signal(output: str, unit: str, title: str, *, part: str = "") -> Signal:
+    """Return what an output (3) is that gives a force [N] or a torque [N·m] from outside, with its panel."""
+    names = tuple(f"{output}.{axis}" for axis in "xyz")
+    label = f"{'force' if unit == 'N' else 'torque'} [{unit}]"
+    panel = Panel("sensors", "applied forces", title, label, names)
+    return Signal(names, (unit,) * 3, "applied", output, part=part, panel=panel)

@@ -1,0 +1,1 @@
+"""Our own extensions: what the toolbox can do beyond stations, runs and programs. The core works without them."""

@@ -1,0 +1,67 @@
+"""Functions that the two processes of a measurement share: their limits, their output, and loading of Python files.
+
+An exercise is measured in two processes: one runs the checks, the other one the answer. See the modules `child` and
+`answer_process` of this package.
+"""
+
+import os
+import resource
+import sys
+from contextlib import suppress
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import ModuleType
+from typing import TextIO
+
+from simrob_drake.base.errors import shortened
+
+LONGEST_PROBLEM = 300
+"""Longest text of an error that is passed on [characters]."""
+
+
+def apply_limits(memory: int, seconds: int) -> None:
+    """Limit the memory and the processor time of this process, and switch core dumps off.
+
+    A limit that the operating system does not have, or does not allow, is left out.
+
+    Args:
+        memory: largest size of the address space [bytes].
+        seconds: processor time [s]. The process may take one second more.
+    """
+    limits = {
+        resource.RLIMIT_AS: memory,
+        resource.RLIMIT_CPU: seconds + 1,
+        resource.RLIMIT_CORE: 0,
+    }
+    for kind, limit in limits.items():
+        with suppress(ValueError, OSError):
+            resource.setrlimit(kind, (limit, limit))
+
+
+def take_over_output() -> TextIO:
+    """Return a file that writes to the standard output of this process, and discard all that is printed from now on."""
+    replies = os.fdopen(os.dup(1), "w", encoding="utf-8", buffering=1)
+    # Drake prints from C++ as well, so the file descriptor itself is redirected.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    return replies
+
+
+def load_module(file: Path, name: str) -> ModuleType:
+    """Load a Python file as a module of a given name, and let it import modules from its folder.
+
+    Raises:
+        ImportError: the file's name is not that of a Python file.
+    """
+    sys.path.insert(0, str(file.parent))
+    spec = spec_from_file_location(name, file)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{file.name} is no Python file")
+    module = module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def error_text(problem: BaseException) -> str:
+    """Class and message of an error on one line, cut if it is long."""
+    return shortened(f"{type(problem).__name__}: {problem}", LONGEST_PROBLEM)

@@ -1,0 +1,297 @@
+"""From a robot's tree to a robot that walks: a folder with its description, its gait, its stations and a report."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import yaml
+
+from simrob_drake.base.arguments import as_path
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.files import ROBOT_FILE
+from simrob_drake.base.folders import filled_at_once
+from simrob_drake.base.yaml_files import read_yaml
+from simrob_drake.extensions.legged.anatomy import Anatomy, anatomy_of
+from simrob_drake.extensions.legged.report import (
+    REPORT,
+    TRIALS,
+    Attempt,
+    Made,
+    attempt,
+    attempt_climb,
+    attempt_kick,
+    save_report,
+)
+from simrob_drake.extensions.legged.scaling import (
+    EXAMPLES,
+    LAG,
+    Build,
+    Example,
+    asked_speed,
+    build_of,
+    climb_of,
+    gains,
+    kick_of,
+    walk_of,
+)
+from simrob_drake.extensions.legged.soles import FootSole, feet_section, soles_of, write_soles
+from simrob_drake.importer.importing import write_robot
+from simrob_drake.importer.options import ImportOptions, ImportReport
+from simrob_drake.importer.packages import robot_file
+from simrob_drake.programs.gaits.biped import Kick
+from simrob_drake.programs.gaits.climb import Climb
+from simrob_drake.programs.gaits.legs import ROWS
+from simrob_drake.programs.gaits.motion import Gait
+from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.gaits_file import GAITS_FILE
+from simrob_drake.stations.draft import at_home, draft_station
+from simrob_drake.stations.load import ONLY_ROBOT
+from simrob_drake.stations.stances import Stance, Stances
+from simrob_drake.walking.parameters import REACTING
+
+STAND, WALK = "standing.yaml", "walking.yaml"
+_BENT = {2: (0.9, 0.85, 0.8), 4: (0.78, 0.7, 0.85, 0.9), 6: (0.78, 0.7, 0.85, 0.6)}
+"""Parts of their length to which legs are bent, by their number, in the order of trial."""
+_PARTS = 1.0, 0.5, 0.25  # of the speed that a first walk is asked for
+_WAYS = 2  # of standing, that are tried for walking
+_STIFFER = 1.0, 2.0  # factors of the gains
+_INWARD = 0.5, 0.25, 0.75, 1.0  # parts of how far the weight stays inside in the walk, that are tried for a kick
+_FALLEN, _TILT = 0.55, 60.0  # part of the height of the root, deg
+_STEP: dict[str, Any] = {
+    "kind": "continuous", "scheme": "cenic", "accuracy": 1.0e-3, "max_step": 0.01, "error_control": False,
+}  # fmt: skip
+
+
+def make_legged(
+    source: Path | str, folder: Path | str, options: ImportOptions | None = None, *, force: bool = False
+) -> Made:
+    """Make a robot of a URDF ready to stand and to walk: from its tree alone.
+
+    Args:
+        source: a URDF or xacro file.
+        folder: where to; it appears at once, when everything is in it.
+        options: of the import; the base floats unless they say otherwise.
+        force: replace what was made before.
+
+    Returns:
+        what was found and assumed, and what the robot can do. The parts that could be done are there even so.
+
+    Raises:
+        InvalidModel: a defect that no import can repair.
+        OutputError: the folder cannot be written.
+    """
+    source, folder = robot_file(source, "source"), as_path(folder, "folder")
+    options = options or ImportOptions()
+    if options.base == "auto":
+        options = options.model_copy(update={"base": "floating"})
+    made = Made(folder)
+    with filled_at_once(folder, marker=REPORT, force=force) as work:
+        report = ImportReport(source)
+        robot = write_robot(source, work, options, report)
+        if robot.links_without_inertia:
+            estimates = ImportReport(source)
+            robot = write_robot(source, work, options.model_copy(update={"estimate_inertia": True}), estimates)
+            known = {(entry.element, entry.text) for entry in report.entries}
+            new = [entry for entry in estimates.entries if (entry.element, entry.text) not in known]
+            made.assumed.extend(f"{entry.element}: {entry.text}" for entry in new)
+        made.name = robot.name
+        try:
+            if robot.feet is not None:
+                what = f"{robot.name} has feet of its own in the {ROBOT_FILE} beside {source.name}"
+                remedy = "here they are found from the URDF alone: give it in a folder without that file"
+                raise SimrobError(f"{what}; {remedy}")
+            _Making(work, robot, made).run()
+        except SimrobError as problem:
+            made.problem = str(problem) + _shapes_lost(report)
+            if not (work / STAND).is_file():
+                (work / STAND).write_text(draft_station(robot.urdf_path, folder=work), encoding="utf-8")
+        save_report(made, work)
+    return made
+
+
+def _shapes_lost(report: ImportReport) -> str:
+    """Return which shapes to touch with an import has dropped, which may be why a robot cannot stand; '' without."""
+    lost = [entry for entry in report.of("dropped") if "<collision>" in entry.element]
+    return f"; {len(lost)} collision shapes were not read, the first: {lost[0].element}: {lost[0].text}" if lost else ""
+
+
+class _Standing(NamedTuple):
+    """A stance, its soles and its build."""
+
+    stance: Stance
+    soles: list[FootSole]
+    build: Build
+
+
+class _Choice(NamedTuple):
+    """What is tried: how it stands, whose walk it has, factors of gains and speed, whether steps are quick."""
+
+    way: _Standing
+    example: Example
+    stiffer: float = 1.0
+    part: float = 1.0
+    quick: bool = False
+
+
+class _Making:
+    """One robot's way from its tree to its walk."""
+
+    def __init__(self, work: Path, robot: RobotModel, made: Made) -> None:
+        """Look at a robot that was written into a folder; raises SimrobError: it has no legs."""
+        self._work, self._robot, self._made = work, robot, made
+        clearance = at_home(robot)
+        self._anatomy = anatomy_of(clearance, clearance.station.robots[ONLY_ROBOT])
+        self._stances = Stances(clearance, self._anatomy.robot)
+        self._soles = list[str]()
+
+    def run(self) -> None:
+        """Write all that can be, and try it; raises SimrobError: why not all could be."""
+        anatomy, made, name = self._anatomy, self._made, self._robot.name
+        made.found += list(_described(anatomy))
+        examples, count = EXAMPLES[min(len(anatomy.legs), 4)], len(anatomy.legs)
+        ways = [way for part in _BENT[count] if (way := self._standing(part)) is not None]
+        if not ways:
+            raise SimrobError(f"{name} has no posture in which it stands. {self._stances.lacking}".strip())
+        self._soles = write_soles(self._robot.urdf_path, anatomy, ways[0].soles)
+        made.found += [_soles_text(ways[0])]
+        stands = self._first(
+            [_Choice(way, examples[0], stiffer) for stiffer, way in product(_STIFFER, ways)], TRIALS[0]
+        )
+        made.attempts.append(stands[0])
+        choices = product(_PARTS, (False, True), _STIFFER, ways[:_WAYS], examples)
+        tried = [_Choice(way, of, by, part, quick) for part, quick, by, way, of in choices]
+        walks, choice = self._first(tried, TRIALS[3])
+        made.assumed += list(_assumed(choice))
+        if walks.result is not None:
+            made.attempts += [attempt(self._work / WALK, trial) for trial in TRIALS[1:3]]
+        made.attempts.append(walks)
+        if not walks.done:
+            raise SimrobError(f"{name} does not walk: {walks.outcome}")
+        build, walk = choice.way.build, read_yaml(self._work / GAITS_FILE)[REACTING]
+        joints = len(anatomy.legs[0].leg.axes)
+        if count == 2 and joints in ROWS:
+            kicks = (kick_of(build, walk, inward, part) for part, inward in product(_PARTS[:2], _INWARD))
+            made.attempts.append(self._adds(Kick, kicks, attempt_kick))
+        if (count == 2 and joints == 6 and choice.way.soles[0].flat) or (count == 4 and joints in ROWS):
+            step = partial(attempt_climb, height=build.height, facing_deg=float(np.rad2deg(anatomy.facing)))
+            made.attempts.append(self._adds(Climb, (climb_of(build, walk, part) for part in _PARTS), step))
+
+    def _adds(self, kind: type[Gait], gaits: Iterable[dict[str, Any]], tried: Callable[[Path], Attempt]) -> Attempt:
+        """Add the first gait of a kind that the robot can do to its file; return what became of it, or of the last."""
+        known = read_yaml(self._work / GAITS_FILE)
+        for gait in gaits:
+            self._yaml(GAITS_FILE, {**known, kind.section: {kind.usual: gait}})
+            if (found := tried(self._work / STAND)).done:
+                return found
+        self._yaml(GAITS_FILE, known)
+        return found
+
+    def _standing(self, part: float) -> _Standing | None:
+        """Return how the robot stands with its legs bent to a part of their length; None if it cannot."""
+        anatomy = self._anatomy
+        for stance in self._stances.bent([limb.leg for limb in anatomy.legs], (part,)):
+            if len(anatomy.legs) > 2 or not anatomy.has_soles or anatomy.knees_ahead(stance.posture):
+                soles = soles_of(anatomy, stance)
+                return _Standing(stance, soles, build_of(anatomy, stance, soles))
+        return None
+
+    def _first(self, choices: Sequence[_Choice], trial: str) -> tuple[Attempt, _Choice]:
+        """Return the first choice with which a trial is passed, else that which came farthest; it is written."""
+        tried = list[tuple[Attempt, _Choice]]()
+        for choice in choices:
+            tried.append((attempt(*self._write(choice, trial)), choice))
+            if tried[-1][0].done or tried[-1][0].result is None:
+                break
+        best = max(tried, key=lambda one: (one[0].done, one[0].lasted, one[0].ahead))
+        self._write(best[1], trial)
+        return best
+
+    def _write(self, choice: _Choice, trial: str) -> tuple[Path, str, float]:
+        """Write robot and gait, and the station of a trial; return that, the trial, and the speed asked for [m/s]."""
+        anatomy, (way, example, stiffer, part, quick) = self._anatomy, choice
+        signs = anatomy.signs(way.stance.posture)
+        units = np.where(self._robot.prismatic, 1.0, np.rad2deg(1.0)) * signs
+        values = [round(float(value), 3) + 0.0 for value in units * way.stance.posture]
+        posture = dict(zip(anatomy.names, values, strict=True))
+        servo = {key: float(f"{value * stiffer:.3g}") for key, value in gains(way.build, example).items()}
+        stands: Any = {"height": way.stance.height, "groups": anatomy.groups, "posture": posture}
+        walk = walk_of(way.build, example, **stands, quick=quick)
+        speed = asked_speed(walk, part)
+        own = {"servo": servo, "feet": feet_section(way.soles, self._soles, way.build.load / way.build.height**2)}
+        self._yaml(ROBOT_FILE, {**self._description(signs), "home_deg": posture, **own})
+        self._yaml(GAITS_FILE, {"facing_deg": round(float(np.rad2deg(anatomy.facing)), 3), REACTING: walk})
+        station = self._station(way.stance.height, posture, servo)
+        if trial == TRIALS[0]:
+            return self._yaml(STAND, {**station, "reference": {"kind": "hold"}}), trial, speed
+        loop = {"walk": {"kind": "walk", "commands": [{"time": 0.5, "ahead": speed}]}}
+        station |= {"description": f"{self._robot.name} walks by commands", "inputs": ["reference_velocity"]}
+        return self._yaml(WALK, {**station, "controllers": loop}), trial, speed
+
+    def _description(self, signs: Sequence[int]) -> dict[str, Any]:
+        """Return what of ``robot.yaml`` does not depend on how the robot stands."""
+        robot, anatomy = self._robot, self._anatomy
+        axes = dict[str, Any]()
+        for name, axis, sign in zip(anatomy.names, robot.axes.values(), signs, strict=True):
+            aliases = {"aliases": [axis.joint]} if name != axis.joint else {}
+            axes[name] = {"joint": axis.joint, "sign": axis.sign * sign, **aliases}
+        feet = {limb.foot: name for limb, name in zip(anatomy.legs, self._soles, strict=True)}
+        return {
+            "description": f"{robot.name}, {len(anatomy.legs)} legs of {len(anatomy.legs[0].leg.axes)} joints",
+            "urdf": robot.urdf,
+            "base": "floating",
+            "root": robot.root,
+            "axes": axes,
+            "tools": {**feet, **{tool: link for tool, link in robot.tools.items() if tool not in feet}},
+        }
+
+    def _station(self, height: float, posture: Mapping[str, float], servo: Mapping[str, float]) -> dict[str, Any]:
+        """Return a station in which the robot stands in a posture [deg], watched by a monitor."""
+        base = [0.0, 0.0, round(height, 5), 0.0, 0.0, 0.0]
+        return {
+            "description": f"{self._robot.name} stands",
+            "robot": {"model": ROBOT_FILE, "base": base, "initial_deg": dict(posture)},
+            "servo": {"realization": "implicit", **servo},
+            "floor": {"size": 8},
+            "contact": {"model": "point"},
+            "monitors": {"fall": {"height": round(_FALLEN * height, 3), "tilt_deg": _TILT}},
+            "solver": _STEP,
+            "duration": 10.0,
+        }
+
+    def _yaml(self, name: str, content: Mapping[str, Any]) -> Path:
+        text = yaml.safe_dump(dict(content), sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
+        (self._work / name).write_text(text, encoding="utf-8")
+        return self._work / name
+
+
+def _described(anatomy: Anatomy) -> Iterator[str]:
+    """Yield what was seen of the limbs, in words."""
+    for limb in anatomy.legs:
+        axes = [f"{anatomy.names[axis]} ({anatomy.robot.axes[axis]})" for axis in limb.leg.axes]
+        yield f"{limb.name} leg to {limb.leg.foot.name()}: {', '.join(axes)}"
+    yield f"it looks {round(float(np.rad2deg(anatomy.facing)), 1):g} deg from the x axis of {anatomy.robot.model.root}"
+    for arm in anatomy.arms:
+        yield f"arm: {', '.join(anatomy.names[axis] for axis in arm)}"
+    if anatomy.head:
+        yield f"head and trunk: {', '.join(anatomy.names[axis] for axis in anatomy.head)}"
+
+
+def _soles_text(way: _Standing) -> str:
+    sole, build = way.soles[0], way.build
+    kind = f"soles of {build.sole[0]:.3f} x {build.sole[1]:.3f} m between spheres" if sole.flat else "balls"
+    return f"feet: {kind} of radius {sole.radius * 1e3:.1f} mm, {build.spread:.3f} m apart"
+
+
+def _assumed(choice: _Choice) -> Iterator[str]:
+    """Yield what was made up, in words."""
+    (stance, _, build), example, stiffer, part, quick = choice
+    yield f"posture: {stance.how}"
+    yield f"walk: that of {example.name}, scaled by {build.height / example.build.height:.2f} in length"
+    yield f"servos: {stiffer * example.stiffness:.3g} times m g h a radian on all axes, damped over {LAG:g} sqrt(h / g)"
+    if quick:
+        yield "steps: as quick and as low as those of the smaller robot, since it fell with longer ones"
+    if part < 1:
+        yield f"speed: {part:g} of what such a robot would be asked for; it fell faster"

@@ -1,0 +1,180 @@
+"""What a robot on legs is tried at, and the report: what was found and assumed, what it can do, and what to tune."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.interpolation import stacked
+from simrob_drake.extensions.legged.soles import EDGED
+from simrob_drake.programs.gaits.walker import Walker, facing_rotation
+from simrob_drake.programs.legged_robot import LeggedRobot
+from simrob_drake.programs.moves.climb import ClimbMove
+from simrob_drake.programs.moves.kick import KickMove
+from simrob_drake.programs.moves.move import Move
+from simrob_drake.programs.moves.wait import WaitMove
+from simrob_drake.programs.program import Program
+from simrob_drake.results.animation.pictures import save_film_strip
+from simrob_drake.results.record.walks import locomotion
+from simrob_drake.results.result import SimulationResult
+from simrob_drake.simulation.runner import simulate
+from simrob_drake.stations.load import load_station
+
+_SECONDS = 10.0
+_STARTS, _RESTS = 0.5, 2.0  # s
+_CREEP = 1e-3  # m/s: asked for of a robot that steps on the spot
+_FLAT = 1e-4  # m: the lift of a foot that only gives its weight away
+_LEANS = 10.0  # deg
+_PART = 0.5  # of the way asked for that a walk is to come at least
+TRIALS = "stands", "shifts its weight", "steps", "walks"
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """What became of one of the trials."""
+
+    trial: str  # which
+    done: bool  # whether the robot can do it
+    outcome: str  # what happened, in words
+    ahead: float = 0.0  # how far it came [m]
+    result: SimulationResult | None = None  # the run; None if it could not begin
+
+    @property
+    def lasted(self) -> float:
+        """How long the run was [s]."""
+        return 0.0 if self.result is None else self.result.stop_time
+
+
+def attempt(station: Path, trial: str, speed: float = 0.0) -> Attempt:
+    """Return what becomes of one of :data:`TRIALS` of a station.
+
+    Its only loop, in all but the first trial, is ``walk``, at a speed [m/s].
+    """
+    asked = {TRIALS[0]: 0.0, TRIALS[3]: speed}.get(trial, _CREEP)
+    overrides: dict[str, Any] = {"duration": _STARTS + _SECONDS}
+    if asked:
+        overrides["controllers.walk.commands"] = [{"time": _STARTS, "ahead": asked}]
+    if trial == TRIALS[1]:
+        overrides["controllers.walk.gait.lift"] = _FLAT
+    try:
+        result = simulate(load_station(station, overrides), progress=False)
+    except SimrobError as problem:
+        return Attempt(trial, False, str(problem))
+    if result.ending == "diverged":
+        return Attempt(trial, False, f"diverged at {result.stop_time:.1f} s", result=result)
+    found = locomotion(result)
+    lean, far = np.rad2deg(found.tilt), f"{found.ahead:.2f} m ahead and {abs(found.drift):.2f} m aside"
+    if result.ending != "completed":
+        return Attempt(trial, False, f"fell at {result.stop_time:.1f} s ({far})", found.ahead, result)
+    if trial == TRIALS[3] and found.ahead < _PART * speed * _SECONDS:
+        outcome = f"stays on its feet but comes only {far}, of {speed * _SECONDS:.2f} m"
+        return Attempt(trial, False, outcome, found.ahead, result)
+    outcome = f"{_SECONDS:g} s, {far}, leans by {lean:.0f} deg at most"
+    outcome += f"; its busiest joint takes {found.peak_torque['ratio']:.0%} of its torque"
+    return Attempt(trial, trial != TRIALS[0] or bool(lean < _LEANS), outcome, found.ahead, result)
+
+
+KICKS, CLIMBS = "kicks", "climbs"
+_RISE = {2: 0.05, 4: 0.1}  # of the step, by the number of legs, in heights of the centre of mass
+_TREAD, _BEFORE, _BEHIND = 0.5, 0.05, 0.15  # of the step, and of the ground before and behind feet, likewise
+_LONGER = 1.2  # times a sole, that the step is long at least
+
+
+def attempt_kick(station: Path) -> Attempt:
+    """Return what becomes of a robot that stands in a station, and kicks through the air."""
+    return _attempt_move(KICKS, station, KickMove(), {}, "stands on both feet again")
+
+
+def attempt_climb(station: Path, height: float, facing_deg: float) -> Attempt:
+    """Return what becomes of a robot that stands in a station, and climbs a step and comes down again.
+
+    Its centre of mass is at a height [m], and it looks in a direction from the world's x [deg].
+    """
+    front, sole, legs = _feet(station, facing_deg)
+    rise, tread = round(_RISE[legs] * height, 4), round(max(_TREAD * height, _LONGER * sole), 4)
+    start = round(front + _BEFORE * height, 4)
+    way = round(start + tread + front + _BEHIND * height, 4)
+    step = {"kind": "stairs", "height": rise, "size": tread, "length": tread, "start": start, "heading_deg": facing_deg}
+    ground: dict[str, Any] = {
+        "floor": {"size": max(8.0, 8 * way), "terrain": {**step, "width": max(1.6, 2 * tread, 2 * front)}}
+    }
+    if legs == 2:
+        ground |= {"robot.feet": EDGED, "contact": {"model": "hydroelastic_with_fallback"}}
+    return _attempt_move(CLIMBS, station, ClimbMove(distance=way), ground, f"comes over a step of {1e3 * rise:.0f} mm")
+
+
+def _feet(station: Path, facing_deg: float) -> tuple[float, float, int]:
+    """Return how far its feet reach ahead of a robot's root, how long the longest is [m], and their number."""
+    robot = LeggedRobot(load_station(station))
+    root = stacked(np.zeros((1, 3)), facing_rotation(facing_deg)[np.newaxis])
+    feet = Walker.of(robot.model).feet(robot.worn_feet)
+    ahead = [foot.poses(robot.position[np.newaxis], root)[0, 0, 3] + max(foot.half[0], foot.over) for foot in feet]
+    return float(max(ahead)), 2 * float(max(foot.half[0] for foot in feet)), len(feet)
+
+
+def _attempt_move(trial: str, station: Path, move: Move, overrides: Mapping[str, Any], did: str) -> Attempt:
+    """Return what becomes of a robot in a changed station that does a move, and then stands."""
+    try:
+        result = LeggedRobot(load_station(station, overrides)).run(Program(moves=(move, WaitMove(duration=_RESTS))))
+    except SimrobError as problem:
+        return Attempt(trial, False, str(problem))
+    if result.ending != "completed":
+        return Attempt(trial, False, f"fell at {result.stop_time:.1f} s", result=result)
+    lean = np.rad2deg(locomotion(result).tilt)
+    return Attempt(trial, True, f"{did}, and then leans by {lean:.0f} deg at most", result=result)
+
+
+REPORT, PICTURE = "legged.md", "legged.png"
+_TUNE = {
+    "stands": "`servo.kp`, `servo.kd` and `home_deg` in robot.yaml",
+    "shifts its weight": "`zmp_inward` and `step_time` in gaits.yaml",
+    "steps": "`lift`, `widen` and `double_support` in gaits.yaml",
+    KICKS: "`speed` and `zmp_inward` of the kick in gaits.yaml",
+    CLIMBS: "`bearing.height`, `lift` and `overhang` of the climb in gaits.yaml",
+    "walks": "`step_time`, `bearing.height` and `zmp_inward` in gaits.yaml",
+}
+"""What to change first where a trial fails."""
+
+
+@dataclass
+class Made:
+    """What was made of a robot."""
+
+    folder: Path  # where it stands
+    name: str = ""  # of the robot
+    found: list[str] = field(default_factory=list)  # what was seen in its tree, in words
+    assumed: list[str] = field(default_factory=list)  # what was made up, in words
+    attempts: list[Attempt] = field(default_factory=list)  # what became of the trials
+    problem: str = ""  # why something could not be done, in words; empty if all was
+
+    def can(self, trial: str) -> bool:
+        """Whether the robot passed a trial."""
+        return any(one.done for one in self.attempts if one.trial == trial)
+
+
+def save_report(made: Made, folder: Path) -> None:
+    """Write the report into a folder, and a picture of the last trial of standing and walking that there is."""
+    runs = [one.result for one in made.attempts if one.result is not None and one.trial in TRIALS]
+    if runs:
+        try:
+            save_film_strip(runs[-1], folder / PICTURE)
+        except RuntimeError as problem:  # of a renderer, about a mesh
+            made.found.append(f"no picture: {problem}")
+    (folder / REPORT).write_text("\n".join(_lines(made, (folder / PICTURE).is_file())) + "\n", encoding="utf-8")
+
+
+def _lines(made: Made, picture: bool) -> Iterator[str]:
+    yield from (f"# {made.name}", "", "## Found", "", *(f"- {line}" for line in made.found or ["nothing"]), "")
+    yield from ("## Assumed", "", *(f"- {line}" for line in made.assumed or ["nothing"]), "")
+    yield from ("## Tried", "", "| trial | done | what happened |", "|---|---|---|")
+    yield from (f"| {one.trial} | {'yes' if one.done else 'no'} | {one.outcome} |" for one in made.attempts)
+    failed = next((one.trial for one in made.attempts if not one.done), None)
+    yield from ("", "## Next", "")
+    yield f"- {made.problem}" if made.problem else "- nothing failed"
+    if made.attempts:
+        yield f"- to be tuned first: {_TUNE[failed or 'walks']}"
+    if picture:
+        yield from ("", f"![the farthest trial]({PICTURE})")

@@ -1,0 +1,278 @@
+"""What pages are built of: buttons, fields and sliders, for keyboards and screen readers, too, and how they follow."""
+
+import asyncio
+from collections.abc import Callable
+from math import inf, isfinite
+from typing import Any
+
+from nicegui import ElementFilter, context, core, ui
+
+from simrob_drake.extensions.pendant.pages.words import Words, figure
+
+_DIGITS = 3  # behind the point
+_SLACK, _SAME = 0.5 * 10**-_DIGITS, 1e-6
+"""How far beyond a limit a number may be shown, which stands for the limit then; and how far it is the same."""
+_DEBOUNCE = 600  # after the last key until a typed number counts, unless the user ends it with Enter [ms]
+
+
+def step_of(unit: str) -> float:
+    """Return the step of fields and sliders for numbers of a unit."""
+    return 0.01 if unit == " m" else 1.0
+
+
+class NumberField:
+    """A field for a number.
+
+    Attributes:
+        field: as the page has it.
+        low: the smallest number.
+        high: the largest one.
+    """
+
+    def __init__(
+        self,
+        t: Words,
+        label: str,
+        value: float | None,
+        *,
+        low: float = -inf,
+        high: float = inf,
+        unit: str = "",
+        step: float | None = None,
+        whole: bool = False,
+        titled: bool = True,
+    ) -> None:
+        """Build it in the present place; it shows its label if it is titled, and the unit behind the number."""
+        step = step or step_of(unit)
+        self._t, self.low, self.high, self._unit, self._whole = t, low, high, unit, whole
+        self.field = ui.number(label if titled else None, value=value, step=step, suffix=unit.strip() or None)
+        self.field.props("dense outlined hide-bottom-space no-error-icon").validation = self.problem
+        set_label(self.field, label)
+
+    @property
+    def value(self) -> float | None:
+        """What it holds; None where that is nothing or refused, as it says in the field."""
+        value = self.field.value
+        if value is None or self.problem(value) is not None:
+            return None
+        limited = min(max(float(value), self.low), self.high)
+        return int(value) if self._whole else limited if abs(limited - value) > _SAME else float(value)
+
+    def needed(self) -> float | None:
+        """Return what it holds; where that is nothing or refused, None, and the user is taken there."""
+        if self.value is None:
+            self.field.error = self.problem(self.field.value) or self._t("legs.number_needed")
+            self.field.run_method("focus")
+        return self.value
+
+    def problem(self, value: Any) -> str | None:
+        """Return what is wrong with a value, if anything is."""
+        within = value is None or self.low - _SLACK <= value <= self.high + _SLACK
+        if within and not (self._whole and value is not None and value % 1):
+            return None
+        low, high = (f"{figure(limit)}{self._unit}" for limit in (self.low, self.high))
+        return self._t("legs.whole_limits" if self._whole else "legs.limits", low=low, high=high)
+
+
+class Slider(ui.slider):
+    """A slider that moves in the browser alone: what comes back late from here would take back what was done since."""
+
+    LOOPBACK = False
+
+
+class Dial:
+    """A number, and a slider for it; both show the same, and only what can be is taken.
+
+    Attributes:
+        number: its field.
+        row: that all of it stands in.
+    """
+
+    def __init__(
+        self,
+        t: Words,
+        name: str,
+        *,
+        low: float,
+        high: float,
+        unit: str,
+        side: float = inf,
+        about: str = "",
+        live: bool = False,
+        moved: Callable[[], object],
+    ) -> None:
+        """Build it, at 0.
+
+        ``unit`` stands behind the number, as :class:`Phrases` has it, and ``about`` below its name; the slider goes so
+        far to either ``side`` where no limit is nearer. With ``live`` something moves with it: a number that is typed
+        counts after a while, or with Enter. ``moved`` is called after each change by the user, also to what cannot be.
+        """
+        self._moved, self._unit, self._side, self._quiet = moved, unit, side, False
+        self._marked: object = None
+        with ui.row().classes("pendant-dial w-full items-center gap-x-2 gap-y-0 px-2 rounded") as self.row:
+            with ui.column().classes("gap-0 grow").style("flex-basis: 11rem"):
+                ui.label(name)
+                if about:
+                    ui.label(about).classes("text-xs opacity-70")
+                self._why = ui.label().classes("text-xs pendant-off")
+            self.number = NumberField(t, name, 0.0, unit=unit, titled=False)
+            self.number.field.classes("w-28").props(f"debounce={_DEBOUNCE}" if live else "")
+            with ui.column().classes("gap-0 grow relative").style("flex-basis: 7rem"):
+                self._slider = Slider(min=0, max=1, step=step_of(unit), value=0).props("dense").classes("w-full px-2")
+                set_label(self._slider, name)
+                self._tick = ui.element("div").classes("pendant-tick").props("aria-hidden=true")
+                with ui.row().classes("w-full justify-between text-xs opacity-70"):
+                    self._ends = ui.label(), ui.label()
+        self.between(low, high)
+        self.mark(None)
+        self.number.field.on_value_change(lambda: self._set(self.number.field.value))
+        self._slider.on_value_change(lambda: self._set(self._slider.value))
+
+    @property
+    def value(self) -> float | None:
+        """What it is set to; None where that cannot be."""
+        return self.number.value
+
+    def between(self, low: float, high: float) -> None:
+        """Let it go between other values."""
+        self.number.low, self.number.high = low, high
+        ends = max(low, -self._side), min(high, self._side)
+        self._slider.props["min"], self._slider.props["max"] = (round(end, _DIGITS) for end in ends)
+        self._slider.update()
+        for label, limit in zip(self._ends, (low, high), strict=True):
+            label.text = f"{figure(limit)}{self._unit}" if isfinite(limit) else ""
+
+    def show(self, value: float) -> None:
+        """Show a value, without moving anything."""
+        self._quiet = True
+        self.number.field.value = self._slider.value = round(value, _DIGITS) + 0.0
+        self._quiet = False
+
+    def mark(self, value: float | None, level: str = "", why: str = "") -> None:
+        """Mark on the slider where that is what it sets, in the colour of a level, and say why it is not as it is set.
+
+        Without a value there is no mark.
+        """
+        low, high = self._slider.props["min"], self._slider.props["max"]
+        part = 0.0 if value is None else min(max((value - low) / (high - low), 0.0), 1.0)
+        look = f"pendant-tick {'hidden' if value is None else level}", f"--at: {part:.3f}", why
+        if look != self._marked:  # many are told at each moment of a run
+            self._marked = look
+            self._tick.classes(replace=look[0]).style(replace=look[1])
+            self._why.classes(replace=f"text-xs pendant-off {level}").set_text(why)
+
+    def _set(self, value: float | None) -> None:
+        if not self._quiet:
+            if value is not None and self.number.problem(value) is None:
+                self.show(value)
+            self._moved()
+
+
+def allow(button: ui.button, why_not: str) -> None:
+    """Let a button act, or tell in words why it cannot."""
+    button.set_enabled(not why_not)
+    button.props["title"] = why_not or None
+    button.update()
+
+
+KEYS = "aria-keyshortcuts"
+
+
+def icon_button(icon: str, text: str, on_click: Callable[[], Any] | None = None, *, keys: str = "") -> ui.button:
+    """Make a button that shows an icon, and tells in words what it does.
+
+    ``keys`` press it, such as ``Space`` or ``Control+Z``; any button may have them, in :data:`KEYS`.
+    """
+    button = ui.button(icon=icon, on_click=on_click).props("flat round dense")
+    set_label(button, text)
+    if keys:
+        button.props[KEYS] = keys
+    with button:
+        ui.tooltip(f"{text} ({keys})" if keys else text)
+    return button
+
+
+def set_label(element: ui.element, text: str) -> None:
+    """Let an element be called by a text, for who does not see it."""
+    element.props["aria-label"] = text
+    element.update()
+
+
+def shortcuts() -> list[tuple[str, str]]:
+    """Return all keys of the present page, and what they do."""
+    found = [element.props for element in ElementFilter(local_scope=False, only_visible=True) if KEYS in element.props]
+    return [(props[KEYS], props.get("aria-label") or props.get("label", "")) for props in found]
+
+
+_PAUSE = 0.05  # from one look at the session to the next [s]
+
+
+def follow(session: Any, update: Callable[[], object], *topics: str) -> None:
+    """Update a part of the present page now, and after changes of some topics, or all, as long as the page is there.
+
+    Call it where the part is built: the update may make and change elements as the code there may. Several changes in a
+    twentieth of a second are one to it.
+    """
+    place, client = context.slot.parent, context.client
+    waiting = False
+
+    def hear(topic: str) -> None:
+        nonlocal waiting
+        if not waiting and (not topics or topic in topics):
+            waiting = True
+            asyncio.get_running_loop().call_later(_PAUSE, look)
+
+    def look() -> None:
+        nonlocal waiting
+        waiting = False
+        if client.is_deleted or place.is_deleted or not core.app.is_started:
+            forget()  # a task begun after the server's last would never end: its loop is about to close
+            return
+        with place:
+            try:
+                update()
+            except Exception as problem:  # else nobody hears of it
+                core.app.handle_exception(problem)
+
+    forget = session.listen(hear)
+    client.on_delete(forget)
+    update()
+
+
+def rebuild(session: Any, state: Callable[[], Any], build: Callable[[], object], *topics: str) -> Callable[[], None]:
+    """Build a part in the present place now, and anew after changes of some topics where its state is another.
+
+    ``state`` tells what the part is built of. What is returned looks whether that has changed.
+    """
+    place, built = ui.column().classes("w-full gap-4"), list[Any]()
+
+    def show() -> None:
+        now = state()
+        if built != [now]:
+            built[:] = [now]
+            place.clear()
+            with place:
+                build()
+
+    follow(session, show, *topics)
+    return show
+
+
+def card(title: str, number: int = 0, about: str = "") -> ui.column:
+    """Make a part of a page with a heading; ``number`` is its place in the order of use."""
+    with ui.column().classes("pendant-plate w-full min-w-0 gap-2 p-3").props("role=group") as found:
+        set_label(found, title)
+        ui.label(numbered(title, number)).classes("text-base font-bold").props("role=heading aria-level=2")
+        if about:
+            ui.label(about).classes("text-sm opacity-70")
+    return found
+
+
+def folded(title: str) -> ui.expansion:
+    """Make a part of a page that shows its heading until it is opened."""
+    return ui.expansion(title).classes("pendant-plate w-full").props("dense header-class=font-bold")
+
+
+def numbered(text: str, number: int) -> str:
+    """Return a text with its number, if it has one."""
+    return f"{number}. {text}" if number else text

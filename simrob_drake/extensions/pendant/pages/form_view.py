@@ -1,0 +1,188 @@
+"""Fields of a station on a page: each with its help below, and in its place what is wrong with what was typed."""
+
+from collections.abc import Awaitable, Callable, Sequence
+from typing import Any
+
+from nicegui import ui
+
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.extensions.pendant.form import Field, as_text, as_value
+from simrob_drake.extensions.pendant.pages.words import Words
+
+Give = Callable[[str, Any], Awaitable[str]]
+"""Takes a key and its new value, and returns what is wrong with it; nothing where it was done."""
+
+_HUGE = 1e6  # bounds from here on are nothing that a user meets
+
+
+class FormView:
+    """A column of fields. Shown anew with the same keys only their values change, so that none loses the focus."""
+
+    def __init__(self, t: Words, give: Give, *, under: str = "") -> None:
+        """Make an empty column in the present place.
+
+        ``give`` takes what the user enters; ``under`` is left out of the names of the keys.
+        """
+        self._t, self._give, self._under = t, give, under
+        self._shape: object = None
+        self._update: list[Callable[[Field], object]] = []
+        self._place = ui.column().classes("station-form w-full gap-1")
+
+    def show(self, fields: Sequence[Field]) -> None:
+        """Show fields."""
+        shape = [(field.key, field.kind, field.choices) for field in fields]
+        if shape != self._shape:
+            self._shape = shape
+            self._place.clear()
+            with self._place:
+                self._update = [self._draw(field) for field in fields]
+        for update, field in zip(self._update, fields, strict=True):
+            update(field)
+
+    def _draw(self, field: Field) -> Callable[[Field], object]:
+        draw = {"switch": self._switch, "section": self._section, "choice": self._choice, "entries": self._entries}
+        return draw.get(field.kind, self._typed)(field)
+
+    def _name(self, field: Field) -> str:
+        return field.key.removeprefix(f"{self._under}.")
+
+    def _switch(self, field: Field) -> Callable[[Field], object]:
+        return self._switched(field, lambda on: on)
+
+    def _section(self, field: Field) -> Callable[[Field], object]:
+        """Draw the heading of a section; one that may be missing has a switch."""
+        if field.removable:
+            return self._switched(field, lambda on: {} if on else None)
+        ui.label(self._name(field)).classes("font-bold pt-2").tooltip(field.help)
+        return lambda new: None
+
+    def _switched(self, field: Field, value: Callable[[bool], Any]) -> Callable[[Field], object]:
+        """Draw a switch with its help below, or what is wrong."""
+        with ui.column().classes("w-full gap-0"):
+            switch = ui.switch(self._name(field), value=bool(field.value)).props("dense").classes("pt-2")
+            message = ui.label()
+        shown = [switch.value]
+
+        def tell(wrong: str) -> None:
+            message.text = wrong or field.help
+            message.classes(replace=f"text-xs {'text-negative' if wrong else 'opacity-70'}")
+
+        async def changed() -> None:
+            if switch.value != shown[0]:
+                wrong = await self._give(field.key, value(switch.value))
+                tell(wrong)
+                if wrong:
+                    switch.value = shown[0]
+
+        def update(new: Field) -> None:
+            shown[0] = switch.value = bool(new.value)
+            tell("")
+
+        tell("")
+        switch.on_value_change(changed)
+        return update
+
+    def _choice(self, field: Field) -> Callable[[Field], object]:
+        select = ui.select(list(field.choices), label=self._name(field), value=field.value)
+        select.classes("w-full").props("dense").props["hint"] = field.help
+        shown = [field.value]
+
+        async def changed() -> None:
+            if select.value != shown[0]:
+                select.error = await self._give(field.key, select.value) or None
+
+        def update(new: Field) -> None:
+            shown[0] = new.value
+            select.value, select.error = new.value, None
+
+        select.on_value_change(changed)
+        return update
+
+    def _typed(self, field: Field) -> Callable[[Field], object]:
+        box = ui.input(self._name(field), suffix=field.unit or None, placeholder=as_text(field.default))
+        box.classes("w-full").props("dense").props["hint"] = self._help(field)
+        shown = [""]
+
+        async def typed() -> None:
+            if (text := box.value or "") == shown[0]:
+                box.error = None
+                return
+            try:
+                box.error = await self._give(field.key, as_value(field, text)) or None
+            except SimrobError as problem:
+                box.error = str(problem)
+
+        def update(new: Field) -> None:
+            text = as_text(new.value)
+            if text != shown[0]:
+                shown[0] = box.value = text
+                box.error = None
+
+        box.on("keydown.enter", typed).on("blur", typed)
+        return update
+
+    def _help(self, field: Field) -> str:
+        """Return what a field is, with its bounds and its default."""
+        ends = (("≥", field.low), ("≤", field.high))
+        bounds = [f"{sign} {bound:g}" for sign, bound in ends if bound is not None and abs(bound) < _HUGE]
+        default = as_text(field.default)
+        hints = [*bounds, self._t("station.default", value=default) if default else ""]
+        return " · ".join(filter(None, (field.help, *hints)))
+
+    def _entries(self, field: Field) -> Callable[[Field], object]:
+        """Draw what puts a new entry into a section of entries: its name, its kind, and its keys as YAML."""
+        with ui.row().classes("w-full items-start gap-2"):
+            name = ui.input(self._t("station.entry_name")).props("dense").classes("w-32")
+            kind = ui.select(list(field.choices), label=self._t("station.entry_kind")).props("dense").classes("w-36")
+            kind.set_visibility(bool(field.choices))
+            keys = ui.input(self._t("station.entry_keys"), placeholder="{force: [5, 0, 0]}")
+            keys.props("dense").classes("grow")
+
+            async def add() -> None:
+                try:
+                    entry = as_value(Field(f"{field.key}.{name.value}", "value", default={}), keys.value or "")
+                except SimrobError as problem:
+                    keys.error = str(problem)
+                    return
+                chosen = {"kind": kind.value} if kind.value else {}
+                whole = {**chosen, **entry} if isinstance(entry, dict) else entry
+                keys.error = await self._give(f"{field.key}.{name.value or ''}", whole) or None
+
+            ui.button(self._t("station.entry_add"), icon="add", on_click=add).props("flat dense")
+        return lambda new: None
+
+
+_TUNED = ("kp", "ki", "kd", "torque_limit", "gravity", "static", "dynamic")
+"""Last parts of the keys that have a slider where they hold one number."""
+_DECADES = 1.0  # that a slider goes to each side of the present figure
+_DIGITS = 3
+
+
+def tuners(fields: Sequence[Field], give: Give) -> None:
+    """Build a slider for each figure that can be tuned; it acts when it is let go of, or by the arrow keys."""
+    for field in fields:
+        value = field.value
+        if field.key.rpartition(".")[2] in _TUNED and isinstance(value, (int, float)) and value > 0:
+            _tuner(field, float(value), give)
+
+
+def _tuner(field: Field, value: float, give: Give) -> None:
+    with ui.row().classes("w-full items-center no-wrap gap-3"):
+        ui.label(field.key).classes("text-sm w-32 shrink-0")
+        slider = ui.slider(min=-_DECADES, max=_DECADES, step=0.01, value=0.0)
+        slider.classes("grow").props(f'aria-label="{field.key}"')
+        label = ui.label().classes("text-sm w-36 shrink-0")
+    wrong = ui.label().classes("text-xs text-negative")
+
+    def now() -> float:
+        return float(f"{value * 10 ** (slider.value or 0.0):.{_DIGITS}g}")
+
+    def show() -> None:
+        label.text = f"{now():g} {field.unit}"
+
+    async def turned() -> None:
+        wrong.text = await give(field.key, now())
+
+    slider.on_value_change(show)
+    slider.on("change", turned, args=[])
+    show()

@@ -1,0 +1,194 @@
+"""The page that all tabs share: what is loaded, the view of it, the bar that runs it, and the tabs."""
+
+from asyncio import wrap_future
+from collections.abc import Callable
+from pathlib import Path
+
+from nicegui import Client, context, ui
+from nicegui.language import Language
+
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.extensions.pendant.pages import arm, gallery, legs, station, view
+from simrob_drake.extensions.pendant.pages.elements import KEYS, allow, follow, icon_button, set_label, shortcuts
+from simrob_drake.extensions.pendant.pages.move_list import ProgramTimeline
+from simrob_drake.extensions.pendant.pages.tour import Lessons
+from simrob_drake.extensions.pendant.pages.words import Words, languages, words
+from simrob_drake.extensions.pendant.pendant import Pendant
+from simrob_drake.extensions.pendant.session import Session
+
+TABS: dict[str, Callable[[Session, Words], None]] = {"legs": legs.build, "arm": arm.build, "station": station.build}
+"""The tabs by the kind of robot that is taught there; the last is there for all."""
+_TAKEN = ("program", "script", "station", "csv", "recording")
+_QUASAR: dict[str, Language] = {"en": "en-US", "es": "es"}
+_FOLDER = Path(__file__).parent
+_LOADED = ("page.css", "page.js", "blocks.js", "drive.js", "timeline.js")
+_TEACHING = "teaching"
+
+
+def install(pendant: Pendant) -> None:
+    """Let the server show the page of a pendant."""
+    ui.page("/")(lambda: build(pendant))
+
+
+def build(pendant: Pendant) -> None:
+    """Build the page into the present client, in the language that its address names."""
+    asked = context.client.request.query_params.get("language", "")
+    language = asked if asked in languages() else pendant.language
+    session, t = pendant.session, words(language)
+    context.client.page.language = _QUASAR.get(language)
+    context.client.title = t("shell.title")
+    style, *scripts = ((_FOLDER / name).read_text(encoding="utf-8") for name in _LOADED)
+    ui.add_head_html(f"<style>{style}</style>{''.join(f'<script>{one}</script>' for one in scripts)}")
+
+    def load(subject: str, robot: str | None = None) -> None:
+        _open(t, lambda: pendant.load(subject, robot))
+
+    def take(files: gallery.Files) -> None:
+        _open(t, lambda: pendant.take(files))
+
+    skip = ui.link(t("shell.skip"), f"#{_TEACHING}").classes("pendant-skip")
+    skip.on("click", js_handler=f"() => document.getElementById('{_TEACHING}').focus()")
+    with ui.element("header").classes("pendant-bar"):
+        ui.html(t("shell.title"), tag="h1", sanitize=False)
+        gallery.build(session, t, load, take)
+        _loaded(session, t, load)
+        with ui.element("div").classes("pendant-tools"):
+            lessons = Lessons(pendant, t, language, load)
+            _undo(session, t)
+            _take_away(session, t)
+            lessons.build_menu()
+            _looks(pendant, t, language)
+            _help(t)
+    _conflict(session, t)
+    lessons.build_strip()
+    with ui.element("div").classes("pendant-main"):
+        with ui.element("section").classes("pendant-plate pendant-see"):
+            view.build(session, t)
+            view.build_bar(session, t)
+            ProgramTimeline(session, t)
+            view.build_pad(session, t)
+        with ui.element("section").classes("pendant-plate").props(f"id={_TEACHING} tabindex=-1") as teaching:
+            set_label(teaching, t("shell.teaching"))
+            _tabs(session, t)
+
+
+def _open(t: Words, load: Callable[[], bool]) -> None:
+    """Open something else in all tabs, or tell why it cannot be."""
+    try:
+        if load():
+            for client in list(Client.instances.values()):
+                client.run_javascript("location.reload()")
+    except SimrobError as problem:
+        ui.notify(t.of_engine(str(problem)), type="negative", close_button=True, timeout=0)
+
+
+def _loaded(session: Session, t: Words, load: Callable[[str, str], None]) -> None:
+    """Tell what is taught, and choose which of several robots."""
+    text = ui.label().classes("pendant-loaded")
+    robots = ui.select([], label=t("shell.robot")).props("dense outlined options-dense")
+    robots.on_value_change(lambda event: load(session.subject, event.value) if event.value else None)
+
+    def show() -> None:
+        text.text = t("shell.loaded", station=session.book.station, file=session.book.file)
+        several = list(session.description.get("robots", ()))
+        robots.set_options(several, value=session.book.robot if session.book.robot in several else None)
+        robots.set_visibility(len(several) > 1)
+
+    follow(session, show, "description", "program")
+
+
+def _conflict(session: Session, t: Words) -> None:
+    """Ask what becomes of the program's file, while another editor's change of it is not to be lost."""
+    with ui.element("div").classes("pendant-conflict").props("role=alert") as place:
+        text = ui.label()
+        for name, choose in (("take_theirs", session.take_theirs), ("keep_both", session.keep_both)):
+            ui.button(t(f"shell.{name}"), on_click=choose).props("no-caps dense outline")
+
+    def show() -> None:
+        text.text = t("notice.conflict", file=session.book.file.name)
+        place.set_visibility(session.book.conflict)
+
+    follow(session, show, "program")
+
+
+def _undo(session: Session, t: Words) -> None:
+    undo = icon_button("undo", t("shell.undo"), session.undo, keys="Control+Z")
+    redo = icon_button("redo", t("shell.redo"), session.redo, keys="Control+Shift+Z")
+
+    def show() -> None:
+        allow(undo, "" if session.book.history.can_undo else t("why.no_undo"))
+        allow(redo, "" if session.book.history.can_redo else t("why.no_redo"))
+
+    follow(session, show, "program", "description")
+
+
+def _take_away(session: Session, t: Words) -> None:
+    async def take(kind: str) -> None:
+        file = await wrap_future(getattr(session.exports, kind)())
+        if file is not None:
+            ui.download.file(file)
+
+    with icon_button("download", t("shell.take_away"), keys="Shift+E"), ui.menu():
+        for kind in _TAKEN:
+            ui.menu_item(t(f"shell.export_{kind}"), lambda kind=kind: take(kind))
+
+
+def _looks(pendant: Pendant, t: Words, spoken: str) -> None:
+    """Build what changes the language of this tab, and light to dark for those that come, too."""
+    dark = ui.dark_mode(pendant.dark)
+
+    def shade() -> None:
+        pendant.dark = dark.value = not dark.value
+
+    for language in languages():
+        button = ui.button(language.upper()).props("flat dense")
+        button.on("click", js_handler=f"() => location.search = 'language={language}'")
+        set_label(button, t(f"shell.language_{language}"))
+        button.props["aria-pressed"] = "true" if language == spoken else "false"
+    icon_button("contrast", t("shell.shade"), shade, keys="Shift+L")
+
+
+def _help(t: Words) -> None:
+    with ui.dialog() as dialog, ui.card():
+        set_label(dialog, t("shell.help"))
+        ui.html(t("shell.help"), tag="h2", sanitize=False).classes("pendant-heading")
+        keys = ui.element("dl").classes("pendant-keys")
+        ui.label(t("shell.help_drag"))
+        ui.button(t("shell.close"), on_click=dialog.close)
+
+    def show() -> None:
+        keys.clear()
+        with keys:
+            for key, text in shortcuts():
+                with ui.element("dt"):
+                    ui.label(key)
+                with ui.element("dd"):
+                    ui.label(text)
+        dialog.open()
+
+    icon_button("help_outline", t("shell.help"), show, keys="?")
+
+
+def _tabs(session: Session, t: Words) -> None:
+    *_, always = TABS
+    with ui.tabs().classes("w-full") as tabs:
+        heads = {name: ui.tab(name, label=t(f"shell.{name}_tab")) for name in TABS}
+        for number, head in enumerate(heads.values(), 1):
+            head.props[KEYS] = f"Alt+{number}"
+    with ui.tab_panels(tabs, value=always, animated=False, keep_alive=True).classes("w-full pendant-panels"):
+        for name, build_tab in TABS.items():
+            with ui.tab_panel(name):
+                build_tab(session, t)
+    chosen = ""
+
+    def show() -> None:
+        nonlocal chosen
+        kind = session.description.get("robots", {}).get(session.book.robot, {}).get("kind", "")
+        for name, head in heads.items():
+            head.set_visibility(name in (kind, always))
+        fitting = kind if kind in TABS else always
+        if session.description and fitting != chosen:
+            chosen = fitting
+            tabs.set_value(fitting)
+
+    follow(session, show, "description")

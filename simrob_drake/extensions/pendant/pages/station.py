@@ -1,0 +1,317 @@
+"""The station's page: its blocks and their signals, what may end a run, a form for every key, what a check finds."""
+
+import asyncio
+import re
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from nicegui import background_tasks, context, ui
+
+from simrob_drake.extensions.pendant.describe import BlockMeaning, block_meaning, wire_meaning
+from simrob_drake.extensions.pendant.form import Field, as_text, form_fields
+from simrob_drake.extensions.pendant.pages.block_picture import BlockPicture
+from simrob_drake.extensions.pendant.pages.elements import card, follow
+from simrob_drake.extensions.pendant.pages.form_view import FormView, tuners
+from simrob_drake.extensions.pendant.pages.plots import AS_SHOWN, POSE, as_list, at, scope, watch
+from simrob_drake.extensions.pendant.pages.words import Phrases, Words
+from simrob_drake.extensions.pendant.session import Session
+from simrob_drake.programs.timeline import GRID
+from simrob_drake.stations.load import station_content
+from simrob_drake.stations.schema import station_schema
+
+_MOST_FOUND = 25  # fields that a search shows
+_MOST_SCOPES = 3
+_FEW = 6  # fields that a block shows unfolded
+_MOST_ENDINGS = 10
+_SHOWN = 0.25  # from one look at the values on the wires to the next [s]
+_PAUSE = 0.3  # from a change to the question what it does [s]: meanwhile others may come, and another tab
+_TAB = "station"
+_COLUMNS = "w-full grid gap-4 items-start grid-cols-[repeat(auto-fit,minmax(min(24rem,100%),1fr))]"
+
+
+def build(session: Session, t: Words) -> None:
+    """Build the page of a session's station in the present place."""
+    _Page(session, t)
+
+
+class _Page:
+    def __init__(self, session: Session, t: Words) -> None:
+        self._session, self._t = session, t
+        self._fields: list[Field] = []
+        self._content: dict[str, Any] = {}
+        self._endings: list[str] = []
+        self._heard = session.run.ending
+        self._sections: dict[str, Callable[[list[Field]], None]] = {}
+        self._panels = next((one for one in context.slot.parent.ancestors() if isinstance(one, ui.tab_panels)), None)
+        self._asked = True
+        self._wires, self._shown_values = dict[str, BlockMeaning](), dict[str, str]()
+        with card(t("station.blocks"), about=t("station.blocks_help")):
+            self._wrong_picture = ui.label().classes("text-negative")
+            self._picture = BlockPicture(t, self._show_block, self._show_wire, self._ask_for_picture)
+            self._values = ui.switch(t("station.values"), value=True, on_change=self._watch_wires).props("dense")
+            self._watching = ui.element("div")
+        with card(t("station.block")):
+            self._block = ui.column().classes("w-full gap-2")
+        with card(t("station.stops")):
+            self._stops = ui.column().classes("w-full gap-1")
+        with ui.element("div").classes(_COLUMNS):
+            with card(t("station.check")):
+                self._findings = ui.column().classes("w-full gap-1")
+            with card(t("station.keys"), about=t("station.keys_help")):
+                self._changed = ui.row().classes("gap-2 items-center")
+                self._sought = ui.input(t("station.search"), on_change=self._search)
+                self._sought.props("clearable dense").classes("w-full")
+                self._found = FormView(t, self._give)
+                self._form = ui.column().classes("w-full gap-0")
+        if self._panels is not None:
+            self._panels.on_value_change(self._ask_if_seen)
+        follow(session, self._refresh, "description")
+        follow(session, self._hear, "message")
+        follow(session, self._mark_changes, "program")
+        ui.timer(_SHOWN, self._show_values)
+
+    async def _give(self, key: str, value: Any) -> str:
+        """Change a key of the station, while a run goes on that of the run; return what is wrong with it."""
+        session = self._session
+        if session.phase in ("running", "paused"):
+            done = await asyncio.wrap_future(session.change(key, value)) is not None
+        elif value is None and key in session.book.settings:
+            done = session.setup.unset(key)  # which may have brought it
+        else:
+            done = session.setup.set(key, value)
+        return "" if done else self._t.of_engine(str(session.message))
+
+    def _refresh(self) -> None:
+        """Show the station as it is now."""
+        session = self._session
+        if not session.description:
+            return
+        self._content = station_content(session.book.config)
+        self._fields = form_fields(station_schema(), self._content)
+        self._show_form()
+        self._search()
+        self._show_changed()
+        self._show_stops()
+        self._show_block(self._picture.chosen)
+        self._asked = False
+        self._ask_if_seen()
+
+    def _ask_if_seen(self) -> None:
+        if not self._asked:
+            background_tasks.create(self._ask())
+
+    async def _ask(self) -> None:
+        """Ask the run's process for the picture and for what a check finds, unless another tab is in front."""
+        await asyncio.sleep(_PAUSE)
+        if self._asked or (self._panels is not None and self._panels.value != _TAB):
+            return
+        self._asked = True
+        await self._ask_for_picture()
+        findings = await asyncio.wrap_future(self._session.setup.check())
+        if self._findings.is_deleted:
+            return
+        self._findings.clear()
+        with self._findings:
+            self._show_findings(findings or [{"level": "warning", "subject": "", "text": str(self._session.message)}])
+
+    async def _ask_for_picture(self) -> None:
+        picture = await asyncio.wrap_future(self._session.setup.picture(self._picture.folded))
+        self._wrong_picture.text = "" if picture else self._t.of_engine(str(self._session.message))
+        if picture:
+            self._picture.show(picture)
+            self._watch_wires()
+            self._mark_changes()
+
+    def _meaning(self, block: str) -> BlockMeaning:
+        return block_meaning(block, self._content, list(self._columns))
+
+    @property
+    def _columns(self) -> dict[str, list[str]]:
+        return {signal["name"]: signal["columns"] for signal in self._session.description.get("signals", ())}
+
+    def _watch_wires(self) -> None:
+        """Have the signals of the wires as long as their values are to be shown."""
+        names, ends = list(self._columns), self._picture.wires.items() if self._values.value else ()
+        self._wires = {number: wire_meaning(*end, self._content, names) for number, end in ends}
+        self._shown_values = dict.fromkeys(self._picture.wires, "")
+        self._picture.tell(self._shown_values)
+        self._watching.clear()
+        with self._watching:
+            signals = {name for wire in self._wires.values() for name in wire.signals[:1]}
+            watch(self._session, sorted(signals), ui.element("div"))
+
+    def _show_values(self) -> None:
+        """Write on the wires what their signals are at the moment that is shown."""
+        if self._panels is not None and self._panels.value != _TAB:
+            return
+        run, values = self._session.run, dict[str, str]()
+        about = {signal["name"]: signal for signal in self._session.description.get("signals", ())}
+        for number, wire in self._wires.items():
+            name = next(iter(wire.signals), "")
+            value = at(run.history_of(name), run.time)
+            if value is not None and name in about:
+                values[number] = in_brief(as_list(value), about[name], wire.axis)
+        if values.items() - self._shown_values.items():
+            self._shown_values |= values
+            self._picture.tell(values)
+
+    def _mark_changes(self) -> None:
+        """Mark the blocks of which something was changed while they ran."""
+        keys = {key for change in self._session.book.changes for key in change.set or ()}
+        self._picture.mark({block for key in keys for block in self._made_by(key)})
+
+    def _made_by(self, key: str) -> list[str]:
+        """Return the blocks that a key makes: those that show it, where some do."""
+        labels, name = self._picture.labels, key.rpartition(".")[2]
+        holding = [block for block in labels if self._meaning(block).holds(key)]
+        return [block for block in holding if name in re.findall(r"\w+", labels[block])] or holding
+
+    def _show_wire(self, number: str) -> None:
+        """Show what goes along a wire."""
+        source, targets = self._picture.wires[number]
+        names = [self._picture.labels.get(block, block).partition("\n")[0] for block in (source, *targets)]
+        wire = wire_meaning(source, targets, self._content, list(self._columns))
+        self._block.clear()
+        with self._block:
+            ui.label(f"{names[0]} → {', '.join(names[1:])}").classes("font-bold")
+            self._scopes(wire)
+
+    def _scopes(self, meaning: BlockMeaning) -> None:
+        for name in meaning.signals[:_MOST_SCOPES]:
+            own = (column for column in self._columns[name] if meaning.axis and column.endswith(f".{meaning.axis}"))
+            scope(self._session, self._t, name, only=next(own, ""))
+
+    def _show_findings(self, findings: Sequence[Mapping[str, str]]) -> None:
+        """Show the warnings, and behind them, folded, what is in order."""
+        own = self._t.of_engine
+        findings = [{**one, "subject": own(one["subject"]), "text": own(one["text"])} for one in findings]
+        fine = [finding for finding in findings if finding["level"] != "warning"]
+        for finding in findings:
+            if finding not in fine:
+                _show_finding(finding, "warning", self._t("station.warning"))
+        with ui.expansion(self._t("station.in_order", count=len(fine))).classes("w-full").props("dense"):
+            for finding in fine:
+                _show_finding(finding, "check_circle", self._t("station.ok"))
+
+    def _show_form(self) -> None:
+        """Show the keys, section by section; a section is built when it is opened for the first time."""
+        tops: dict[str, list[Field]] = {}
+        for field in self._fields:
+            alone = field.kind != "section" and "." not in field.key and field.kind != "entries"
+            tops.setdefault("" if alone else field.top, []).append(field)
+        if list(tops) != list(self._sections):
+            self._form.clear()
+            with self._form:
+                title = self._t("station.general")
+                self._sections = {top: self._section(top, top or title) for top in tops}
+        for top, fields in tops.items():
+            self._sections[top](fields)
+
+    def _section(self, top: str, title: str) -> Callable[[list[Field]], None]:
+        """Make a section of the form, folded, and return what shows fields in it."""
+        shown, views = list[Field](), list[FormView]()
+
+        def fill() -> None:
+            if fold.value and not views:
+                with fold:
+                    views.append(FormView(self._t, self._give, under=top))
+            for view in views if fold.value else ():
+                view.show(shown)
+
+        def show(fields: list[Field]) -> None:
+            shown[:] = fields
+            fill()
+
+        fold = ui.expansion(title, on_value_change=fill).classes("w-full").props("dense")
+        return show
+
+    def _search(self) -> None:
+        """Show the fields whose key or help has all the words that are sought, in place of the sections."""
+        words = (self._sought.value or "").lower().split()
+        found = [f for f in self._fields if words and all(w in f"{f.key} {f.help}".lower() for w in words)]
+        self._found.show(found[:_MOST_FOUND])
+        self._form.set_visibility(not words)
+
+    def _show_changed(self) -> None:
+        """Show what is changed of the station, each to be taken back."""
+        self._changed.clear()
+        with self._changed:
+            for key, value in self._session.book.settings.items():
+                chip = ui.chip(f"{key}: {as_text(value) or '–'}", removable=True, icon="edit")
+                chip.on_value_change(lambda key=key: self._session.setup.unset(key))
+
+    def _show_stops(self) -> None:
+        """Say what may end a run, and what did."""
+        self._stops.clear()
+        with self._stops:
+            monitors = [field for field in self._fields if field.top == "monitors" and field.key.count(".") == 1]
+            for monitor in monitors:
+                inner = [field for field in self._fields if field.key.startswith(f"{monitor.key}.")]
+                changed = [_field_text(field) for field in inner if field.value not in (None, field.default)]
+                name = monitor.key.partition(".")[2] + (f" ({', '.join(changed)})" if changed else "")
+                ui.label(f"{name}: {monitor.help}").classes("text-sm")
+            if not monitors:
+                ui.label(self._t("station.no_monitors")).classes("text-sm opacity-70")
+            for ending in self._endings:
+                with ui.row().classes("no-wrap items-start gap-2"):
+                    ui.icon("flag")
+                    ui.label(ending).classes("text-sm font-bold min-w-0")
+
+    def _hear(self) -> None:
+        """Keep what ended a run, unless that was its own end or the user."""
+        ending = self._session.run.ending
+        if ending is None or ending is self._heard:
+            return
+        self._heard = ending
+        if ending["ending"] not in ("completed", "stopped"):
+            line = f"{ending['time']:.2f} s: {self._t.of_engine(ending['message'])}"
+            self._endings = [line, *self._endings][:_MOST_ENDINGS]
+            self._show_stops()
+
+    def _show_block(self, block: str) -> None:
+        """Show the parameters and the signals of a block."""
+        self._block.clear()
+        with self._block:
+            if not block:
+                ui.label(self._t("station.choose_block")).classes("opacity-70")
+                return
+            meaning = self._meaning(block)
+            ui.label(self._picture.labels.get(block, block)).classes("font-bold whitespace-pre-line")
+            fields = [field for field in self._fields if meaning.holds(field.key)]
+            grid = self._session.book.program.grid or GRID
+            for change in self._session.book.changes:
+                if any(map(meaning.holds, change.set or ())):
+                    ui.label(Phrases(self._t, ()).change(change, grid)).classes("text-sm block-change")
+            self._scopes(meaning)
+            tuners(fields, self._give)
+            with ui.expansion(self._t("station.parameters"), value=len(fields) <= _FEW).classes("w-full"):
+                FormView(self._t, self._give).show(fields)
+
+
+def in_brief(value: Sequence[float], about: Mapping[str, Any], axis: str = "") -> str:
+    """Return the value of a signal as it stands on a wire: that of an axis, a place, or the largest of several."""
+    unit, factor = AS_SHOWN.get(about["unit"], (about["unit"], 1.0))
+    own = (number for number, column in enumerate(about["columns"]) if axis and column.endswith(f".{axis}"))
+    if (number := next(own, None)) is not None:
+        return _short(value[number] * factor)
+    if len(value) == POSE:
+        return f"{' '.join(f'{one:.2f}' for one in value[:3])} {unit}"
+    largest = _short(max(value, key=abs, default=0.0) * factor)
+    return f"{'max ' if len(value) > 1 else ''}{largest} {unit}".strip()
+
+
+def _short(value: float) -> str:
+    return f"{round(value, 3) + 0.0:.3g}"
+
+
+def _show_finding(finding: Mapping[str, str], icon: str, called: str) -> None:
+    with ui.row().classes("w-full no-wrap items-start gap-2"):
+        ui.icon(icon, color={"ok": "positive", "note": "info"}.get(finding["level"], "warning")).props(
+            f'role=img aria-label="{called}"'
+        )
+        ui.label(": ".join(filter(None, (finding["subject"], finding["text"])))).classes("text-sm min-w-0")
+
+
+def _field_text(field: Field) -> str:
+    name = field.key.rpartition(".")[2].removesuffix("_deg").replace("_", " ")
+    return f"{name} {as_text(field.value)} {field.unit}".strip()

@@ -1,0 +1,219 @@
+"""What shows a run, where bodies can be dragged; a pad that pushes them; and the bar that plays it, and goes back."""
+
+from asyncio import wrap_future
+from base64 import b64encode
+from pathlib import Path
+
+from nicegui import background_tasks, ui
+
+from simrob_drake.extensions.pendant.pages import drive, hand
+from simrob_drake.extensions.pendant.pages.elements import NumberField, allow, follow, icon_button, set_label
+from simrob_drake.extensions.pendant.pages.words import Words
+from simrob_drake.extensions.pendant.session import Session
+from simrob_drake.programs.timeline import GRID
+
+
+def build(session: Session, t: Words) -> None:
+    """Build the view of a session's run."""
+    with ui.element("div").classes("pendant-view") as place:
+        opening = ui.label(t("why.opening")).classes("pendant-opening")
+
+    def tell() -> None:
+        opening.set_visibility(session.phase == "opening")
+
+    follow(session, tell, "phase")
+
+    async def show() -> None:
+        can = await ui.run_javascript("window.hasWebGL()", timeout=10.0)
+        with place:
+            _frame(session, t) if can else _stills(session, t)
+            drive.build(session, t)
+
+    ui.timer(0.0, show, once=True)
+
+
+def _frame(session: Session, t: Words) -> None:
+    frame = ui.element("iframe").props(f"id={hand.FRAME} src=view/")
+    frame.props["title"] = t("shell.view")
+    frame.on("load", js_handler="(event) => window.viewShown(event.target)")
+    frame.on("load", hand.build(session, t))
+
+
+def _stills(session: Session, t: Words) -> None:
+    """Show each run as a strip of pictures when it has ended, and why."""
+    with ui.element("div").classes("pendant-still"):
+        ui.label(t("shell.no_webgl"))
+        strip = ui.element("img")
+        strip.props["alt"] = t("shell.view")
+
+    async def draw() -> None:
+        file = await wrap_future(session.exports.film_strip())
+        if file is not None:
+            strip.props["src"] = f"data:image/png;base64,{b64encode(Path(file).read_bytes()).decode()}"
+
+    drawn = session.run.ending
+
+    def show() -> None:
+        nonlocal drawn
+        if session.phase == "idle" and session.run.ending is not drawn:
+            drawn = session.run.ending
+            background_tasks.create(draw())
+
+    follow(session, show, "phase")
+
+
+_SIDES = tuple((f"{sign}{name}", axis, float(f"{sign}1")) for axis, name in enumerate("xyz") for sign in "-+")
+"""Each with its name, its axis and its direction."""
+_FORCE, _MOST = 10.0, 10_000.0  # N
+_DURATION, _LONGEST = 0.1, 60.0  # s
+
+
+def build_pad(session: Session, t: Words) -> None:
+    """Build the pad; its buttons act while a run goes on."""
+    with ui.expansion(t("push.title"), icon="back_hand").classes("w-full pendant-more").props("dense"):
+        with ui.row().classes("w-full items-start gap-2"):
+            body = ui.select([], label=t("push.body"), with_input=True).props("dense outlined").classes("w-44")
+            force = NumberField(t, t("push.force"), _FORCE, low=0.0, high=_MOST, unit=" N")
+            duration = NumberField(t, t("push.duration"), _DURATION, low=0.01, high=_LONGEST, unit=" s", step=0.05)
+            for field in (force, duration):
+                field.field.classes("w-28")
+        with ui.row().classes("w-full items-center gap-1") as pad:
+            set_label(pad.props("role=group"), t("push.pad"))
+            buttons = [_button(t, name) for name, _, _ in _SIDES]
+        ui.label(t("push.hint")).classes("text-xs opacity-70")
+
+    def push(axis: int, direction: float) -> None:
+        size, seconds = force.needed(), duration.needed()
+        if size is not None and seconds is not None and body.value:
+            session.push(body.value, [direction * size if axis == one else 0.0 for one in range(3)], seconds)
+
+    for button, (_, axis, direction) in zip(buttons, _SIDES, strict=True):
+        button.on_click(lambda axis=axis, direction=direction: push(axis, direction))
+
+    def show_bodies() -> None:
+        bodies = list(session.description.get("bodies", ()))
+        if bodies != body.options:
+            first = session.book.robot if session.book.robot in bodies else next(iter(bodies), None)
+            body.set_options(bodies, value=body.value if body.value in bodies else first)
+
+    def show_phase() -> None:
+        for button in buttons:
+            allow(button, _unless(session, t, *_RUNS))
+
+    follow(session, show_bodies, "description")
+    follow(session, show_phase, "phase")
+
+
+def _button(t: Words, side: str) -> ui.button:
+    button = ui.button(side).props("outline no-caps dense").classes("w-10")
+    set_label(button, t("push.along", side=side))
+    return button
+
+
+PACES = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
+_FASTEST = "max"
+
+
+def build_bar(session: Session, t: Words) -> None:
+    """Build the bar, and the line of messages below it."""
+    with ui.element("div").classes("pendant-run").props("role=toolbar") as bar:
+        set_label(bar, t("run.bar"))
+        start = icon_button("skip_previous", t("run.start"), lambda: session.rewind(0.0), keys="Home")
+        play = icon_button("play_arrow", t("run.play"), lambda: _play(session), keys="Space")
+        tick = icon_button("redo", t("run.tick"), lambda: _tick(session), keys=".")
+        stop = icon_button("stop", t("run.stop"), session.stop, keys="Shift+S")
+        scrubber = ui.slider(min=0.0, max=1.0, step=0.05)
+        scrubber.on("update:model-value", lambda event: session.rewind(float(event.args)), throttle=0.1)
+        set_label(scrubber, t("run.scrub"))
+        state = ui.label().classes("pendant-state")
+        clock = ui.label().classes("pendant-time")
+        _pace(session, t)
+    message = ui.label().classes("pendant-message").props("role=status aria-live=polite")
+
+    def phase() -> None:
+        running = session.phase == "running"
+        play.props["icon"] = "pause" if running else "play_arrow"
+        set_label(play, t("run.pause" if running else "run.play"))
+        undecided = t("why.undecided") if _at_end(session) and session.book.pending else ""
+        cannot = _unless(session, t, "idle", *_RUNS) or undecided
+        allow(play, cannot)
+        allow(stop, _unless(session, t, *_RUNS))
+        allow(tick, cannot or (t("why.running") if running else ""))
+        allow(start, _unless(session, t, "idle", *_RUNS) or ("" if session.run.reach > 0.0 else t("why.at_start")))
+        shown = session.run.shown
+        state.text = t(f"phase.{session.phase}") if shown is None else t("run.earlier", number=shown.number)
+        time()
+
+    def time() -> None:
+        first, last = session.run.span
+        scrubber.props["min"], scrubber.props["max"] = first, max(last, first + _grid(session))
+        scrubber.props["step"] = _grid(session)
+        scrubber.value = session.run.time
+        running = session.phase == "running"
+        clock.text = t("run.time", time=f"{session.run.time:.2f}", reach=f"{last:.2f}") + (
+            f"  {t('run.ratio', ratio=f'{session.run.ratio:.1f}')}" if running else ""
+        )
+
+    def tell() -> None:
+        notice = session.message
+        message.text = t(f"notice.{notice.key}", **notice.fills) if notice.key else t.of_engine(str(notice))
+        message.classes(add="pendant-wrong" if notice.wrong else "", remove="" if notice.wrong else "pendant-wrong")
+
+    follow(session, phase, "phase", "program", "description")
+    follow(session, time, "tick")
+    follow(session, tell, "message")
+
+
+_RUNS = "running", "paused"
+
+
+def _unless(session: Session, t: Words, *phases: str) -> str:
+    """Return why something cannot be done that can in some phases; nothing in these."""
+    return "" if session.phase in phases else t(f"why.{session.phase}")
+
+
+def _grid(session: Session) -> float:
+    return session.book.program.grid or GRID
+
+
+def _at_end(session: Session) -> bool:
+    """Tell whether nothing runs, and no moment was gone back to; where what came next was discarded is an end, too."""
+    run = session.run
+    goes_on = run.shown is None and run.rewound and run.time < run.reach - _grid(session) / 2
+    return session.phase == "idle" and not goes_on
+
+
+def _play(session: Session) -> None:
+    """Pause, go on, or run all from the start, whichever comes next."""
+    if session.phase == "running":
+        session.pause()
+    elif _at_end(session):
+        session.simulate()
+    else:
+        session.go_on()
+
+
+def _tick(session: Session) -> None:
+    """Go on for one tick, from a pause or from what comes next."""
+    if session.phase == "paused":
+        session.one_tick()
+    else:
+        _play(session)
+        session.pause()  # at its first tick
+
+
+def _pace(session: Session, t: Words) -> None:
+    options = {**{str(pace): f"{pace:g} ×" for pace in PACES}, _FASTEST: t("run.fastest")}
+    select = ui.select(options, label=t("run.pace")).props("dense options-dense outlined").style("min-width: 6.5rem")
+
+    def chosen(value: str) -> None:
+        pace = None if value == _FASTEST else float(value)
+        if pace != session.client.pace:  # else it was shown, not chosen
+            session.set_pace(pace)
+
+    select.on_value_change(lambda event: chosen(event.value))
+
+    def show() -> None:
+        select.set_value(str(session.client.pace) if session.client.pace is not None else _FASTEST)
+
+    follow(session, show, "phase")

@@ -1,0 +1,294 @@
+"""The words of the pages, in each language one file beside; and axes, moves, poses and changes of a program in them."""
+
+import re
+import unicodedata
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from math import degrees
+from pathlib import Path
+from typing import Any
+
+from simrob_drake.base.errors import one_of
+from simrob_drake.base.yaml_files import read_yaml
+from simrob_drake.extensions.pendant.form import as_text
+from simrob_drake.programs.moves.kinds import KINDS, check_move
+from simrob_drake.programs.moves.motion import ArmMotion
+from simrob_drake.programs.moves.move import Move, content_of, kind_of
+from simrob_drake.programs.timeline import Change
+
+_FOLDER = Path(__file__).parent / "strings"
+_BETWEEN = "."
+
+
+@dataclass(frozen=True)
+class Words:
+    """What the pages call ``t``: a text by its key, ``section.name``; and what the engine says, in the language."""
+
+    _texts: dict[str, str]
+    _sentences: tuple[tuple[re.Pattern[str], str], ...]
+
+    def __call__(self, key: str, **values: object) -> str:
+        """Return a text with figures put in where it has their names in braces."""
+        return self._texts[key].format(**values) if values else self._texts[key]
+
+    def of_engine(self, text: str) -> str:
+        """Return what the engine says in English, line by line, in the language; what it does not know as it is."""
+        return "\n".join(map(self._said, text.split("\n"))) if self._sentences else text
+
+    def _said(self, line: str) -> str:
+        """Return a line in the words of the first sentence that it is, and so its parts, which are shorter."""
+        for pattern, sentence in self._sentences:
+            if (found := pattern.fullmatch(line)) is not None:
+                return sentence.format(**{name: self._said(part) for name, part in found.groupdict().items()})
+        return line
+
+
+def languages() -> list[str]:
+    """Return the languages that there are, ``en`` first."""
+    return sorted(file.stem for file in _FOLDER.glob("*.yaml"))
+
+
+def words(language: str) -> Words:
+    """Return the words of a language; raises UnknownName: there is no such language."""
+    return Words(texts_of(one_of("language", language, languages())), _sentences_of(language))
+
+
+@cache
+def _sentences_of(language: str) -> tuple[tuple[re.Pattern[str], str], ...]:
+    """Return the sentences of the engine that a language has words for, with patterns of them in English."""
+    file = _FOLDER / "engine" / f"{language}.yaml"
+    known = read_yaml(file) if file.is_file() else {}
+    parts = re.compile(r"\\{(\w+)\\}")
+    return tuple((re.compile(parts.sub(r"(?P<\1>.+?)", re.escape(english))), own) for english, own in known.items())
+
+
+@cache
+def texts_of(language: str) -> dict[str, str]:
+    """Return all texts of a language by their keys."""
+    sections = read_yaml(_FOLDER / f"{language}.yaml")
+    return {
+        f"{section}{_BETWEEN}{name}": text
+        for section, texts in sections.items()
+        for name, text in (texts or {}).items()
+    }
+
+
+@dataclass(frozen=True)
+class Notice:
+    """What is to be told."""
+
+    key: str = ""  # of the section ``notice`` of the words; empty for an error, which has words of its own
+    fills: dict[str, Any] = field(default_factory=dict)  # what is filled in; ``text`` alone for an error
+    wrong: bool = False  # whether something went wrong
+
+    def __str__(self) -> str:
+        """Return it in English."""
+        return words("en")(f"notice.{self.key}", **self.fills) if self.key else str(self.fills.get("text", ""))
+
+
+Content = Mapping[str, Any]  # a move as a program's file has it, an axis as a description has it
+
+Taught = Mapping[str, Mapping[str, Any]]  # targets by name, as a session has them
+
+MINUS = "\N{MINUS SIGN}"
+_UNITS = {"deg": "°", "m": " m"}
+
+
+class Phrases:
+    """What pages call the axes of a robot, and what is done with them."""
+
+    def __init__(self, t: Words, axes: Iterable[Content]) -> None:
+        """Take the words, and the robot's axes."""
+        self.t = t
+        self._axes = {name: axis for axis in axes for name in (axis["name"], *axis["aliases"])}
+
+    def axis(self, name: str) -> str:
+        """Return what an axis is called, and which way is positive; its plain name where there are no words for it."""
+        return self._named("axes", self.plain(name))
+
+    def plain(self, name: str) -> str:
+        """Return the name of an axis that may be called by an alias."""
+        return str(self._axes[name]["name"]) if name in self._axes else name
+
+    def name(self, name: str, otherwise: str | None = None) -> str:
+        """Return what a gait, an act, a loop, a tool or a signal is called; else ``otherwise``, or its plain name."""
+        return self._named("names", name, otherwise)
+
+    def loop(self, name: str) -> str:
+        """Return what a loop does, in a line; nothing of one that the pages have no words for."""
+        return self._named("loops", name, "")
+
+    def names(self, names: Iterable[str]) -> dict[str, str]:
+        """Return what several are called, to choose from."""
+        return {name: self.name(name) for name in names}
+
+    def target(self, name: str, value: float) -> str:
+        """Return where an axis goes."""
+        return f"{self.axis(name)} {figure(value)}{self.unit(name)}"
+
+    def unit(self, name: str) -> str:
+        """Return what stands behind a number of an axis."""
+        return _UNITS[self._axes[name]["unit"]] if name in self._axes else ""
+
+    def move(self, move: Content, targets: Taught | None = None) -> str:
+        """Return a move in one line: in the words that the pages have for its kind, else in its own.
+
+        One that leads to taught targets has their names.
+        """
+        kind = kind_of(move, KINDS.values())
+        if kind is None:
+            return as_text(move)
+        if issubclass(kind, ArmMotion):
+            return self._motion(kind, content_of(kind, move), targets or {})
+        caption, phrase = check_move(move).caption(), self._named("said", kind.key, "")
+        if caption not in ("", kind.key) and not phrase:
+            return caption
+        content = content_of(kind, move)
+        first, said = next(iter(content), ""), {key: self._value(kind, key, value) for key, value in content.items()}
+        phrase = phrase or self.title(kind)
+        rest = [
+            self._detail(kind, key, value)
+            for key, value in content.items()
+            if f"{{{'what' if key == first else key}}}" not in phrase
+        ]
+        words = phrase.format(**{**said, "what": said.get(first, "")})
+        return f"{words} ({', '.join(filter(None, rest))})" if any(rest) else words
+
+    def title(self, kind: type[Move]) -> str:
+        """Return what a kind of move is called."""
+        return self._named("moves", kind.key, kind.title)
+
+    def field(self, kind: type[Move], key: str) -> str:
+        """Return what a field of a kind of move is called; its ``name`` is that of the kind."""
+        return self.title(kind) if key == "name" else self._named("fields", key)
+
+    def _value(self, kind: type[Move], key: str, value: Any) -> str:
+        """Return what a field of a move has."""
+        if isinstance(value, Mapping):
+            return ", ".join(self.target(axis, position) for axis, position in value.items())
+        if isinstance(value, (int, float)):
+            return figure(value)
+        return self.name(value) if isinstance(kind.form.get(key), str) and isinstance(value, str) else as_text(value)
+
+    def _detail(self, kind: type[Move], key: str, value: Any) -> str:
+        """Return what else is said of a move."""
+        what = kind.form.get(key)
+        if value is None or value is False:
+            return ""
+        if value is True or what == "origin":
+            return self.field(kind, key)
+        value_text = self._value(kind, key, value)
+        return value_text if isinstance(what, str) else f"{self._named('fields', key).lower()} {value_text}"
+
+    def _motion(self, kind: type[ArmMotion], said: Content, targets: Taught) -> str:
+        """Return a move of an arm in one line, with the names of taught targets that it goes to."""
+        ways = [_target(kind, said, key, targets) for key in ("via", "targets") if key == "targets" or key in said]
+        how = [_how(self, key, said[key]) for key in _HOW if said.get(key) is not None]
+        return ", ".join([f"{self.title(kind)} {' → '.join(ways)}", *how])
+
+    def change(self, change: Change, grid: float) -> str:
+        """Return a change of a run in one line; ``grid`` is the program's [s]."""
+        t = self.t
+        if change.push is not None:
+            at, force = change.push.at or t("legs.robot"), " ".join(map(figure, change.push.force))
+            what = t("legs.told_push", at=at, force=force, seconds=figure(change.push.duration))
+        elif change.drag is not None:
+            seconds = figure(len(change.drag.targets) * grid)
+            what = t("legs.told_drag", at=change.drag.at or t("legs.robot"), seconds=seconds)
+        elif change.drive is not None:
+            what = t("legs.told_drive", at=change.drive.at or t("legs.robot"), count=len(change.drive.commands))
+        else:
+            what = ", ".join(f"{key} = {as_text(value)}" for key, value in (change.set or {}).items())
+        return t("legs.told_at", time=figure(change.time), what=what)
+
+    def _named(self, section: str, name: str, otherwise: str | None = None) -> str:
+        try:
+            return self.t(f"{section}.{name}")
+        except KeyError:
+            return name.replace("_", " ") if otherwise is None else otherwise
+
+
+def matches(search: str, texts: Iterable[str]) -> bool:
+    """Tell whether each word of a search stands in some texts; capitals and accents do not count."""
+    hay = " ".join(map(folded, texts))
+    return all(word in hay for word in folded(search).split())
+
+
+def folded(text: str) -> str:
+    """Return a text as it is compared: without capitals, accents and what joins words."""
+    parts = unicodedata.normalize("NFKD", text.replace("_", " ").casefold())
+    return "".join(letter for letter in parts if not unicodedata.combining(letter))
+
+
+def figure(value: float) -> str:
+    """Return a number as briefly as it can be read."""
+    return f"{round(value, 3) + 0.0:g}".replace("-", MINUS)
+
+
+WORLD = "world"
+MILLI = 1e-3
+
+_OWN = ("base", "tool")
+_HOW = ("speed", "duration", "acceleration", "zone", "wobj")
+_PLACE = 3  # figures
+_TURNS = ("Rz", "Ry", "Rx")
+_SAME = 1e-6  # m or deg
+
+
+def joint_words(phrases: Phrases, name: str) -> str:
+    """Return what a joint is called: the joints of arms by their number."""
+    kind, _, number = name.partition("_")
+    return phrases.t("arm.joint", number=number) if kind == "joint" and number.isdigit() else phrases.axis(name)
+
+
+def frame_words(t: Words, frames: Iterable[str]) -> dict[str, str]:
+    """Return what frames are called: those of the arm in the user's language, pieces by their names."""
+    return {frame: t(f"arm.frame_{frame}") if frame in (*_OWN, WORLD) else frame for frame in frames}
+
+
+def work_objects(frames: Iterable[str]) -> list[str]:
+    """Return those of an arm's frames that a target can be taught in: it goes with what stands around."""
+    return [frame for frame in frames if frame not in _OWN]
+
+
+def pose_words(pose: Sequence[float]) -> str:
+    """Return a pose [m, deg], or a place [m], in a line."""
+    place = " ".join(f"{name} {_short(value / MILLI)}" for name, value in zip("xyz", pose, strict=False))
+    turns = " ".join(f"{name} {_short(value)}°" for name, value in zip(_TURNS, pose[_PLACE:], strict=False))
+    return " · ".join(filter(None, [f"{place} mm", turns]))
+
+
+def motions() -> dict[str, type[ArmMotion]]:
+    """Return the kinds of moves that lead an arm to targets, by their keys."""
+    return {key: kind for key, kind in KINDS.items() if issubclass(kind, ArmMotion)}
+
+
+def _target(kind: type[ArmMotion], said: Mapping[str, Any], key: str, targets: Taught) -> str:
+    """Return the name of a taught target, or its figures."""
+    rows = said.get(key, said.get(f"{key}_deg"))
+    if not isinstance(rows, Sequence) or not rows or isinstance(rows[0], Sequence):
+        return as_text(rows)
+    if key in said:  # angles in radians
+        rows = [value if number < _PLACE and not kind.of_axes else degrees(value) for number, value in enumerate(rows)]
+    for name, target in targets.items():
+        taught = list(target["axes"].values()) if kind.of_axes else target["pose"][: len(rows)]
+        if _near(taught, rows) and (kind.of_axes or target["frame"] == (said.get("wobj") or WORLD)):
+            return name
+    return " ".join(f"{_short(value)}°" for value in rows) if kind.of_axes else pose_words(rows)
+
+
+def _near(some: Sequence[float], others: Sequence[float]) -> bool:
+    return len(some) == len(others) and all(abs(a - b) < _SAME for a, b in zip(some, others, strict=True))
+
+
+def _how(phrases: Phrases, key: str, value: Any) -> str:
+    if key == "speed":
+        return f"{figure(value / MILLI)} mm/s"
+    if key == "duration":
+        return f"{figure(value)} s"
+    return phrases.t("arm.in_frame", frame=as_text(value)) if key == "wobj" else f"{key} {as_text(value)}"
+
+
+def _short(value: float) -> str:
+    return figure(round(value, 1))

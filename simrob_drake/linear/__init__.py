@@ -1,5 +1,0 @@
-"""Linear models of stations about a posture: poles, Bode plots, and what a design of controllers starts from."""
-
-from simrob_drake.linear.linearize import linearize as linearize
-from simrob_drake.linear.model import LinearModel as LinearModel
-from simrob_drake.linear.model import Mode as Mode

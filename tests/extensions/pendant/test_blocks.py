@@ -1,0 +1,78 @@
+"""What the blocks of the picture stand for: keys that are there, and outputs that the station has."""
+
+import re
+
+import pytest
+import yaml
+
+from simrob_drake.base.files import diagrams_root
+from simrob_drake.extensions.pendant.describe import BlockMeaning, block_meaning
+from simrob_drake.stations.closed import closed_station
+from simrob_drake.stations.load import load_station, station_yaml
+from simrob_drake.stations.resolve import resolve
+
+_NODE = re.compile(r'<g class="node"><title>(.*?)</title>')
+
+
+def told(name) -> dict[str, BlockMeaning]:
+    """What each block of a shipped picture stands for."""
+    config = load_station(name)
+    content = yaml.safe_load(station_yaml(config))
+    names = list(closed_station(resolve(config)).ports.outputs)
+    blocks = _NODE.findall((diagrams_root() / f"{name}.svg").read_text())
+    return {block: block_meaning(block, content, names) for block in blocks}
+
+
+@pytest.mark.parametrize(
+    "name", ["irb120_dynamic", "two_irb120", "humanoid_balance", "irb120_force_control", "box_on_floor", "belt_pick"]
+)
+def test_every_block_stands_for_something_of_its_station(name):
+    content = yaml.safe_load(station_yaml(load_station(name)))
+    for block, one in told(name).items():
+        assert one.keys or one.signals, block
+        assert not block.startswith("output ") or one.signals == (block.removeprefix("output "),)
+        for key in one.keys:
+            section = content
+            for part in key.split(".")[:-1]:  # the last may be one that the file leaves out
+                section = section[part]
+
+
+def test_a_joint_has_its_servo_and_its_curves():
+    blocks = told("irb120_dynamic")
+    assert blocks["joint_2.pd"] == BlockMeaning(("servo",), ("position", "torque"), "joint_2")
+    assert blocks["joint_2.saturation"] == blocks["joint_2.pd"]
+    assert blocks["stops"] == BlockMeaning(("joint_stops",), ())
+    assert blocks["reference_source"] == BlockMeaning(("reference",), ("reference",))
+    assert blocks["output torque"] == BlockMeaning((), ("torque",))
+    assert blocks["torque"] == blocks["joint_signals"] == BlockMeaning(("servo",), ("torque",))
+    assert blocks["plant"] == BlockMeaning(("robot", "pieces", "gravity"), ("position",))
+    assert blocks["poses"].signals == ("base_pose", "tcp_pose")
+    assert blocks["joint_2.pd"].holds("servo.kp")
+    assert not blocks["joint_2.pd"].holds("servos")
+
+
+def test_of_several_robots_each_has_its_own():
+    blocks = told("two_irb120")
+    assert blocks["left.servo.pd"] == BlockMeaning(("servo",), ("left.torque",))
+    assert blocks["right.poses"].keys[0] == "robots.right.base"
+    assert blocks["left.reference_source"].keys == ("robots.left.reference",)
+    assert told("belt_pick")["arm.reference_source"].keys == ("reference",)  # it has none of its own
+    assert blocks["plant"].signals == ("left.position", "right.position")
+
+
+def test_parts_have_the_outputs_they_declare():
+    blocks = told("irb120_force_control")
+    assert blocks["sensor.touch"] == BlockMeaning(("sensors.touch",), ("force.touch", "moment.touch"))
+    assert blocks["controller.press"].signals == ("press.offset", "press.pressing", "press.path")
+    height = told("humanoid_height")
+    assert height["layers"] == BlockMeaning(("controllers",), ("reference",))
+    balance = told("humanoid_balance")
+    assert balance["force.push"] == BlockMeaning(("forces.push",), ("applied_force.push",))
+    assert balance["servo"] == BlockMeaning(("servo",), ("torque",))
+
+
+def test_a_block_of_a_signal_flow_has_its_own_output():
+    meaning = block_meaning("controller.law.error", {"controllers": {"law": {}}}, ["law.error", "law.limit"])
+    assert meaning == BlockMeaning(("controllers.law",), ("law.error",))
+    whole = block_meaning("controller.law.torque", {"controllers": {"law": {}}}, ["law.error", "law.limit"])
+    assert whole.signals == ("law.error", "law.limit")

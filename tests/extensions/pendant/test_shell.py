@@ -1,0 +1,430 @@
+"""What all tabs of the pendant share: words, keys, what is loaded, the bar that runs it, the view, what is taken."""
+
+import asyncio
+import re
+from base64 import b64encode
+from concurrent.futures import Future
+from pathlib import Path
+
+import pytest
+from stub_session import Exports, Notice, StubSession
+
+pytest.importorskip("nicegui", reason="needs the extra gui")
+from nicegui import ElementFilter, ui
+from nicegui.testing import user_simulation
+from nicegui.testing.user_interaction import UserInteraction
+
+from simrob_drake.base.errors import SimrobError, UnknownName
+from simrob_drake.base.yaml_files import read_yaml
+from simrob_drake.extensions import pendant
+from simrob_drake.extensions.pendant.pages import shell
+from simrob_drake.extensions.pendant.pages.elements import KEYS
+from simrob_drake.extensions.pendant.pages.words import languages, texts_of, words
+from simrob_drake.extensions.pendant.pendant import Pendant
+from simrob_drake.results.verdict.judge import CRITERIA
+from simrob_drake.results.verdict.verdict import Measure, MeasuredValue
+from simrob_drake.robots.catalog import robot_names
+from simrob_drake.stations.checks import check_station
+from simrob_drake.stations.load import load_station
+
+EN, ES = texts_of("en"), texts_of("es")
+BRACES = re.compile(r"{(\w+)}")
+
+
+def opened(subject, robot=None, **more):
+    if subject == "wrong":
+        raise SimrobError("there is no station or robot 'wrong'")
+    session = StubSession(subject, **more)
+    session.book.robot = robot or session.book.robot
+    session.opened()
+    return session
+
+
+@pytest.fixture(autouse=True)
+def bare_tabs(monkeypatch):
+    """The tabs have tests of their own."""
+    monkeypatch.setattr(shell, "TABS", {name: lambda *_: None for name in ("legs", "arm", "station")})
+
+
+def visit(scenario, pendant=None, *, webgl=True):
+    """Let a user do something in the page of a pendant."""
+
+    async def run():
+        shown = pendant or Pendant(opened, "humanoid")
+        async with user_simulation(root=lambda: shell.build(shown)) as user:
+            user.javascript_rules[re.compile(r"window\.hasWebGL\(\)")] = lambda _: webgl
+            await user.open("/")
+            await asyncio.sleep(0.05)
+            await scenario(user, shown)
+
+    asyncio.run(run())
+
+
+def shown_name(picture):
+    return picture.default_slot.children[1].text.replace(" ", "_")
+
+
+def button(user, keys):
+    (found,) = elements(user, **{KEYS: keys})
+    return found
+
+
+def press(user, element):
+    UserInteraction(user, {element}, None).click()
+
+
+def elements(user, **properties):
+    """Return the elements of the page whose properties are so."""
+    with user:
+        found = ElementFilter(local_scope=False)
+        return [one for one in found if all(one.props.get(name) == value for name, value in properties.items())]
+
+
+async def until(condition):
+    for _ in range(250):
+        if condition():
+            return
+        await asyncio.sleep(0.02)
+    pytest.fail("it did not come")
+
+
+async def heard(session, *topics, **news):
+    session.told(*topics, **news)
+    await asyncio.sleep(0.05)
+
+
+# Words
+
+
+def test_the_languages_say_the_same_things():
+    assert languages() == ["en", "es"]
+    assert EN.keys() == ES.keys()
+    assert {key: sorted(BRACES.findall(text)) for key, text in EN.items()} == {
+        key: sorted(BRACES.findall(text)) for key, text in ES.items()
+    }
+    assert all(isinstance(text, str) and text.strip() for text in [*EN.values(), *ES.values()])
+    with pytest.raises(UnknownName, match="language 'fr'"):
+        words("fr")
+
+
+def test_sentences_of_the_engine_keep_their_parts():
+    sentences = read_yaml(Path(pendant.__file__).parent / "pages" / "strings" / "engine" / "es.yaml")
+    for english, own in sentences.items():
+        assert sorted(BRACES.findall(english)) == sorted(BRACES.findall(own)), english
+    assert words("en").of_engine("ran to its end at 3 s") == "ran to its end at 3 s"
+
+
+def test_the_pendant_says_in_spanish_what_the_engine_says():
+    said = words("es").of_engine
+    assert said("ran to its end at 3 s\nof nobody knows what") == "llegó al final a los 3 s\nof nobody knows what"
+    fall = "stopped by fall: robot fell: it leans by more than 45 deg, at 2.561 s"
+    assert said(fall) == "la detuvo fall: robot se cayó: se inclina más de 45°, a los 2.561 s"
+    stations = ("irb120_dynamic", "humanoid_fixed", "box_on_floor", "zjudancer_walking")
+    found = [one for name in stations for one in check_station(load_station(name)) if "[" not in one.text]
+    assert len(found) > 50
+    assert [one.text for one in found if said(one.text) == one.text] == []
+    assert [one.subject for one in found if said(one.subject) == one.subject and " of " in one.subject] == []
+
+
+def test_verdicts_are_said_in_spanish():
+    """Of all criteria, in their own words."""
+    said = words("es").of_engine
+    for criterion in CRITERIA:
+        value = MeasuredValue("joint_2", 2.0, criterion.unit, 1.0, 0.5, 194.0, "steps")
+        measure = Measure(criterion, (value._replace(value=0.0, bound=1.0) if criterion.least else value,))
+        for text in (str(measure), measure.warning):
+            assert said(text) != text
+            assert not re.search(r"\b(was|were|of|the|its|bound|limit)\b", said(text)), said(text)
+
+
+def test_every_notice_of_a_session_has_its_words():
+    said = re.compile(r'(?:Notice|refuse)\("(\w+)"|key, \w+(?:, taken)? = \(?\s*"(\w+)"')
+    sources = (file.read_text() for file in Path(pendant.__file__).parent.glob("*.py"))
+    used = {key for source in sources for found in said.findall(source) for key in found if key}
+    used |= {"damaged", "died", "lost"}  # one of two, where it is said
+    assert used == {key.removeprefix("notice.") for key in EN if key.startswith("notice.")}
+
+
+# A file that another editor has changed
+
+
+def test_what_becomes_of_a_file_that_was_changed_elsewhere_is_asked():
+    pendant = Pendant(opened, "humanoid", language="es")
+
+    async def scenario(user, pendant):
+        (alert,) = elements(user, role="alert")
+        assert not alert.visible
+        await heard(pendant.session, "program", conflict=True, file=Path("x/program.yaml"))
+        assert alert.visible
+        await user.should_see("Otro programa cambió program.yaml")
+        user.find(ES["shell.take_theirs"]).click()
+        user.find(ES["shell.keep_both"]).click()
+        assert pendant.session.calls == [("take_theirs",), ("keep_both",)]
+        await heard(pendant.session, "program", conflict=False)
+        assert not alert.visible
+
+    visit(scenario, pendant)
+
+
+# What is loaded
+
+
+def test_the_robots_are_shown_and_the_loaded_one_is_marked():
+    async def scenario(user, pendant):
+        buttons = [one for one in elements(user) if "pendant-robot" in one.classes]
+        pictures = {shown_name(one): one.props["aria-pressed"] for one in buttons}
+        assert pictures.keys() == set(robot_names())
+        assert [name for name, pressed in pictures.items() if pressed == "true"] == ["humanoid"]
+        assert list(pictures)[:4] == ["humanoid", "roid1", "yobotics", "zjudancer"]  # those with legs first
+
+    visit(scenario)
+
+
+def test_another_robot_takes_the_place_of_the_loaded_one():
+    pendant = Pendant(opened, "humanoid")
+    first = pendant.session
+
+    async def scenario(user, pendant):
+        (picture,) = (one for one in elements(user) if "pendant-robot" in one.classes and shown_name(one) == "irb120")
+        UserInteraction(user, {picture}, None).trigger("click")
+        assert first.closed
+        assert pendant.session.subject == "irb120"
+        second = pendant.session
+        assert not pendant.load("irb120")  # again
+        assert pendant.session is second
+        assert not second.closed
+
+    visit(scenario, pendant)
+
+
+def test_what_cannot_be_loaded_is_told_and_what_is_loaded_stays():
+    pendant = Pendant(opened, "humanoid")
+    first = pendant.session
+    with pytest.raises(SimrobError, match="wrong"):
+        pendant.load("wrong")
+    assert pendant.session is first
+    assert not first.closed
+
+
+def test_of_several_robots_one_is_taught():
+    def two(subject, robot=None):
+        session = opened(subject, robot or "left", station="two_arms")
+        kinds = {"left": "arm", "right": "legs"}
+        session.told(description={"robots": {name: {"model": "irb120", "kind": kinds[name]} for name in kinds}})
+        return session
+
+    async def scenario(user, pendant):
+        first = pendant.session
+        with user:
+            choice = next(one for one in ElementFilter(kind=ui.select, local_scope=False) if one.value == "left")
+        assert choice.options == ["left", "right"]
+        choice.set_value("right")
+        assert first.closed  # before: two do not teach in one folder
+        assert (pendant.session.subject, pendant.session.book.robot) == (first.subject, "right")
+
+    visit(scenario, Pendant(two, "two_arms"))
+
+
+def test_the_tab_of_its_kind_comes_to_the_front():
+    async def scenario(user, pendant):
+        with user:
+            (tabs,) = ElementFilter(kind=ui.tabs, local_scope=False)
+            heads = {one.props["name"]: one for one in ElementFilter(kind=ui.tab, local_scope=False)}
+        assert tabs.value == "legs"
+        assert {name: head.visible for name, head in heads.items()} == {"legs": True, "arm": False, "station": True}
+        tabs.set_value("station")
+        await heard(pendant.session, "description")
+        assert tabs.value == "station"  # as its user wants
+
+    visit(scenario)
+
+
+# The run
+
+
+def test_the_bar_follows_a_run_and_play_does_what_comes_next():
+    async def scenario(user, pendant):
+        session = pendant.session
+        play, tick, stop, start = (button(user, keys) for keys in ("Space", ".", "Shift+S", "Home"))
+        assert [one.enabled for one in (play, tick, stop, start)] == [True, True, False, False]
+        press(user, play)
+        await heard(session, "phase", phase="running")
+        assert (play.props["icon"], play.props["aria-label"], tick.enabled) == ("pause", EN["run.pause"], False)
+        await heard(session, "tick", time=1.25, reach=1.25, ratio=0.8)
+        await user.should_see("1.25 of 1.25 s  0.8 × the clock")
+        press(user, play)
+        await heard(session, "phase", phase="paused")
+        assert [play.props["icon"], *(one.enabled for one in (tick, stop, start))] == ["play_arrow", True, True, True]
+        press(user, tick)
+        press(user, start)
+        await heard(session, "phase", "tick", phase="idle", time=0.0, rewound=True)
+        await user.should_see("0.00 of 1.25 s")
+        press(user, play)
+        await heard(session, "phase", "tick", phase="running", time=0.3, reach=0.3, rewound=False)
+        await user.should_see("0.30 of 0.30 s")  # what came after is forgotten
+        press(user, stop)
+        await heard(session, "phase", phase="idle")
+        press(user, tick)
+        await heard(session, "phase", "tick", phase="idle", time=0.1)  # what came next was discarded
+        press(user, play)
+        asked = ["simulate", "pause", "one_tick", "rewind", "go_on", "stop", "simulate", "pause", "simulate"]
+        assert [name for name, *_ in session.calls] == asked
+        await heard(session, "program", pending=({"target_deg": {}},))
+        assert not play.enabled
+        assert not tick.enabled  # they would forget what was tested
+
+    visit(scenario)
+
+
+def test_the_way_back_is_the_user_s_and_no_echo_of_the_run():
+    async def scenario(user, pendant):
+        session = pendant.session
+        await heard(session, "phase", "tick", phase="running", time=2.0, reach=2.0)
+        (slider,) = (one for one in elements(user) if isinstance(one, ui.slider))
+        assert (slider.value, slider.props["max"], slider.props["step"]) == (2.0, 2.0, 0.05)
+        assert session.calls == []
+        UserInteraction(user, {slider}, None).trigger("update:modelValue", 0.75)
+        assert session.calls == [("rewind", 0.75)]
+
+    visit(scenario)
+
+
+def test_a_pace_that_is_shown_is_not_asked_for_again():
+    """Else two tabs would answer each other for ever."""
+
+    async def scenario(user, pendant):
+        session = pendant.session
+        (pace,) = (one for one in elements(user) if isinstance(one, ui.select) and "max" in one.options)
+        await heard(session, "phase", pace=0.25)
+        assert (pace.value, session.calls) == ("0.25", [])
+        pace.set_value("max")
+        assert session.calls == [("set_pace", None)]
+
+    visit(scenario)
+
+
+def test_a_message_is_told_in_the_page_s_language_and_what_is_wrong_stands_out():
+    pendant = Pendant(opened, "humanoid", language="es")
+
+    async def scenario(user, pendant):
+        await heard(pendant.session, "message", message=Notice("exported", {"file": "a.csv"}))
+        await user.should_see("Se ha escrito a.csv")
+        await heard(pendant.session, "message", message=Notice(fills={"text": "kp is -1"}, wrong=True))
+        (line,) = elements(user, role="status")
+        assert (line.text, "pendant-wrong" in line.classes) == ("kp is -1", True)
+
+    visit(scenario, pendant)
+
+
+# The view
+
+
+def test_the_view_is_a_frame():
+    async def scenario(user, pendant):
+        await until(lambda: elements(user, src="view/"))
+        (frame,) = elements(user, src="view/")
+        assert (frame.tag, frame.props["title"]) == ("iframe", EN["shell.view"])
+        drag = button(user, "D")
+        press(user, drag)
+        assert drag.props["aria-pressed"] == "true"
+        press(user, hand := button(user, "G"))  # of two moods one is there
+        assert (drag.props["aria-pressed"], hand.props["aria-pressed"]) == ("false", "true")
+        await user.should_see(EN["hand.hint"])
+        press(user, hand)
+        assert hand.props["aria-pressed"] == "false"
+        await user.should_not_see(EN["hand.hint"])
+
+    visit(scenario)
+
+
+def test_without_webgl_a_run_is_a_strip_of_pictures_and_why(tmp_path):
+    file = tmp_path / "program.png"
+    file.write_bytes(b"\x89PNG strip")
+    drawn = []
+
+    def strip(exports):
+        drawn.append(exports.session.run.time)
+        done = Future()
+        done.set_result(file)
+        return done
+
+    async def scenario(user, pendant):
+        await user.should_see(EN["shell.no_webgl"])
+        assert drawn == []  # nothing was run
+        await heard(pendant.session, "phase", phase="running", time=2.0)
+        assert drawn == []
+        await heard(pendant.session, "phase", phase="idle", ending={"ending": "completed"})
+        await until(lambda: drawn == [2.0])
+        for phase in ("saving", "idle"):  # as it is drawn
+            await heard(pendant.session, "phase", phase=phase)
+        assert drawn == [2.0]
+        (image,) = elements(user, alt=EN["shell.view"])
+        assert image.props["src"] == f"data:image/png;base64,{b64encode(file.read_bytes()).decode()}"
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Exports, "film_strip", strip, raising=False)
+        visit(scenario, webgl=False)
+
+
+# The rest of the head
+
+
+def test_undo_and_redo_are_there_when_something_can_be():
+    async def scenario(user, pendant):
+        undo, redo = button(user, "Control+Z"), button(user, "Control+Shift+Z")
+        assert (undo.enabled, redo.enabled) == (False, False)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(StubSession, "can_undo", True)
+            await heard(pendant.session, "program")
+            assert (undo.enabled, redo.enabled) == (True, False)
+
+    visit(scenario)
+
+
+def test_what_is_written_is_taken_away(tmp_path):
+    file = tmp_path / "program.yaml"
+    done = Future()
+    done.set_result(file)
+
+    async def scenario(user, pendant):
+        first, *_ = (one for one in elements(user) if isinstance(one, ui.menu_item))
+        press(user, first)
+        await until(lambda: user.download.http_responses)
+        (taken,) = user.download.http_responses
+        assert taken.request.url.path == str(file)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Exports, "program", lambda _: done, raising=False)
+        visit(scenario)
+
+
+def test_the_help_lists_the_keys_of_what_is_there():
+    async def scenario(user, pendant):
+        press(user, button(user, "?"))
+        await user.should_see("Control+Shift+Z")
+        await user.should_see("Alt+1")
+        await user.should_not_see("Alt+2")  # no arm is loaded
+        keys = [one.props[KEYS] for one in elements(user) if KEYS in one.props]
+        assert len(keys) == len(set(keys))  # each presses one button
+
+    visit(scenario)
+
+
+def test_all_that_is_pressed_has_a_name():
+    async def scenario(user, pendant):
+        for one in elements(user):
+            if isinstance(one, ui.button | ui.slider | ui.select):
+                assert one.props.get("aria-label") or one.props.get("label"), one
+
+    visit(scenario)
+
+
+def test_a_tab_has_the_language_of_its_address():
+    async def scenario(user, pendant):
+        await user.should_see(EN["shell.title"])
+        await user.open("/?language=es")
+        await user.should_see(ES["shell.title"])
+        await user.open("/?language=xx")
+        await user.should_see(EN["shell.title"])
+
+    visit(scenario)

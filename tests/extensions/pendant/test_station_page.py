@@ -1,0 +1,305 @@
+"""The station's page: blocks to choose, a form that refuses in the checker's words, what a check finds, what ended."""
+
+import asyncio
+import re
+from concurrent.futures import Future
+from contextlib import asynccontextmanager
+
+import pytest
+from stub_session import StubSession
+
+pytest.importorskip("nicegui", reason="needs the extra gui")
+from nicegui import ui
+from nicegui.testing import user_simulation
+from nicegui.testing.user_interaction import UserInteraction
+
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.extensions.pendant.pages import station
+from simrob_drake.extensions.pendant.pages.block_picture import BlockPicture, labels_of, with_buttons
+from simrob_drake.extensions.pendant.pages.station import in_brief
+from simrob_drake.extensions.pendant.pages.words import Notice, texts_of, words
+from simrob_drake.programs.timeline import Change
+from simrob_drake.results.block_diagram.picture import station_svg
+from simrob_drake.stations.load import load_station
+from simrob_drake.stations.schema import station_schema
+
+SVG = station_svg(load_station("irb120_dynamic"), live=True)
+SIGNALS = [
+    {"name": name, "unit": unit, "title": name, "columns": [f"{name}.joint_{axis}" for axis in range(1, 7)]}
+    for name, unit in (("position", "rad"), ("torque", "N·m"))
+]
+
+
+def given(result):
+    future = Future()
+    future.set_result(result)
+    return future
+
+
+class Station(StubSession):
+    """An idle station that takes what the loader takes."""
+
+    def __init__(self):
+        super().__init__("irb120")
+        self.drawn, self.watched, self.config = 0, {}, load_station(self.station)
+        self.description = {"robots": {"robot": {"kind": "arm"}}, "bodies": [], "signals": SIGNALS}
+
+    def schema(self):
+        return station_schema()
+
+    def set(self, key, value):
+        try:
+            self.config = load_station(self.station, {**self.settings, key: value})
+        except SimrobError as problem:
+            self.told("message", message=Notice(fills={"text": str(problem)}, wrong=True))
+            return False
+        self.told("description", settings={**self.settings, key: value})
+        return True
+
+    def unset(self, key):
+        settings = {k: v for k, v in self.settings.items() if k != key}
+        self.config = load_station(self.station, settings)
+        self.told("description", settings=settings)
+        return True
+
+    def change(self, key, value):
+        self.calls.append(("change", key, value))
+        return given({})
+
+    def watch(self, signals, viewer=None):
+        self.watched[viewer] = list(signals)
+        return given(None)
+
+    def picture(self, folded):
+        self.drawn += 1
+        return given(station_svg(load_station("irb120_dynamic"), live=True, folded=folded) if folded else SVG)
+
+    def check(self):
+        findings = [("ok", "contact", "nothing penetrates"), ("warning", "base", "it tips over")]
+        return given([dict(zip(("level", "subject", "text"), finding, strict=True)) for finding in findings])
+
+
+@asynccontextmanager
+async def opened(session, language="en"):
+    async with user_simulation(lambda: station.build(session, words(language))) as user:
+        await user.open("/")
+        await settled()
+        yield user
+
+
+async def settled(seconds=0.25):
+    """Wait until what follows the session, and what was asked, is there."""
+    await asyncio.sleep(seconds)
+
+
+def on_page(scenario, session=None, language="en"):
+    session = session or Station()
+
+    async def run():
+        async with opened(session, language) as user:
+            await scenario(user, session)
+
+    asyncio.run(run())
+
+
+def test_a_wrong_value_is_refused_in_its_field_and_a_right_one_taken():
+    async def scenario(user, session):
+        user.find(content="Search for a key", kind=ui.input).type("proportional gain, per")
+        await settled(0.1)
+        field = user.find(content="servo.kp", kind=ui.input)
+        (element,) = field.elements
+        assert (element.value, element.props["suffix"]) == ("1000.0", "N·m/rad")
+        element.value = "{joint_9: 5}"
+        field.trigger("keydown.enter")
+        await settled(0.1)
+        assert "did you mean 'joint_6'" in element.error
+        assert session.book.settings == {}
+        element.value = "500"
+        field.trigger("blur")
+        await settled()
+        assert element.error is None
+        assert session.book.settings == {"servo.kp": 500}
+        await user.should_see("servo.kp: 500")  # what is changed, to be taken back
+        session.setup.unset("servo.kp")
+        await settled()
+        await user.should_not_see("servo.kp: 500")
+        assert element.value == "1000.0"
+
+    on_page(scenario)
+
+
+def test_while_a_run_goes_on_a_change_is_that_of_the_run():
+    async def scenario(user, session):
+        session.told("phase", phase="running")
+        user.find(content="Search for a key", kind=ui.input).type("along -z")
+        await settled(0.1)
+        field = user.find(content="gravity", kind=ui.input)
+        next(iter(field.elements)).value = "3.7"
+        field.trigger("keydown.enter")
+        await settled(0.1)
+        assert session.calls == [("change", "gravity", 3.7)]
+        assert session.book.settings == {}
+
+    on_page(scenario)
+
+
+def test_a_block_shows_its_signals_and_a_slider_for_its_gains():
+    async def scenario(user, session):
+        (picture,) = user.find(kind=ui.html).elements
+        user.find(kind=ui.html).trigger("click", ["joint_2.pd", ""])
+        await settled(0.2)
+        assert 'class="node chosen" data-block="joint_2.pd"' in picture.content
+        await user.should_see("joint_2: PD\nkp 1000, kd 10")
+        await user.should_see("joint 2")  # the one curve that is drawn
+        watched = sorted(map(str, session.watched.values()))
+        assert watched == [
+            "['position', 'torque']",
+            "['position']",
+            "['torque']",
+        ]  # those of the wires, and of the plots
+        sliders = {one.props["aria-label"]: one for one in user.find(kind=ui.slider).elements}
+        assert set(sliders) == {"servo.kp", "servo.kd"}
+        with user:
+            sliders["servo.kp"].value = 0.5
+        user.find(kind=ui.slider).trigger("change")
+        await settled()
+        await settled()
+        assert session.book.settings["servo.kp"] == pytest.approx(1000 * 10**0.5, rel=2e-3)  # three digits
+        assert session.drawn == 2  # at first, and after the change
+
+    on_page(scenario)
+
+
+def test_the_servos_fold_into_one_block_and_unfold():
+    async def scenario(user, session):
+        (picture,) = user.find(kind=ui.html).elements
+
+        async def press(icon):
+            (found,) = (one for one in user.find(kind=ui.button).elements if one.props.get("icon") == icon)
+            UserInteraction(user, {found}, None).click()
+            await settled(0.5)
+            return blocks()
+
+        def blocks():
+            return set(re.findall(r'data-block="(.*?)"', picture.content))
+
+        before = blocks()
+        everything = await press("unfold_less")
+        assert sum(name.startswith("folded ") for name in everything) == 1, "all: those of one block stay as they are"
+        assert await press("unfold_more") == before
+        user.find(kind=ui.html).trigger("click", ["joint_2.pd", ""])
+        folded = await press("unfold_less")
+        servos = {name for name in before if re.match(r"joint_\d", name)}
+        assert servos
+        assert folded == before - servos | {"folded joint_2.pd"}
+        assert "servos (" in picture.content
+        assert 'data-block="folded joint_2.pd" tabindex="0" role="button" aria-pressed="true"' in picture.content
+        sliders = {one.props["aria-label"] for one in user.find(kind=ui.slider).elements}
+        assert sliders == {"servo.kp", "servo.kd"}
+        assert await press("unfold_more") == before
+
+    on_page(scenario)
+
+
+def wire(source, target):
+    """Return the number of a wire of the picture."""
+    return re.search(rf'data-wire="(\d+)" data-from="{source}" data-to="{target}', SVG)[1]
+
+
+def test_values_stand_on_the_wires_and_a_wire_shows_its_signal(monkeypatch):
+    told = {}
+    monkeypatch.setattr(BlockPicture, "tell", lambda _, values: told.update(values))
+
+    async def scenario(user, session):
+        session.run.watch(["position", "torque"])
+        session.run.take(0.5, None, {"position": [0.1, -0.5, 0, 0, 0, 0], "torque": [1.0, 2.0, -37.23, 0, 0, 0]})
+        await settled(0.6)
+        assert told[wire("torque", "plant")] == "max -37.2 N·m"
+        assert told[wire("joint_2.pd", "joint_2.saturation")] == "2"
+        assert told[wire("joint_signals", "joint_2.pd")] == "-28.6"
+        user.find(kind=ui.html).trigger("click", ["", wire("torque", "plant")])
+        await settled(0.1)
+        await user.should_see("torque → Plant, torque")
+        await user.should_see("joint 3")
+
+    on_page(scenario)
+
+
+def test_a_value_in_brief():
+    pose = {"unit": "m", "columns": [f"base.{one}" for one in ("x", "y", "z", "qw", "qx", "qy", "qz")]}
+    assert in_brief([0.123, 0, 1, 1, 0, 0, 0], pose) == "0.12 0.00 1.00 m"
+    assert in_brief([-3e-5], {"unit": "m", "columns": ["gap"]}) == "0 m"
+    assert in_brief([2.0], {"unit": "", "columns": ["foot"]}) == "2"
+    assert in_brief([0.1, -0.2], {"unit": "rad", "columns": ["q.a", "q.b"]}) == "max -11.5 °"
+
+
+def test_what_was_changed_while_it_ran_is_marked():
+    async def scenario(user, session):
+        (picture,) = user.find(kind=ui.html).elements
+        assert 'class="node changed"' not in picture.content
+        session.told("program", changes=(Change(time=1.35, set={"servo.kp": 500}),))
+        await settled(0.1)
+        assert picture.content.count('class="node changed"') == len({f"joint_{n}.pd" for n in range(1, 7)})
+        user.find(kind=ui.html).trigger("click", ["joint_2.pd", ""])
+        await settled(0.1)
+        await user.should_see("at 1.35 s: servo.kp = 500")
+
+    on_page(scenario)
+
+
+def test_entries_are_added_and_taken_out():
+    async def scenario(user, session):
+        user.find(content="monitors", kind=ui.expansion).elements.pop().open()
+        await settled(0.1)
+        user.find(content="Name", kind=ui.input).type("fallen")
+        (kind,) = user.find(content="Kind", kind=ui.select).elements
+        kind.value = "fall"
+        user.find(content="Its keys, as YAML", kind=ui.input).type("{height: -1}")
+        user.find("Add").click()
+        await settled(0.2)
+        (keys,) = user.find(content="Its keys, as YAML", kind=ui.input).elements
+        assert "monitors.fallen.height" in keys.error
+        keys.value = "{height: 0.1}"
+        user.find("Add").click()
+        await settled()
+        assert session.book.settings == {"monitors.fallen": {"kind": "fall", "height": 0.1}}
+        await user.should_see("fallen (height 0.1 m): End the run when")
+        (switch,) = user.find(content="fallen", kind=ui.switch).elements
+        switch.value = False
+        await settled()
+        assert session.book.settings == {}
+
+    on_page(scenario)
+
+
+def test_what_a_check_finds_and_what_ended_a_run_are_told():
+    async def scenario(user, session):
+        await user.should_see("base: it tips over")
+        await user.should_see("En orden (1)")
+        ending = {"ending": "monitor", "time": 1.35, "message": "fall: the base is at 0.1 m"}
+        session.told("message", message=Notice(fills={"text": ending["message"]}, wrong=True), ending=ending)
+        await settled(0.2)
+        await user.should_see("1.35 s: fall: the base is at 0.1 m")
+
+    on_page(scenario, language="es")
+
+
+def test_the_blocks_of_a_picture_are_buttons():
+    labels = labels_of(SVG)
+    assert labels["joint_1.saturation"] == "Saturation\n±150 N·m"
+    assert "joint_signals" not in labels  # a bar
+    drawn = with_buttons(SVG, "plant")
+    assert drawn.startswith("<svg")
+    assert drawn.count('role="button"') == drawn.count('tabindex="0"') == len(labels)
+    assert drawn.count('aria-pressed="true"') == 1
+
+
+def test_a_picture_is_never_too_small_to_be_read():
+    assert '<svg style="--own: 1316px; min-width: calc(0.9 * 1316px); max-width: calc(2 * 1316px)" ' in with_buttons(
+        SVG
+    )
+
+
+def test_both_languages_have_the_words():
+    english, spanish = ({k for k in texts_of(name) if k.startswith("station.")} for name in ("en", "es"))
+    assert english == spanish
