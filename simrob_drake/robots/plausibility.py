@@ -151,6 +151,7 @@ def doubts_by_shapes(own: MassProperties, shapes: MassProperties) -> list[str]:
     if apart > _FAR + _SIZES * size_of_shapes:
         texts.append(f"its centre of mass lies {apart:.3g} m from the middle of its shapes; in mm?")
     ratio = own.spread / shapes.spread
+    # Moments of exactly 0 are no slip with units: they describe a point mass.
     if ratio > _MOST_MOMENTS or 0 < ratio < _LEAST_MOMENTS:
         texts.append(f"its moments are {ratio:.3g} times those of a solid body of its mass and shapes")
     return texts

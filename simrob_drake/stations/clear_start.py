@@ -194,7 +194,11 @@ class ClearStart:
         return sum(self._faults(posture))
 
     def _require_height(self, height: float) -> None:
-        """Require that all moving bodies are at least at a height over the floor [m], or as high as they can be."""
+        """Require that all moving bodies are at least at a height over the floor [m], or as high as they can be.
+
+        Sets the attribute `_required_heights`, with an entry for each body with shapes, shape (k,) [m]. It is -inf for
+        a body that does not move.
+        """
         self._required_heights = np.minimum(height, self._highest) - _ROUNDING
 
     def _heights(self, posture: Vector) -> Vector:
@@ -374,9 +378,13 @@ class ClearStart:
         elif self.height > _ROUNDING:
             remarks.append(f"Raised by {self.height:.3g} m, so that it stands on the floor.")
         if not np.array_equal(posture, self._home):
+            # The faults are those at the height that the search required last.
             faults = self._faults(self._home)
             why = [text for text, fault in zip(_FAULTS_AT_HOME, faults, strict=True) if fault]
-            remarks.append(f"Not at home, where it is {', '.join(why) or 'outstretched, or its move is not clear'}.")
+            # A home without faults is passed over if it is near a singularity, or if no first move from it is clear.
+            if not why:
+                why.append("near a singularity (outstretched, for example), or has no clear first move")
+            remarks.append(f"Not at home, where it is {', '.join(why)}.")
         return (*remarks, *self._remarks_on_move(posture, target))
 
     def _remarks_on_move(self, posture: Vector, target: Vector) -> list[str]:

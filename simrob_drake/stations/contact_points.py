@@ -324,9 +324,10 @@ def _register_balls(owners: _ShapeOwners, shape: GeometryId, load: float, points
 def balls_at_corners(corners: Vector, *, depth: float = 0.0, protrusion: float = 0.0) -> list[ContactBall]:
     """Place a ball inside each corner of a convex body, so that the balls touch its faces from inside.
 
-    Each ball is shifted inward along x, y and z by its radius. So it touches faces that are parallel to the planes of
-    the shape's frame exactly. At slanted faces it ends below the face or protrudes from it, usually by less than its
-    radius; on strongly slanted bodies it can protrude by more.
+    Each ball is shifted inward along x, y and z by its radius, less the protrusion. So it reaches exactly to faces that
+    are parallel to the planes of the shape's frame, or beyond them by the protrusion. A ball whose coordinate is exactly
+    in the middle of the body, as at the tip of a pyramid, is not shifted along that coordinate. At slanted faces a ball
+    ends below the face or protrudes from it, usually by less than its radius; on strongly slanted bodies by more.
 
     Args:
         corners: corners of the body, shape (m, 3) [m], in the frame of the shape.
@@ -336,7 +337,7 @@ def balls_at_corners(corners: Vector, *, depth: float = 0.0, protrusion: float =
     middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
     shortest_side = float(np.ptp(corners, axis=0).min())
     radius = _ball_radius(shortest_side, depth)
-    # Signs of the directions along x, y and z from the middle to each corner.
+    # Signs of the directions along x, y and z from the middle to each corner; 0 in the middle.
     outward = np.sign(corners - middle)
     centres = corners - outward * (radius - protrusion)
     return [ContactBall(centre, radius) for centre in centres]
