@@ -265,8 +265,7 @@ class CollisionPolicy:
         before = self._posed.plant.GetPositions(self._posed.context)
         homes = {}
         for name, robot in self._posed.station.robots.items():
-            # Home is zero if the robot's file gives no other posture, and the limits of an axis
-            # may exclude zero.
+            # A robot's file may give a home posture beyond the limits: they are checked in stations only.
             homes[name] = np.clip(robot.model.home, *robot.model.axis_limits)
         self._posed.place_robots(homes)
         touching = self.touching(own_only=True)
@@ -344,8 +343,8 @@ def _common_robot(first: Owner, second: Owner) -> str:
 class OwnDistances(Distances):
     """Signed distances of pairs of shapes of one robot.
 
-    Hulls enclose their meshes. Where hulls are apart, the meshes are too, and the smaller distance of the hulls is kept.
-    Only where hulls overlap are the convex parts of the meshes measured.
+    Hulls enclose their meshes. Where hulls are apart, the meshes are too, and the smaller distance
+    of the hulls is kept. Only where hulls overlap are the convex parts of the meshes measured.
 
     Attributes:
         pairs: the pairs of shapes, in the order of the distances.
