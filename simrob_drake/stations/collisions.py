@@ -265,7 +265,7 @@ class CollisionPolicy:
         before = self._posed.plant.GetPositions(self._posed.context)
         homes = {}
         for name, robot in self._posed.station.robots.items():
-            # A robot's file may give a home posture beyond the limits: they are checked in stations only.
+            # A robot's file may give a home posture beyond the limits: only the start of a station is checked.
             homes[name] = np.clip(robot.model.home, *robot.model.axis_limits)
         self._posed.place_robots(homes)
         touching = self.touching(own_only=True)
