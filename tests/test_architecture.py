@@ -39,6 +39,7 @@ ROAD = [
 ]
 BASE = {
     "errors",
+    "extension",
     "extras",
     "files",
     "constants",
