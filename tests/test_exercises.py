@@ -12,6 +12,7 @@ from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
 from simrob_drake.extensions.course.exercise import ExerciseFolder, checked_points, exercise_of, exercises
 from simrob_drake.extensions.course.measuring import Reading, at_least, at_most, between, near
+from simrob_drake.extensions.course.wire import decode, encode
 
 ROOT = Path(__file__).parent.parent
 SOLUTIONS = ROOT / "examples" / "course"
@@ -219,3 +220,8 @@ made = lambda: object()
     points = checked(entry, tmp_path, text)
     assert [point.ok for point in points] == [True, True, True, False]
     assert "is of object; it must be numbers, texts, lists, mappings or arrays" in points[3].problem
+
+
+def test_sets_in_sets_pass_between_the_processes():
+    value = {"groups": {frozenset({1, 2}), frozenset()}, frozenset({3}): ({4},)}
+    assert decode(json.loads(json.dumps(encode(value)))) == value

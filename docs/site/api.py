@@ -19,6 +19,7 @@ GROUPS = {
     "Programs": ["Arm", "Workcell", "LeggedRobot", "Program"],
     "Models": ["Dynamics", "LinearModel", "linearize"],
     "Frames and errors": ["as_transform", "three_point_frame", "SimrobError"],
+    "Extensions": ["Extension"],
 }  # fmt: skip
 """What the package shows at its top, in the order in which one meets it."""
 

@@ -215,7 +215,9 @@ def counted(count: int, thing: str) -> str:
     """
     if count == 1:
         return f"{count} {thing}"
-    if thing.endswith("s"):
+    if thing.endswith("axis"):
+        plural = f"{thing.removesuffix('is')}es"
+    elif thing.endswith("s"):  # it is plural already, or a name that has no plural, such as "PS Abs"
         plural = thing
     elif thing.endswith(("dy", "ry", "ly")):
         plural = f"{thing[:-1]}ies"

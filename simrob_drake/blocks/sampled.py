@@ -173,7 +173,7 @@ class SampledBlock(Block):
             reads: sizes of its inputs, by name.
             memory: initial values of its memory, by name.
             gives: names of the parts of its memory that are outputs.
-            delay: delay of the outputs, in samples. Until then they have the values of the first sample.
+            delay: delay of the outputs, in samples. Until the first sample has passed through, they give its value.
             at_once: take the first sample before the run begins, so that other blocks can read it in their own first
                 sample.
         """
@@ -203,6 +203,7 @@ class SampledBlock(Block):
         for name, value in rest.items():
             self._slices[name] = slice(begin, begin + len(value))
             begin += len(value)
+        # The empty list makes the vector empty if nothing is left: `np.concatenate` needs at least one part.
         self._rest_group = self.DeclareDiscreteState(np.concatenate([[], *rest.values()]))
 
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)

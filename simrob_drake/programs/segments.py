@@ -204,13 +204,17 @@ class PathPoint(NamedTuple):
 
 
 def named_point(part: float, points: int, target: str) -> PathPoint:
-    """Point that a moment belongs to.
+    """Point at a place on the way to a target, or else the next one behind it, for error messages.
+
+    Point i of the way, counted from 1, is at the fraction i / points.
 
     Args:
-        part: fraction of the time from the last target to this one, from 0 to 1.
+        part: the place as a fraction of the way from the last target to this one, from 0 to 1.
         points: count of points on the way to the target.
         target: name of the target.
     """
+    # A place that is beyond a point only by rounding belongs to this point. No point is at the beginning, 0: it
+    # belongs to point 1.
     number = max(int(np.ceil(part * points - 1e-9)), 1)
     return PathPoint(number, f"point {number} of {points} on the way to {target}")
 
@@ -221,7 +225,11 @@ def _away(chain: Chain, postures: Vector, targets: Vector) -> float:
 
 
 def _require(solutions: Solutions, parts: Vector, targets: Vector, points: int, target: str) -> None:
-    """Check that every point at the parts (k,) of the time is reached."""
+    """Check that a solver reached the poses (k, 4, 4) at all parts (k,) of a way, from 0 to 1.
+
+    Raises:
+        Unreachable: it did not; the error names the first such point, see :func:`named_point`.
+    """
     if solutions.reached.all():
         return
     row = solutions.first_missed

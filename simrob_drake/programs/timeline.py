@@ -289,13 +289,19 @@ def following(holder: Any, grid: float | None, changes: Sequence[Change], *, str
         grid: time of a step of the program's grid [s]; None if the program has none.
         changes: changes of the program.
         strict: whether warnings of a run are errors; a station that is strict already stays so.
+
+    Raises:
+        SimrobError: a change cannot happen to the station; the station stays as it is.
     """
     old_timeline = holder.timeline
     was_strict = holder.strict
-    holder.strict = was_strict or strict
+    new_timeline = old_timeline
     if old_timeline.grid is None:
-        holder.timeline = Timeline(grid, changes)
-        holder.timeline.check(holder.config)
+        new_timeline = Timeline(grid, changes)
+        # Checked before the station is changed: an error here leaves it as it is.
+        new_timeline.check(holder.config)
+    holder.timeline = new_timeline
+    holder.strict = was_strict or strict
     try:
         yield
     finally:

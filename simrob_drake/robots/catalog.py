@@ -468,7 +468,7 @@ def _home_of_urdf(robot: RobotModel) -> AxisValues:
     """
     opened = {}
     if robot.gripper is not None:
-        opened = {axis: ends[1] for axis, ends in robot.gripper.axes.items() if ends[1]}
+        opened = {axis: opened_at for axis, (_, opened_at) in robot.gripper.axes.items()}
     # The property `home` fills in the middles of ranges, and the positions of followers.
     home = robot.model_copy(update={"home_deg": opened}).home / robot.user_units
     # Six digits keep a station's file readable.

@@ -148,7 +148,11 @@ class CoupledAxes:
 
     @cached_property
     def ratios(self) -> Vector:
-        """Matrix with the ratios of the k equations, shape (k, n); names that are no axes are left out."""
+        """Matrix with the ratios of the k equations, shape (k, n).
+
+        Names that are no axes are left out: the equations are solved while a station is read, and the station reports
+        misspelt names later, with the key of the coupling.
+        """
         index = {name: column for column, name in enumerate(self.names)}
         ratios = np.zeros((len(self.equations), len(self.names)))
         for row, equation in enumerate(self.equations):
@@ -219,7 +223,7 @@ class CoupledAxes:
         """Change rows, in place, so that each axis that gives way is left in one row only, with the ratio 1.
 
         The method is Gauss-Jordan elimination, with pivots in the order in which axes give way. This choice of pivots
-        is the best one: no other set of axes that fulfils the equations has lower firmness.
+        is the best one: no other choice of axes to solve for has lower firmness.
 
         Args:
             rows: the equations as in :meth:`_scaled_rows`; changed.
@@ -238,16 +242,16 @@ class CoupledAxes:
             unused = [row for row in range(len(rows)) if row not in row_of.values()]
             if not unused:
                 break
-            # The largest pivot gives the smallest rounding errors.
-            pivot = max(unused, key=lambda row: abs(rows[row, axis]))
-            if abs(rows[pivot, axis]) < _ZERO:
+            # The row in which the axis has the largest entry gives the smallest rounding errors.
+            pivot_row = max(unused, key=lambda row: abs(rows[row, axis]))
+            if abs(rows[pivot_row, axis]) < _ZERO:
                 continue  # no row that is left contains the axis
             # Solve the pivot row for the axis, and remove the axis from all other rows.
-            rows[pivot] /= rows[pivot, axis]
+            rows[pivot_row] /= rows[pivot_row, axis]
             for other in range(len(rows)):
-                if other != pivot:
-                    rows[other] -= rows[other, axis] * rows[pivot]
-            row_of[axis] = pivot
+                if other != pivot_row:
+                    rows[other] -= rows[other, axis] * rows[pivot_row]
+            row_of[axis] = pivot_row
         return row_of
 
     def _condition(self, row: Vector) -> AxisCondition:

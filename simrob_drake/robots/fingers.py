@@ -151,7 +151,8 @@ def _jaw(root: ET.Element, joints: Mapping[str, ET.Element]) -> FingerHand | Non
     if not np.isfinite([low, high]).all():
         return None
     palm = link_of(joint, "parent")
-    # The jaws are closed at the end of the range at which they are nearest to each other.
+    # The jaws are closed at the end of the range at which they are nearest to each other; at the lower end if the
+    # distances are equal.
     is_closed_low = _distance_from_palm(root, joint, low) <= _distance_from_palm(root, joint, high)
     finger = FingerRange(closed=low, opened=high) if is_closed_low else FingerRange(closed=high, opened=low)
     return FingerHand({name: finger}, palm)
@@ -230,7 +231,10 @@ def mimic_line(follows: ET.Element) -> MimicLine:
 
 
 def _joints_that_follow(joints: Mapping[str, ET.Element]) -> _HandCandidate | None:
-    """Find the joint that most others follow, with its followers. Returns None if none follow, or without limits."""
+    """Find the joint that most others follow, with its followers.
+
+    Returns None if no joint follows another one, or if one of these joints has no limits.
+    """
     # For each leader: the travels of the leader and of its followers, by the joint's name.
     groups: dict[str, dict[str, _Travel]] = {}
     for name, joint in joints.items():
@@ -310,7 +314,7 @@ def _joints_beyond(starts: Mapping[str, list[ET.Element]], joint: ET.Element) ->
 
 
 def _mean_distance(root: ET.Element, positions: Mapping[str, float], palm: str) -> float:
-    """Compute the mean distance between the centres of mass of fingers' links, over all pairs [m].
+    """Compute the mean distance between the centres of mass of fingers' links, over all pairs [m]; 0 for one finger.
 
     Args:
         root: the ``robot`` element.

@@ -90,7 +90,7 @@ class AxisLimits:
 
         Returns:
             distances beyond the limits, shape (..., n) [rad or m]; 0 for a position that is within the limits or
-            beyond a limit by no more than the tolerance.
+            beyond a limit by no more than the tolerance. It is 0 for NaN, too.
         """
         beyond = np.maximum(positions - self.upper, self.lower - positions)
         return np.where(beyond > self.tolerances, beyond, 0.0)

@@ -75,7 +75,7 @@ class MassProperties(NamedTuple):
 
 
 def robot_doubts(robot: ET.Element, folder: Path | None) -> list[Doubt]:
-    """Find the implausible numbers of a robot.
+    """Find the implausible numbers of a robot: of its joints, and of its links with more than a negligible mass.
 
     Args:
         robot: a checked ``robot`` element.
@@ -151,6 +151,7 @@ def doubts_by_shapes(own: MassProperties, shapes: MassProperties) -> list[str]:
     if apart > _FAR + _SIZES * size_of_shapes:
         texts.append(f"its centre of mass lies {apart:.3g} m from the middle of its shapes; in mm?")
     ratio = own.spread / shapes.spread
+    # Moments of exactly 0 are no slip with units: they describe a point mass.
     if ratio > _MOST_MOMENTS or 0 < ratio < _LEAST_MOMENTS:
         texts.append(f"its moments are {ratio:.3g} times those of a solid body of its mass and shapes")
     return texts
@@ -196,7 +197,7 @@ def moving_mass(robot: ET.Element) -> float:
 
 
 def _joint_doubts(robot: ET.Element) -> Iterator[Doubt]:
-    """Yield the implausible offsets and limits of a robot's joints."""
+    """Yield the first implausible offset of a robot's joints, and all implausible limits."""
     # A slip with units affects all offsets, so only the first implausible one is reported.
     for joint in robot.iterfind("joint"):
         offset = float(np.linalg.norm(pose_of(joint).translation()))

@@ -69,9 +69,9 @@ def _inertia_of_shape(element: ET.Element, folder: Path | None, density: float) 
 
 
 def _read_shape(element: ET.Element, folder: Path | None) -> Shape | None:
-    """Make the Drake shape of an element of a ``<geometry>``. Returns None if its sizes or its file are missing.
+    """Make the Drake shape of an element of a ``<geometry>``. A mesh becomes its convex hull.
 
-    A mesh becomes its convex hull.
+    Returns None if the sizes or the file are missing, if a mesh is scaled by 0, or if ``folder`` is None for a mesh.
     """
     if element.tag == "mesh":
         scales = [float(word) for word in element.get("scale", "1").split()]

@@ -98,7 +98,9 @@ class Slow:
         else:
             plant = self.built.ports.plant
             spring = stiffest(self.config, plant, plant.plant.GetMyContextFromRoot(self.context))
-            problem = f"{spring}, which makes" if spring else "forces that are stiff for what they move make"
+            problem = "forces that are stiff for what they move make"
+            if spring:
+                problem = f"{spring} is so stiff that it makes"
         is_cenic_better = pair is not None and solver.scheme != "cenic"
         remedy = _cenic(self.config) if is_cenic_better else _discrete(self.config)
         return f"{problem} {solver.scheme} take steps of {self.step:.2g} s; {self._with_trial(remedy)}"

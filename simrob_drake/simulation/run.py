@@ -185,7 +185,9 @@ class Run:
         )
 
     def _cut_history(self, history: StateHistory, watch: Watch, stop: Stop) -> StateHistory:
-        """Shorten the history of a run to the time at which the condition of its monitor was met.
+        """Shorten the history of a run: it ends when the condition of its monitor has been met for the time ``hold``.
+
+        If the monitor has no ``hold``, this is the time at which its condition was first met.
 
         Args:
             history: states up to the step at which the monitor ended the run.

@@ -322,14 +322,16 @@ class Stepper:
         return None if watch.stop is None else Outcome("monitor", watch.stop.name, watch.stop.why)
 
     def failure_outcome(self, problem: BaseException, context: Context, time: float) -> Outcome | None:
-        """Outcome of a run that ended because of an error in Python code, or None if the solver diverged.
+        """Outcome of a run that ended by an exception of Python code, or None if the solver diverged.
+
+        The exception is an error, or the report of a block that cannot go on (`BlockFails`).
 
         Args:
             problem: the exception.
             context: context of the diagram in which it was raised.
-            time: simulated time at which it was raised [s].
+            time: time for the message [s]: the last recorded time, or the time at which signals were evaluated.
         """
-        if isinstance(problem, BlockFails):  # a block that reports that it cannot continue
+        if isinstance(problem, BlockFails):
             return Outcome("failed", problem.block, f"{problem.block} failed at {time:.4g} s: it {problem}")
         # A block of the user's own is to blame if one of its methods is in the traceback. The innermost one counts.
         error = f"{type(problem).__name__}: {problem}"
@@ -372,9 +374,13 @@ def interruption_outcome(config: StationConfig, recorder: Recorder) -> Outcome:
 
 
 def _runs_code_of(frame: FrameType, block: LeafSystem) -> bool:
-    """Whether a frame of a traceback runs a method of a block, or a function inside a method, such as a lambda."""
+    """Whether a frame of a traceback runs a method of a block, or a function inside a method, such as a lambda.
+
+    A function that does not use ``self``, inside of a method that the block's class inherits, is not found.
+    """
     if "self" in frame.f_locals:
         return frame.f_locals["self"] is block
+    # Functions that do not use `self` are recognised by the class in their names, such as `Gain.sample.<lambda>`.
     return frame.f_code.co_qualname.startswith(f"{type(block).__qualname__}.")
 
 

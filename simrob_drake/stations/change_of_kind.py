@@ -58,10 +58,14 @@ def kind_of(section: Mapping[str, Any], path: list[str]) -> str | None:
     """
     if _KIND in section:
         return str(section[_KIND])
-    is_entry = len(path) == 2 and path[0] in _ENTRY_KINDS
-    if is_entry and path[1] in _ENTRY_KINDS[path[0]]:
+    if _is_entry(path) and path[1] in _ENTRY_KINDS[path[0]]:
         return path[1]
     return None
+
+
+def _is_entry(path: list[str]) -> bool:
+    """Whether a path of keys is that of an entry of _ENTRY_KINDS, such as ``["monitors", "fall"]``."""
+    return len(path) == 2 and path[0] in _ENTRY_KINDS
 
 
 @dataclass
@@ -116,17 +120,21 @@ def _is_default(section: Mapping[str, Any], key: str, section_class: type[BaseMo
     if section_class is None or key not in section_class.model_fields:
         return False
     declared = section_class.model_fields[key]
-    return not declared.is_required() and section[key] == declared.get_default()
+    # A default may be a value or, for sections and mappings, a function that makes the value.
+    return not declared.is_required() and section[key] == declared.get_default(call_default_factory=True)
 
 
 def _class_of(path: list[str], kind: str) -> type[BaseModel] | None:
     """Find the class of a section by its path of keys and its kind. Returns None if the class is not known."""
-    if path[-1] == "solver":
+    if path == ["solver"]:
         return _SOLVERS.get(kind)
-    kinds = references.KINDS if path[-1] == "reference" else _ENTRY_KINDS.get(path[0])
-    if kinds is None or kind not in kinds:
+    if _is_entry(path):
+        kinds = _ENTRY_KINDS[path[0]]
+    elif path[-1] == "reference":  # of the only robot or, as robots.<name>.reference, of one of several
+        kinds = references.KINDS
+    else:
         return None
-    return kinds.model(kind)
+    return kinds.model(kind) if kind in kinds else None
 
 
 def settings_with(settings: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,9 +1,10 @@
 """Search for a first posture and a first move of a robot that is held by its root, for the draft of a first station.
 
 A start is clear if no body of the robot lies in the floor or too near to it, no link overlaps another one, and no motor
-needs more torque than it has to hold the posture. The search begins with the home posture of the robot. It goes on to
-postures that differ from home in one axis, in two and in three, and then to random postures. Of equally simple postures
-it takes the one that is farthest from a singularity.
+needs more torque than it has to hold the posture. The search begins with the home posture of the robot, and with the
+same posture after its links were moved apart. It goes on to postures that differ from the latter in one axis, in two
+and in three, and then to random postures. Of equally simple postures it takes the one that is farthest from a
+singularity and has a clear first move.
 """
 
 from collections.abc import Iterator, Sequence
@@ -153,7 +154,7 @@ class ClearStart:
         if self.hangs:
             self.height = _ABOVE * reach - float(heights.min())
         else:
-            # High enough for the base, and for each body in the posture in which it is highest.
+            # High enough that the base is not in the floor, and that each body is over the floor in some posture.
             self.height = -float(heights.max(axis=0).min(initial=min(base_height, 0.0)))
 
     def find(self) -> Start:
@@ -194,7 +195,11 @@ class ClearStart:
         return sum(self._faults(posture))
 
     def _require_height(self, height: float) -> None:
-        """Require that all moving bodies are at least at a height over the floor [m], or as high as they can be."""
+        """Require that all moving bodies are at least at a height over the floor [m], or as high as they can be.
+
+        Sets the attribute `_required_heights`, with an entry for each body with shapes, shape (k,) [m]. It is -inf for
+        a body that does not move.
+        """
         self._required_heights = np.minimum(height, self._highest) - _ROUNDING
 
     def _heights(self, posture: Vector) -> Vector:
@@ -294,7 +299,7 @@ class ClearStart:
 
         All axes move to the side on which their limit is farther away. If this move has
         faults, each axis in turn moves to a side on which the move has no faults, or stays.
-        Returns None if no axis can move, or if the move of all these axes has faults.
+        Returns None if all axes stay then, or if the move of all these axes has faults.
         """
         step = self._with_followers(posture, self._largest_step(posture))
         # Leaders stay within their limits by construction of the step, but followers may not.
@@ -309,7 +314,8 @@ class ClearStart:
     def _largest_step(self, posture: Vector) -> Vector:
         """Compute how far each axis may move from a posture (n,) in the first move, shape (n,) [rad or m].
 
-        The sign is that of the side on which the axis' limit is farther away. Fingers do not move.
+        The sign is that of the side on which the axis' limit is farther away; if both limits are equally far, or if
+        there are none, it is positive. Fingers do not move.
         """
         model = self._robot.model
         lower, upper = model.axis_limits
@@ -374,9 +380,13 @@ class ClearStart:
         elif self.height > _ROUNDING:
             remarks.append(f"Raised by {self.height:.3g} m, so that it stands on the floor.")
         if not np.array_equal(posture, self._home):
+            # The faults are those at the height that the search required last.
             faults = self._faults(self._home)
             why = [text for text, fault in zip(_FAULTS_AT_HOME, faults, strict=True) if fault]
-            remarks.append(f"Not at home, where it is {', '.join(why) or 'outstretched, or its move is not clear'}.")
+            # A home without faults is passed over if it is near a singularity, or if no first move from it is clear.
+            if not why:
+                why.append("near a singularity (outstretched, for example), or has no clear first move")
+            remarks.append(f"Not at home, where it is {', '.join(why)}.")
         return (*remarks, *self._remarks_on_move(posture, target))
 
     def _remarks_on_move(self, posture: Vector, target: Vector) -> list[str]:

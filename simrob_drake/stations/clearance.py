@@ -46,7 +46,8 @@ class Standing:
         height: height of the centre of mass over the lowest point [m].
         torque: torques of the joints that hold the robot against gravity, shape (n,) [N·m or N].
         ends: for each link that carries, by name, the smallest distance between its contacts and its joint as a part of
-            the link's length: 1 at its far end, near 0 at a knee. It is 1 for the root link, which has no joint.
+            the link's length: 1 at its far end, near 0 at a knee. It is 1 for the root link, which has no joint,
+            and for a link without shapes, which has no length.
     """
 
     mass: float
@@ -322,7 +323,7 @@ class Clearance(PosedStation):
         contact = contact.model_copy(update={"self_collision": True})
         super().__init__(config.model_copy(update={"contact": contact}))
         self.policy = CollisionPolicy(self, trusts_home=trusts_home)
-        # Depth [m] of each pair of different owners that touches slightly at the start. A
+        # Depth [m] of each pair of bodies that touches slightly at the start and does not belong to one robot. A
         # piece that stands on a table always overlaps it a little, which is no collision.
         overlaps_at_start = self.policy.touching(refined_from=START_TOLERANCE)
         self._depths_at_start = {
@@ -361,7 +362,7 @@ class Clearance(PosedStation):
     def overlaps(self) -> list[Overlap]:
         """Find the collisions in the present posture, except those with the floor; the deepest first.
 
-        Bodies of different owners that already touch at the start, by at most
+        Bodies that do not belong to the same robot and touch at the start already, by at most
         START_TOLERANCE, may overlap by that depth plus the usual tolerance.
         """
         collisions = self.policy.overlaps(depths_at_start=self._depths_at_start)
@@ -416,7 +417,8 @@ def reduce_own_overlaps(clearance: Clearance, robot: StationRobot, posture: Vect
         if not overlaps:
             break
         first, second = overlaps[0].bodies
-        # An axis that moves both links does not change their overlap.
+        # An axis that moves both links does not change their overlap. Pieces that the robot carries have no entry:
+        # all axes of the other link are tried.
         between = axes_of_link.get(first, set()) ^ axes_of_link.get(second, set())
         tried = [posture, *neighbouring_postures(robot, posture, sorted(between & set(axes)))]
         best = min(tried, key=total_depth)

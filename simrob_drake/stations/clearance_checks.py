@@ -2,7 +2,8 @@
 
 The station is not simulated. Its robots are set to postures along their references (the desired motions), and the
 heights and overlaps of all bodies are measured in each posture. A finding is a result for the user: a warning, a note,
-or that something is in order.
+or that something is in order. The owner of a body is the robot that it belongs to: a link belongs to its robot, a piece
+to the robot that carries it; other pieces have no owner.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -11,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simrob_drake.base.errors import listed
+from simrob_drake.base.errors import counted, listed
 from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.references import Reference
 from simrob_drake.parts.site import StationRobot
@@ -60,7 +61,7 @@ class _Measurements:
         times: times of the m postures, shape (m,) [s].
         heights: for each robot by name, m mappings with the height of each of its links above the ground [m], by the
             link's name. Links without collision shapes are left out.
-        overlaps: the collisions of all postures.
+        overlaps: the collisions of all postures, without those with the floor.
     """
 
     times: Vector
@@ -101,7 +102,7 @@ def clearance_findings(config: StationConfig, references: Mapping[str, Reference
 
 def _measure(clearance: Clearance, references: Mapping[str, Reference]) -> _Measurements:
     """Set the robots to postures along their references, and measure heights and collisions in each posture."""
-    # All references are sampled at the same times; without any, only the start is checked.
+    # All references are sampled at the same times. Without references, only the start is checked.
     times = np.zeros(1)
     postures = {}
     for name, reference in references.items():
@@ -230,13 +231,17 @@ def _pairs_text(pairs: Collection[Bodies]) -> str:
 
 
 def _other_findings(clearance: Clearance, measured: _Measurements) -> list[Finding]:
-    """Find collisions between different robots, or between robots and pieces."""
+    """Find collisions between bodies that do not belong to the same robot: robots, pieces, or a robot and a piece.
+
+    Collisions with the floor are not among them; :func:`_floor_findings` measures the height of each link instead.
+    """
     if len(clearance.resolved.robots) + len(clearance.resolved.pieces) < 2:  # there is nothing to collide with
         return []
     others = [timed for timed in measured.overlaps if timed.overlap.is_between_owners]
     if others:
         return [_contact_finding(clearance, "robots and pieces", _deepest_text(others), "move one of them")]
-    return [Finding("ok", "robots and pieces", "none lies in one that it does not hang on, where references lead")]
+    text = "no robot or piece overlaps another one along the references, apart from pieces that robots carry or hold"
+    return [Finding("ok", "robots and pieces", text)]
 
 
 def _contact_finding(clearance: Clearance, subject: str, text: str, remedy: str, *, is_own: bool = False) -> Finding:
@@ -259,10 +264,10 @@ def _contact_finding(clearance: Clearance, subject: str, text: str, remedy: str,
 
 
 def _deepest_text(overlaps: Sequence[_TimedOverlap]) -> str:
-    """Describe the deepest of some collisions with its time, and count the other pairs of bodies."""
+    """Describe the deepest of some collisions, at least one, with its time, and count the other pairs of bodies."""
     time, deepest = max(overlaps, key=lambda timed: timed.overlap.depth)
     other_pairs = len({timed.overlap.bodies for timed in overlaps}) - 1
     text = f"{' and '.join(deepest.bodies)} lie {deepest.depth * 1e3:.0f} mm in each other at {time:.2f} s"
     if other_pairs:
-        text += f", and {other_pairs} more pairs"
+        text += f", and {counted(other_pairs, 'more pair')}"
     return text

@@ -2,8 +2,8 @@
 
 The policy looks at a posed station: a station whose robots are set to positions, without simulation.
 Two bodies (links, pieces or the floor) collide if their shapes overlap by more than a tolerance.
-Each body has an owner, the robot that it belongs to, or none. The tolerance depends on whether
-both bodies have the same owner. These pairs do not count:
+The owner of a body is the robot that it belongs to: the floor and free pieces have none. The tolerance is larger if
+one robot owns both bodies. These pairs do not count:
 
 - links that a joint connects, and links that are fixed to each other (Drake excludes these),
 - links of one robot that touch in its home posture, or overlap in nearly every posture,
@@ -34,12 +34,12 @@ OWN_TOLERANCE = 5e-3
 The collision shapes of neighbouring links are rough and often overlap by a few millimetres."""
 
 OTHER_TOLERANCE = 1e-3
-"""Overlap above which bodies of different owners collide [m].
+"""Overlap above which bodies collide that do not belong to the same robot [m].
 
 A piece that rests on a table, or that fingers hold, overlaps slightly."""
 
 START_TOLERANCE = 5e-3
-"""Overlap up to which bodies of different owners may touch at the start [m].
+"""Overlap up to which bodies that do not belong to the same robot may touch at the start [m].
 
 A larger overlap is an error of the station."""
 
@@ -74,10 +74,10 @@ class Overlap:
         depth: depth of the deepest pair of shapes [m]. It is too large if a body passes
             through a thin shape.
         bodies: names of the bodies in alphabetical order.
-        robot: name of the robot that owns both bodies; an empty string if the bodies have
-            different owners, or none.
-        moved: names of the bodies, where the body of a moving robot is first. If one robot
-            owns both bodies, their order is alphabetical.
+        robot: name of the robot that owns both bodies; an empty string if there is no such robot.
+        moved: names of the bodies; in :meth:`CollisionPolicy.overlaps` the body of a moving
+            robot is first. If one robot owns both bodies, the order is alphabetical, as it
+            always is in :meth:`CollisionPolicy.touching`.
     """
 
     depth: float
@@ -87,7 +87,7 @@ class Overlap:
 
     @property
     def is_between_owners(self) -> bool:
-        """Whether the two bodies have different owners, such as a robot and a table."""
+        """Whether no robot owns both bodies: a robot and a table, two robots, or two pieces that lie free."""
         return not self.robot
 
 
@@ -98,7 +98,8 @@ class CollisionPolicy:
         """Prepare the policy for one station.
 
         Args:
-            posed: the station, with collision shapes and `contact.self_collision`.
+            posed: the station, with collision shapes and `contact.self_collision`. Without this setting, Drake
+                does not report pairs of links of one robot.
             trusts_home: leave out links that touch in the home posture. Set it to False if
                 the home posture itself is checked, as in the search for a first posture.
         """
@@ -106,22 +107,22 @@ class CollisionPolicy:
         self._trusts_home = trusts_home
         self._fine = FineShapes(posed.station)  # the convex parts of concave meshes
 
-        # These owners never change, so each is looked up only once. Fingers may grasp a piece
-        # or release it, which changes its owner, see :meth:`owner`.
+        # The owner of a shape if fingers are left aside. It never changes, so it is looked up once. A piece between
+        # fingers gets another owner in `_present_owner`.
         @cache
-        def fixed_owner(shape: GeometryId) -> Owner:
+        def owner_without_fingers(shape: GeometryId) -> Owner:
             body, robot = owner_and_robot(posed.station, shape)
             return Owner(body, robot)
 
-        self._fixed_owner = fixed_owner
+        self._owner_without_fingers = owner_without_fingers
 
     def owner(self, shape: GeometryId) -> Owner:
         """Find the body of a shape, and the robot that owns, carries or holds this body now."""
         return self._present_owner(shape, self._posed.holders)
 
     def _present_owner(self, shape: GeometryId, holders: Mapping[str, str]) -> Owner:
-        """Find the owner of a shape; ``holders`` names the robot for each piece between fingers."""
-        owner = self._fixed_owner(shape)
+        """Find the owner of a shape; ``holders`` names the robot for each piece that is between its fingers now."""
+        owner = self._owner_without_fingers(shape)
         if owner.body in holders:
             return Owner(owner.body, holders[owner.body])
         return owner
@@ -132,7 +133,7 @@ class CollisionPolicy:
         depths_at_start: Mapping[Bodies, float] | None = None,
         tolerance_factor: float = 1.0,
     ) -> list[Overlap]:
-        """Find the collisions in the present posture, the deepest first.
+        """Find the collisions in the present posture, also with the floor; the deepest first.
 
         Args:
             movers: names of the robots that move. Only pairs with a body of such a robot
@@ -184,6 +185,8 @@ class CollisionPolicy:
     ) -> dict[Bodies, Overlap]:
         """Find all pairs of bodies that touch in the present posture, even slightly.
 
+        Pairs with the floor are found, too, and so are pairs in :attr:`left_out`.
+
         Args:
             movers: names of the robots that move. Only pairs with a body of such a robot
                 are found; if it is None, all pairs are found.
@@ -218,7 +221,7 @@ class CollisionPolicy:
         """Measure the overlap [m] that each pair of bodies may keep because it touches at the start.
 
         Call this in the start posture. A pair may stay as deep during the move, such as a
-        piece on its table. The allowed depth is infinite for bodies of different owners
+        piece on its table. The allowed depth is infinite for bodies without a common owner
         that overlap by more than START_TOLERANCE: such a pair is not checked at all, so
         that a move can separate the two bodies.
 
@@ -244,7 +247,10 @@ class CollisionPolicy:
             second: the other shape.
         """
         distance = self._fine.distance(self._posed.query(), first, second)
-        return float(depth) if distance is None else min(float(depth), -distance)
+        if distance is None:
+            return float(depth)
+        # The parts are inside the hulls, so they cannot overlap more.
+        return min(float(depth), -distance)
 
     @cached_property
     def home_contacts(self) -> Mapping[Bodies, str]:
@@ -259,8 +265,7 @@ class CollisionPolicy:
         before = self._posed.plant.GetPositions(self._posed.context)
         homes = {}
         for name, robot in self._posed.station.robots.items():
-            # Home is zero if the robot's file gives no other posture, and the limits of an axis
-            # may exclude zero.
+            # A robot's file may give a home posture beyond the limits: only the start of a station is checked.
             homes[name] = np.clip(robot.model.home, *robot.model.axis_limits)
         self._posed.place_robots(homes)
         touching = self.touching(own_only=True)
@@ -331,12 +336,15 @@ def _sorted_names(first: Owner, second: Owner) -> Bodies:
 
 
 def _common_robot(first: Owner, second: Owner) -> str:
-    """Name of the robot that owns two bodies; an empty string if their owners differ or there is none."""
+    """Name of the robot that owns two bodies; an empty string if no robot owns both."""
     return first.robot if first.robot == second.robot else ""
 
 
 class OwnDistances(Distances):
-    """Signed distances of pairs of shapes, measured between the convex parts of concave meshes.
+    """Signed distances of pairs of shapes of one robot.
+
+    Hulls enclose their meshes. Where hulls are apart, the meshes are too, and the smaller distance
+    of the hulls is kept. Only where hulls overlap are the convex parts of the meshes measured.
 
     Attributes:
         pairs: the pairs of shapes, in the order of the distances.
@@ -361,7 +369,7 @@ class OwnDistances(Distances):
     def of(self, query: QueryObject) -> Vector:
         """Compute the distances of all k pairs, shape (k,) [m]; negative if shapes overlap."""
         distances = super().of(query)
-        # Convex hulls enclose their meshes: only where hulls overlap can the parts differ.
+        # Only overlaps of hulls are measured again, with the parts, see the class.
         for index in np.flatnonzero(distances < 0.0):
             distance = self._fine.distance(query, *self.pairs[index])
             if distance is not None:

@@ -125,8 +125,10 @@ def _check_resolution(resolution: float, shapes: Sequence[Shape]) -> None:
             length = shape.length() if isinstance(shape, Capsule) else 0.0
             area += 2 * np.pi * shape.radius() * (2 * shape.radius() + length)
         elif isinstance(shape, Ellipsoid):
+            # The sphere around the ellipsoid has a larger area, so that the bound is on the safe side.
             area += 4 * np.pi * max(shape.a(), shape.b(), shape.c()) ** 2
-    # Edges of the length h divide the surfaces into about area / h² faces, and the rims into length / h.
+    # Edges of the length h divide the surfaces into about area / h² faces, and the rims into length / h. The sum of
+    # the lengths h at which either alone has _MOST_FACES is a little longer than necessary for both together.
     finest = np.sqrt(area / _MOST_FACES) + rim_length / _MOST_FACES
     if resolution < finest:
         expected = f"{finest:.2g} m or more: finer ones give the shapes of this station too many faces"

@@ -310,6 +310,7 @@ def _register_balls(owners: _ShapeOwners, shape: GeometryId, load: float, points
 
     depth = _sinking_depth(owners.station.config, owners.piece(shape), load)
     corners = shape_corners(inspector, shape)
+    # Cylinders and capsules have no corners.
     is_polyhedron = 0 < len(corners) <= MOST_CORNERS
     if is_polyhedron:
         balls = balls_at_corners(corners, depth=depth)
@@ -324,9 +325,10 @@ def _register_balls(owners: _ShapeOwners, shape: GeometryId, load: float, points
 def balls_at_corners(corners: Vector, *, depth: float = 0.0, protrusion: float = 0.0) -> list[ContactBall]:
     """Place a ball inside each corner of a convex body, so that the balls touch its faces from inside.
 
-    Each ball is shifted inward along x, y and z by its radius. So it touches faces that are parallel to the planes of
-    the shape's frame exactly. At slanted faces it ends below the face or protrudes from it, usually by less than its
-    radius; on strongly slanted bodies it can protrude by more.
+    Each ball is shifted inward along x, y and z by its radius, less the protrusion. So it reaches exactly to faces that
+    are parallel to the planes of the shape's frame, or beyond them by the protrusion. A ball whose corner is exactly in
+    the middle of the body in x, y or z, as the tip of a pyramid, is not shifted in that direction. At slanted faces a
+    ball ends below the face or protrudes from it, usually by less than its radius; on strongly slanted bodies by more.
 
     Args:
         corners: corners of the body, shape (m, 3) [m], in the frame of the shape.
@@ -336,7 +338,7 @@ def balls_at_corners(corners: Vector, *, depth: float = 0.0, protrusion: float =
     middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
     shortest_side = float(np.ptp(corners, axis=0).min())
     radius = _ball_radius(shortest_side, depth)
-    # Signs of the directions along x, y and z from the middle to each corner.
+    # Signs of the directions along x, y and z from the middle to each corner; 0 in the middle.
     outward = np.sign(corners - middle)
     centres = corners - outward * (radius - protrusion)
     return [ContactBall(centre, radius) for centre in centres]
@@ -439,7 +441,7 @@ def balls_of_cylinder(radius: float, half_length: float, protrusion: float) -> l
     """Place small balls on both rims of a cylinder and, if it is longer than wide, two wide balls on which it rolls.
 
     The small balls protrude from the end faces but not from the mantle, so that they do not disturb rolling. The wide
-    balls are inside the ends of the cylinder and as wide as it.
+    balls are inside the ends of the cylinder, and protrude from the mantle, so that the cylinder rolls on them.
 
     Args:
         radius: radius of the cylinder [m].

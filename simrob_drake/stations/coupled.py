@@ -40,8 +40,8 @@ def follower_key(axis: str) -> str:
 def mimic_gears(config: StationConfig, models: Mapping[str, RobotModel]) -> dict[str, Gear]:
     """Make a gear for each joint that mimics another joint in the file of its robot.
 
-    A gear of the station between the same two axes takes the place of the mimic joint, and ``mimic: false`` in the
-    robot's section leaves out all mimic joints of that robot.
+    A gear of the station that names both axes takes the place of the mimic joint, even if it names others, too.
+    ``mimic: false`` in the robot's section leaves out all mimic joints of that robot.
 
     Args:
         config: configuration of the station.
@@ -168,7 +168,9 @@ def coupled_start(
     models: Mapping[str, RobotModel],
     positions: Mapping[str, Vector],
 ) -> dict[str, Vector]:
-    """Compute initial positions that obey the couplings, by moving coupled axes that ``initial_deg`` does not name.
+    """Compute initial positions that obey the couplings, by moving axes.
+
+    Axes that ``initial_deg`` names in a mapping or a list stay. If it is one number, any coupled axis may move.
 
     Args:
         config: configuration of the station.
@@ -189,6 +191,7 @@ def coupled_start(
         return dict(positions)
     # The axes of all robots in one vector: a coupling may tie axes of two robots.
     initial = np.concatenate([positions[name] for name in models])
+    # How firmly the user gives the position of each axis: the axes with the lowest firmness move first.
     firmness = list[Firmness]()
     for name, model in models.items():
         firmness += model.firmness(config.robots[name].initial_deg)

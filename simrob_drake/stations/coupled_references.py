@@ -283,7 +283,8 @@ def _let_follow(
         own_followers = [axis for axis in own_axes if axis in followers]
         if not own_followers:
             continue
-        # The combination starts as the robot's own motion, and the rows of the followers are replaced.
+        # The combination starts as the robot's own motion, and the rows of the followers are replaced. The matrix has
+        # a row for each axis of this robot, and a column for each axis of all robots.
         matrix = np.eye(count)[list(own_axes)]
         offset = np.zeros(len(own_axes))
         for axis in own_followers:

@@ -364,7 +364,10 @@ def _in_user_units(robot: RobotModel, posture: Vector) -> Vector:
 
 def _config(robot: RobotModel, content: Mapping[str, Any]) -> StationConfig:
     """Make the configuration of a drafted content, with the robot's file by its absolute path."""
+    # The robot is imported already, so its import options are left out.
     section = {key: value for key, value in content["robot"].items() if key not in _ORIGINS}
+    # A URDF is enough if it stands alone or a robot.yaml is in its folder, which is found from the URDF. A table of
+    # Denavit-Hartenberg parameters, or a description of another name, has to be named itself.
     if robot.dh is not None or robot.description_file.name != ROBOT_FILE:
         section["model"] = str(robot.description_file)
     else:

@@ -28,12 +28,16 @@ KnownLoops = dict[str, Settings]
 def loops_known(station: StationConfig) -> KnownLoops:
     """Find the loops that can be switched on or off for a station: its own, and those that can be added.
 
-    Loops can be added only to a dynamic station with a single robot.
+    Loops can be added only to a dynamic station with a single robot that is named by its model: those of the package's
+    stations with this model.
     """
     known: KnownLoops = {name: {} for name in station.controllers}
     if len(station.robots) != 1 or station.mode != "dynamic":
         return known
     (robot,) = station.robots.values()
+    # The stations of the package name models. A robot of a URDF file has none.
+    if robot.model is None:
+        return known
     for name, settings in _loops_of_stations(diagrams_root(), robot.model).items():
         if name not in known:
             known[name] = settings
@@ -41,7 +45,7 @@ def loops_known(station: StationConfig) -> KnownLoops:
 
 
 @cache
-def _loops_of_stations(folder: Path, model: str | None) -> KnownLoops:
+def _loops_of_stations(folder: Path, model: str) -> KnownLoops:
     """Collect the loops of all stations in a folder that have a robot of a model.
 
     Args:

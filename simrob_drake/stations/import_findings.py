@@ -42,7 +42,8 @@ def import_findings(config: StationConfig, robot: ResolvedRobot, *, source: Path
     losses = [(loss.element, loss.text) for loss in _losses(robot, report.of("lost"))]
     for group in group_by_words(losses):
         text = _loss_text(group)
-        findings.append(Finding("warning", subject, f"lost in the {subject}: {text}"))
+        # The text alone becomes a warning of a run, so it names the file; the subject is only a title.
+        findings.append(Finding("warning", "lost mechanics", f"lost in the {subject}: {text}"))
     # A station may also use a robot that was imported earlier. Only the station that imports gets the summary.
     if imported_by_station is not None:
         findings.append(Finding("note", subject, f"{report.summary()}; `simrob check {source}` tells all"))

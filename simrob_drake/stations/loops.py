@@ -23,6 +23,7 @@ _CLOSED = 1e-6  # a loop is closed if no deviation is larger than this [m or rad
 _RANDOM_STARTS = 20  # count of random postures from which a search starts, in addition to the home posture
 _SPREAD = 1.0  # largest distance of these postures from the home posture, for each axis [rad or m]
 _STEP = 1e-6  # step of an axis for the central difference [rad or m]
+_MARGIN = 1e-6  # distance of a search's bounds from the limits of the axes [rad or m]
 _INDEPENDENT = 1e-4  # columns of a matrix are dependent below this singular value, as a share of the longest column
 
 
@@ -46,11 +47,11 @@ class LoopsOfRobot:
         self._lone = lone_robot(robot, collision=False)
         self._context = self._lone.plant.CreateDefaultContext()
 
-    def misses(self, posture: Vector) -> Vector:
+    def deviations(self, posture: Vector) -> Vector:
         """Deviations (k,) [m and rad] of all loops in a posture (n,) [rad or m]; zero if all loops are closed."""
         self._lone.axes.set_positions(self._lone.plant, self._context, posture)
-        deviations = [self._deviations(coupling) for coupling in self._robot.loops.values()]
-        return np.concatenate(deviations)
+        by_loop = [self._deviations(coupling) for coupling in self._robot.loops.values()]
+        return np.concatenate(by_loop)
 
     def closed_posture(self) -> Vector:
         """Search the posture (n,) [rad or m] that closes all loops, within the limits of the axes.
@@ -72,11 +73,11 @@ class LoopsOfRobot:
         starts = np.clip(home + all_offsets, lower, upper)
 
         # A start may be at a limit, and SciPy accepts only starts strictly inside the bounds.
-        bounds = (lower - _STEP, upper + _STEP)
+        bounds = (lower - _MARGIN, upper + _MARGIN)
         closed_postures = []
         least_deviation = np.inf
         for start in starts:
-            solution = least_squares(self.misses, start, bounds=bounds, xtol=1e-15, ftol=1e-15)
+            solution = least_squares(self.deviations, start, bounds=bounds, xtol=1e-15, ftol=1e-15)
             deviation = float(np.abs(solution.fun).max())
             least_deviation = min(least_deviation, deviation)
             if deviation <= _CLOSED:
@@ -121,7 +122,7 @@ class LoopsOfRobot:
         for axis in range(len(posture)):
             step = np.zeros(len(posture))
             step[axis] = _STEP
-            difference = self.misses(posture + step) - self.misses(posture - step)
+            difference = self.deviations(posture + step) - self.deviations(posture - step)
             columns.append(difference / (2 * _STEP))
         return np.column_stack(columns)
 

@@ -75,10 +75,10 @@ def _findings(doubts: Sequence[Doubt]) -> list[Finding]:
     """Make warnings of doubts; doubts whose texts differ only in their numbers share one warning."""
     findings = []
     for group in group_by_words(doubts):
-        # A place is a dotted key, or "robot '<name>': <element>", of which the part before the colon is the subject.
-        subject = group.places[0].partition(":")[0]
+        # A place is a dotted key, or "robot '<name>': <element>". It is part of the text, which alone becomes a warning
+        # of a run; the subject is only a title.
         text = f"{listed(group.places, _LISTED)}: {group.text}"
-        findings.append(Finding("warning", subject, text))
+        findings.append(Finding("warning", "implausible number", text))
     return findings
 
 
@@ -150,7 +150,7 @@ def _mass_doubts(piece: ResolvedPiece) -> Iterator[Doubt]:
 
 
 def _poses_in(node: Any, key: str) -> Iterator[PoseAtKey]:
-    """Search the poses in a part of a configuration, and yield them, depth first.
+    """Search for the poses in a part of a configuration, and yield them, depth first.
 
     Args:
         node: a pydantic model, a mapping, a list or a single value of the configuration.

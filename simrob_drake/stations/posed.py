@@ -142,11 +142,18 @@ def posture_range(robot: StationRobot) -> tuple[Vector, Vector]:
     """Lower and upper bounds of a robot's random postures, each of shape (n,) [rad or m].
 
     The bounds are the limits of the axes. Since an axis may have no limits, they are at most half a turn from zero, or
-    one metre for a prismatic axis.
+    one metre for a prismatic axis. The bounds of an axis whose whole range is farther away than that begin at the limit
+    that is nearest to zero, and span at most one turn, or two metres.
     """
     farthest = np.where(robot.model.prismatic, 1.0, np.pi)
     lower, upper = robot.model.axis_limits
-    return np.clip(lower, -farthest, farthest), np.clip(upper, -farthest, farthest)
+    # The range is cut to -farthest … farthest or, if it lies outside of that, to a window of the same width at its end.
+    window_lower = np.where(lower > farthest, lower, -farthest)
+    window_upper = np.where(lower > farthest, lower + 2 * farthest, farthest)
+    is_below = upper < -farthest
+    window_lower = np.where(is_below, upper - 2 * farthest, window_lower)
+    window_upper = np.where(is_below, upper, window_upper)
+    return np.clip(lower, window_lower, window_upper), np.clip(upper, window_lower, window_upper)
 
 
 def random_posture(robot: StationRobot, random: np.random.Generator) -> Vector:

@@ -69,7 +69,8 @@ def step_findings(
 def _damping_findings(config: StationConfig, robot: StationRobot) -> list[Finding]:
     """Compare the damping of a robot's servos, which are evaluated explicitly, with the steps of the solver.
 
-    Only the axis that needs the shortest steps is reported. The list is empty for solvers with implicit steps.
+    Only the axis that needs the shortest steps is reported. The list is empty for continuous solvers with an implicit
+    scheme.
     """
     solver = config.solver
     steps = largest_explicit_steps(config, robot)  # for each axis [s]
@@ -78,6 +79,7 @@ def _damping_findings(config: StationConfig, robot: StationRobot) -> list[Findin
     unit = robot.model.units[worst]
     joint = f"{robot.prefix}{robot.axes[worst]}"
     damping = f"the damping of {joint} (kd {robot.gains.kd[worst]:g} {unit.effort}·s/{unit.si})"
+    # Discrete solvers are compared, too: they evaluate such servos explicitly.
     if isinstance(solver, FixedSteps):
         if solver.time_step <= largest:
             return [Finding("ok", "steps", f"{damping} allows steps up to {largest:.2g} s")]
@@ -110,7 +112,7 @@ def _uncertain_torques(config: StationConfig) -> list[Finding]:
         text += "may be wrong by thousands of N or N·m while bodies touch: Drake's solver "
         text += f"{scheme} does not report the forces of couplings ({', '.join(couplings)})"
     elif scheme == "cenic":
-        text += "miss up to a half of what accelerates loads that stick to them by friction under cenic"
+        text += "lack up to half of the force that accelerates loads held by friction under cenic"
     else:
         return []
     return [Finding("warning", "steps", f"{text}; set solver to {{kind: continuous, scheme: radau3}}")]

@@ -16,8 +16,8 @@ def check_targets(config: StationConfig, robot: ResolvedRobot) -> None:
     """Check the targets that a robot's reference gives axis by axis against the limits of the axes.
 
     The check that a run makes finds only positions that are reached within the run's duration; this check finds the
-    others, too. A target that is one number for all axes is left to the check of the run: the number does not count
-    for axes that a coupling makes follow others, and couplings are evaluated before the check of the run.
+    others, too. A single number for all axes is not checked here, because it does not apply to axes that follow others
+    by a coupling. The run's check comes after the couplings have been evaluated.
 
     Args:
         config: configuration of the station.
@@ -29,7 +29,7 @@ def check_targets(config: StationConfig, robot: ResolvedRobot) -> None:
     model = robot.model
     for target in config.reference_of(robot.name).postures():
         # How firmly the target asks each axis for a position: an axis is NAMED if the target is a list, or a mapping
-        # that contains the axis.
+        # that contains the axis. A single number names no axis: nothing is checked.
         firmness = np.array(model.firmness(target))
         axes_with_target = np.flatnonzero(firmness == Firmness.NAMED).tolist()
         # Axes that a mapping leaves out become NaN. They are not among axes_with_target, so no NaN is compared.

@@ -9,7 +9,7 @@ from simrob_drake import LeggedRobot, Workcell, load_station
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.sections import validated
 from simrob_drake.programs.program import Program
-from simrob_drake.programs.timeline import GRID, Change, Timeline
+from simrob_drake.programs.timeline import GRID, Change, Timeline, following
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation import Moment, Runner, Ticks
 
@@ -169,3 +169,12 @@ def test_what_follows_a_tick_depends_on_its_state_alone(station: str) -> None:
 def test_what_cannot_happen_is_told(changes: list[dict[str, Any]], told: str) -> None:
     with pytest.raises(SimrobError, match=told):
         legged(changes)
+
+
+def test_a_program_whose_changes_are_wrong_leaves_the_station_as_it_was() -> None:
+    cell = Workcell(load_station("irb120_dynamic"))
+    before = (cell.timeline, cell.strict)
+    wrong = Change.model_validate({"time": 0.2, "set": {"servo.nothing": 1}})
+    with pytest.raises(SimrobError), following(cell, GRID, (wrong,), strict=True):
+        pass
+    assert (cell.timeline, cell.strict) == before

@@ -7,7 +7,7 @@ from simrob_drake import simulate
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.cli.arguments import changes_of
 from simrob_drake.parts.references import Hold
-from simrob_drake.stations.change_of_kind import KeysLeftOut, settings_with
+from simrob_drake.stations.change_of_kind import KeyLosses, KeysLeftOut, settings_with
 from simrob_drake.stations.load import load_station, station_names, station_yaml, with_settings
 from simrob_drake.stations.resolve import resolve
 
@@ -358,3 +358,14 @@ def test_a_piece_says_what_it_hangs_on(station, piece, choices):
 def test_numbers_in_exponents_are_numbers(tmp_path):
     (tmp_path / "own.yaml").write_text("robot: {model: irb120}\nduration: 1e-1\n")
     assert load_station(tmp_path / "own.yaml").duration == pytest.approx(0.1)
+
+
+def test_defaults_that_a_function_makes_were_not_given_by_anybody():
+    """Pydantic gives no default for such a field unless it is asked to call the function."""
+    entry = {"kind": "leg_odometry", "reads": {}}
+    losses = KeyLosses(counts_defaults=False)
+    losses.begin_new_kind(entry, ["sensors", "base"], "imu")
+    assert not losses.texts
+    entry = {"kind": "leg_odometry", "reads": {"q": "robot.q"}}
+    losses.begin_new_kind(entry, ["sensors", "base"], "imu")
+    assert "reads" in losses.texts[0]

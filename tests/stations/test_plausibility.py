@@ -159,3 +159,10 @@ def test_no_shipped_station_is_doubted():
     for name in station_names():
         station = resolve(load_station(name, allow_code=True))
         assert plausibility_findings(station.config, station) == [], name
+
+
+def test_a_warning_names_its_subject_once(tmp_path):
+    content = {"solver": {"kind": "discrete"}, "duration": 0.01, **box(box=[100, 100, 100], mass=1e9)}
+    (tmp_path / "station.yaml").write_text(yaml.safe_dump(content))
+    (finding,) = (one for one in check_station(load_station(tmp_path / "station.yaml")) if "a side of" in one.text)
+    assert f"{finding.subject}: {finding.text}".count("pieces.crate") == 1

@@ -1,11 +1,13 @@
 """A station that is put into configurations: its frames and shapes follow."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from simrob_drake import load_station
 from simrob_drake.kinematics import Chain
-from simrob_drake.stations.posed import PosedStation
+from simrob_drake.stations.posed import PosedStation, posture_range
 
 
 @pytest.mark.parametrize("mode", ["kinematic", "dynamic"])
@@ -36,3 +38,20 @@ def test_robots_that_are_not_placed_stay() -> None:
         )
         shown = posed.query().GetPoseInWorld(posed.plant.GetBodyFrameIdOrThrow(frame.index()))
         np.testing.assert_allclose(shown.GetAsMatrix4(), chain.forward(wanted)[0], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("limits", "bounds"),
+    [
+        ((-1.0, 2.0), (-1.0, 2.0)),
+        ((-np.inf, np.inf), (-np.pi, np.pi)),
+        ((4.0, 5.0), (4.0, 5.0)),
+        ((4.0, np.inf), (4.0, 4.0 + 2 * np.pi)),
+        ((-np.inf, -4.0), (-4.0 - 2 * np.pi, -4.0)),
+    ],
+)
+def test_random_postures_are_within_limits_that_are_far_from_zero(limits, bounds) -> None:
+    lower, upper = np.array(limits)[:, np.newaxis]
+    robot = SimpleNamespace(model=SimpleNamespace(prismatic=(False,), axis_limits=(lower, upper)))
+    found = posture_range(robot)
+    assert (float(found[0][0]), float(found[1][0])) == bounds

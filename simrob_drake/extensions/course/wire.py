@@ -1,8 +1,8 @@
 """Encoding of values that pass between the process that measures an answer and the process that runs it.
 
 The values pass as JSON. Pickled objects could run code of the answer in the process that measures, so plain data alone
-passes: numbers, texts, booleans, None, lists, tuples, sets, mappings, complex numbers and arrays of numbers. JSON has
-no tuples, for example: a value of such a kind is tagged with its kind.
+passes: numbers, texts, booleans, None, lists, tuples, sets, mappings, complex numbers and arrays of real numbers. JSON
+has no tuples, for example: a value of such a kind is tagged with its kind. Arrays of complex numbers are refused.
 """
 
 from collections.abc import Callable, Mapping
@@ -61,14 +61,15 @@ class _TaggedList(NamedTuple):
 
 
 def _tagged_list(value: Any) -> _TaggedList:
-    """Write a value of a kind that JSON does not have, such as a tuple, as a list. A frozenset counts as a set.
+    """Write a value of a kind that JSON does not have, such as a tuple, as a list.
 
     Raises:
-        NotPlain: the value is no plain data.
+        NotPlain: the value is no plain data, or an array of complex numbers.
     """
     if isinstance(value, complex):
         return _TaggedList("complex", [value.real, value.imag])
-    # Booleans, integers and floats. Arrays of objects are refused: they cannot pass without pickle.
+    # Booleans, integers and floats. Arrays of objects are refused: they cannot pass without pickle. Complex numbers
+    # are refused in arrays, since JSON has none.
     if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
         return _TaggedList("array", [value.dtype.str, list(value.shape), value.ravel().tolist()])
     # Keys of any kind are allowed, so a mapping is a list of pairs.
@@ -76,8 +77,11 @@ def _tagged_list(value: Any) -> _TaggedList:
         return _TaggedList("mapping", [[key, part] for key, part in value.items()])
     if isinstance(value, tuple):
         return _TaggedList("tuple", [*value])
-    if isinstance(value, set | frozenset):
+    if isinstance(value, set):
         return _TaggedList("set", [*value])
+    # A frozenset stays one, since it may be an element of a set or the key of a mapping.
+    if isinstance(value, frozenset):
+        return _TaggedList("frozenset", [*value])
     raise NotPlain(
         f"{quoted(value)} is of {type(value).__name__}; it must be numbers, texts, lists, mappings or arrays"
     )
@@ -95,6 +99,7 @@ _MAKERS: dict[str, Callable[[list[Any]], Any]] = {
     "mapping": dict,
     "tuple": tuple,
     "set": set,
+    "frozenset": frozenset,
 }
 """Functions that make a value from its content as a list, by the name of the value's kind."""
 

@@ -407,10 +407,11 @@ class Watch:
 def cut_at_stop(sampler: Sampler, holds: Holds, step: Step, *, onset: float, hold: float) -> None:
     """Shorten the history of a sampler to the time at which its monitor ends the run.
 
-    The monitor was evaluated at the ends of steps only. The time at which its condition is met is estimated between
-    two recorded states, and the motion is stepped again up to there. This is repeated until the states before and after
-    are close together, since a state interpolated within a step is wrong if the step contains an impact. If the motion
-    cannot be stepped again, as after a divergence, the history stays as it is.
+    The monitor was evaluated at the ends of steps only. The time at which its condition is first met is estimated
+    between two recorded states. The motion is stepped again up to this time plus ``hold``. If ``hold`` is 0, this is
+    repeated until the states before and after are close together, since a state interpolated within a step is wrong if
+    the step contains an impact. If the motion cannot be stepped again, as after a divergence, the history stays as it
+    is.
 
     Args:
         sampler: the run, whose history is changed.
@@ -434,7 +435,8 @@ def cut_at_stop(sampler: Sampler, holds: Holds, step: Step, *, onset: float, hol
 def _cut_after_hold(sampler: Sampler, holds: Holds, step: Step, onset: float, hold: float) -> None:
     """Shorten the history so that it ends when the condition has been met for the time ``hold`` [s]."""
     recorded = sampler.history
-    stop = _crossing(sampler, holds, min(onset, recorded.end)) + hold
+    first_met = _crossing(sampler, holds, onset)
+    stop = first_met + hold
     if stop < recorded.end:
         sampler.history = recorded.joined(step(recorded, stop))
 
@@ -457,14 +459,17 @@ def _crossing(sampler: Sampler, holds: Holds, seen: float) -> float:
     Args:
         sampler: the run.
         holds: evaluates the condition.
-        seen: end of the step, at which the condition is met [s].
+        seen: a recorded time at which the condition is met [s]: the end of the step, or the start of the run.
 
     Returns:
         the time [s], strictly inside of the step, so that a new state can be inserted there. It is ``seen`` if the
-        step is as short as the tolerance.
+        step is as short as the tolerance, or if the condition was met at the start of the run.
     """
     times = sampler.history.times
-    begin = float(times[np.searchsorted(times, seen) - 1])
+    row = int(np.searchsorted(times, seen))
+    if row == 0:  # no step comes before
+        return seen
+    begin = float(times[row - 1])
     if seen - begin <= TOLERANCE:
         return seen
     low = begin  # the condition is not met
