@@ -23,11 +23,11 @@ INSTEAD = {
     "let_be": "a deadband",
 }
 """Words that no name may have among its own, and what it may be in their place."""
-FIGURES = {"results/plots/own.py", "tuning/sweep_folder.py"}
+FIGURES = {"results/plots/own.py", "extensions/tuning/sweep_folder.py"}
 """Where figures are those of Matplotlib."""
 PUBLIC = {
     ("blocks/references.py", "course"),
-    ("mujoco/runner.py", "wanted"),
+    ("extensions/mujoco/runner.py", "wanted"),
     ("results/plots/own.py", "beside"),
 }
 """Names that users' scripts have."""
