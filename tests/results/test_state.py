@@ -115,3 +115,14 @@ def test_the_state_of_other_robots_is_refused():
         simulate(load_station("irb120_dynamic"), duration=0.1, start=state)
     with pytest.raises(SimrobError, match="start is a state in which 'left' is unknown"):
         simulate(load_station("two_irb120"), duration=0.1, start=state)
+
+
+@pytest.mark.parametrize(("scale", "length"), [(0.0, "0"), (0.5, "0.5"), (2.0, "2")])
+def test_a_quaternion_of_another_length_is_refused(scale, length):
+    state = simulate(load_station("bouncing_ball"), duration=0.01, progress=False).final_state
+    ((name, joint),) = state.joints.items()
+    position = joint.position.copy()
+    position[:4] *= scale
+    wrong = replace(state, joints={name: JointState(position, joint.velocity)})
+    with pytest.raises(SimrobError, match=rf"the quaternion of .* is of length {length}; it must be of length 1"):
+        simulate(load_station("bouncing_ball"), duration=0.01, progress=False, start=wrong)

@@ -36,6 +36,22 @@ class JointState:
     velocity: Vector
 
 
+_FREE_BODY = 7  # coordinates of a body that moves freely: a quaternion qw qx qy qz, then x y z
+_UNIT_TOLERANCE = 0.1  # of the length of a quaternion: Drake normalizes it, and a file may be rounded
+
+
+def _check_rotation(name: str, position: Vector) -> None:
+    """Check the quaternion of a joint that lets its body move freely; raises InvalidParameter if its length is not 1.
+
+    Other joints, with fewer coordinates, pass.
+    """
+    if len(position) != _FREE_BODY:
+        return
+    length = float(np.linalg.norm(position[:4]))
+    if abs(length - 1.0) > _UNIT_TOLERANCE:
+        raise InvalidParameter(f"start: the quaternion of {name}", f"of length {length:.3g}", "of length 1")
+
+
 @dataclass(frozen=True)
 class BlockState:
     """Continuous state, discrete groups and abstract values of one block."""
@@ -190,6 +206,7 @@ class State:
             if name in self.joints:
                 self._check(name, self.joints[name].position, len(q[places]))
                 self._check(name, self.joints[name].velocity, len(v[speeds]))
+                _check_rotation(name, self.joints[name].position)
                 q[places], v[speeds] = self.joints[name].position, self.joints[name].velocity
         return q, v
 
