@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import simrob_drake
+from docs import structure
 
 PACKAGE = Path(simrob_drake.__file__).parent
 CORE = [
@@ -80,6 +81,12 @@ def test_imports_point_to_the_left():
     assert [f"{name} imports {other}" for name, other in own if place(other) > place(name)] == []
     assert len(own) > 1000
     assert [name for name, other in pairs if other == "pydrake.all"] == [], "it shadows builtins and loads everything"
+
+
+def test_the_page_of_the_architecture_shows_the_imports_of_today():
+    page = structure.PAGE.read_text(encoding="utf-8")
+    assert structure.renewed(page) == page, "run python -m docs.structure"
+    assert tuple(CORE) == structure.CORE
 
 
 def test_the_core_imports_no_extension():
