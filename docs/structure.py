@@ -1,4 +1,4 @@
-"""Draw the packages and their imports, counted, into `docs/architecture.md`: ``python -m docs.structure``."""
+"""Draw the packages and their imports, counted, into both pages `architecture.md`: ``python -m docs.structure``."""
 
 import ast
 from collections import Counter
@@ -6,7 +6,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "simrob_drake"
-PAGE = ROOT / "docs" / "architecture.md"
+PAGES = (ROOT / "docs" / "architecture.md", ROOT / "docs" / "es" / "architecture.md")
 BEGIN = "<!-- made by docs/structure.py: begin -->"
 END = "<!-- made by docs/structure.py: end -->"
 CORE = (
@@ -73,5 +73,6 @@ def renewed(page: str) -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(renewed(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
-    print(PAGE)
+    for page in PAGES:
+        page.write_text(renewed(page.read_text(encoding="utf-8")), encoding="utf-8")
+        print(page)
