@@ -341,7 +341,7 @@ def _joint_motion(joint: ET.Element, position: float) -> RigidTransform:
     element = joint.find("axis")
     direction = "1 0 0" if element is None else element.get("xyz", "1 0 0")
     axis = np.array(direction.split(), dtype=float)
-    axis /= np.linalg.norm(axis)  # a file may give a vector of any length, as Drake does not mind
+    axis /= np.linalg.norm(axis)  # in a file the vector may have any length: it is a direction
     if joint.get("type") == "prismatic":
         return RigidTransform(position * axis)
     rotation = RotationMatrix(AngleAxis(position, axis))

@@ -155,7 +155,7 @@ def with_partners(station: ResolvedStation, robot: str, posture: Vector, named: 
     own_axes = list(_axis_ranges(station)[robot])
     positions = initial.copy()
     positions[own_axes] = posture
-    # PASSIVE axes give way first, then UNNAMED ones, and NAMED ones never. The partners on other robots are PASSIVE here,
+    # PASSIVE axes give way first, then UNNAMED ones, NAMED ones never. The partners on other robots count as PASSIVE,
     # since the posture is of this robot alone.
     firmness = [Firmness.PASSIVE] * len(positions)
     for axis, index in enumerate(own_axes):
