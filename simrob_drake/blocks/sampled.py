@@ -266,6 +266,7 @@ class SampledBlock(Block):
         if context.get_discrete_state(self._stage).value()[0] != _NO_SAMPLE:
             return EventStatus.DidNothing()  # the run goes on from the state of another run
         status = self._update(context, discrete)
+        # In place of _RUNNING, which `_update` has written: so its call at the first moment of the run takes no sample.
         discrete.set_value(self._stage, np.array([_SAMPLED_EARLY]))
         return status
 

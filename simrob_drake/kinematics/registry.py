@@ -70,7 +70,7 @@ def make_solver(name: str, chain: Chain, **options: Any) -> Solver:
 
 
 def solver_for(chain: Chain, solver: SolverLike) -> Solver:
-    """Return the solver that a move names, with the finer tolerances of paths, or the one that was given.
+    """Return the solver that a move names, or the one that was given. Searches get the finer tolerances of a path.
 
     ``"auto"`` stands for the analytic solver or, if the arm has no closed form, for the numeric one.
 

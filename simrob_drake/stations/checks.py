@@ -293,7 +293,7 @@ def _standing_torque(config: StationConfig, robot: StationRobot, axis: int, torq
 def _contact_model_findings(ports: StationPorts) -> list[Finding]:
     """Describe the contact model of a station in one finding; none if it has no contact.
 
-    Contact points are small balls at the corners and edges of flat bodies that can stand.
+    Contact points are small balls at the corners and edges of flat bodies, which the station adds in point contact.
     """
     config = ports.config
     if config.contact is None:

@@ -45,6 +45,7 @@ def holding_findings(ports: StationPorts, robot: StationRobot, positions: Vector
         torque_limit=robot.gains.torque_limit,
     )
     torques = dynamics.gravity(postures)
+    # The last posture is where the reference ends and the robot comes to rest.
     sags = _sags(config, robot, dynamics, postures[-1])
     findings = []
     for axis in range(len(robot.axes)):
@@ -171,6 +172,7 @@ def _sags(config: StationConfig, robot: StationRobot, dynamics: Dynamics, refere
     solution = root(imbalance, reference)
     if not solution.success:
         return None
+    # Axes with an integral part were solved for like the others: their small sag hardly changes that of the others.
     return np.where(has_integral, 0.0, solution.x - reference)
 
 
