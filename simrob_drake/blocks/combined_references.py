@@ -57,10 +57,11 @@ def _combined_samples(references: Sequence[Reference], matrix: Vector, offset: V
     trajectories = [reference for reference in references if not isinstance(reference, SineReference)]
     start = min(trajectory.start_time() for trajectory in trajectories)
     end = max(trajectory.end_time() for trajectory in trajectories)
+    # At least one interval: all trajectories may begin and end at the same time.
     interval_count = max(int((end - start) * _RATE), 1)
     times = np.linspace(start, end, interval_count + 1)
 
-    # Samples of all n positions, shape (times, n).
+    # Samples of all n positions, shape (times, n). A trajectory stands still before its own start and after its end.
     positions = np.hstack([reference_values(trajectory, times, 0) for trajectory in trajectories])
     velocities = np.hstack([reference_values(trajectory, times, 1) for trajectory in trajectories])
     return hermite(times, positions @ matrix.T + offset, velocities @ matrix.T)
@@ -111,6 +112,8 @@ def _combined_polynomials(
     references: Sequence[PiecewisePolynomial], matrix: Vector, offset: Vector
 ) -> PiecewisePolynomial:
     """Combine piecewise polynomials exactly, with a piece between any two successive breaks of all references.
+
+    If there are fewer than two breaks, all references stand still, and the result is a constant.
 
     Args:
         references: references with n positions in all.

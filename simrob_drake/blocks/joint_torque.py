@@ -47,7 +47,7 @@ class JointTorqueSensor(Block):
         self.DeclareVectorOutputPort("torque", len(joints), weakly(self._calc_torque))
 
     def _calc_torque(self, context: Context, output: BasicVector) -> None:
-        """Compute the component of each joint's reaction force along the joint's axis."""
+        """Compute the reaction torque of each joint about its axis, or the force along it if the joint is prismatic."""
         forces = self._forces.Eval(context)
         for row, joint in enumerate(self._joints):
             reaction = forces[joint.number]
@@ -70,7 +70,10 @@ class _MeasuredJoint(NamedTuple):
 
 
 def _joint_axis(joint: Joint) -> Vector:
-    """Unit vector of a joint's axis, shape (3,). Its components are the same in the joint's parent and child frame."""
+    """Unit vector of a joint's axis, shape (3,).
+
+    Its components are the same in the joint's parent and child frame, since the joint does not turn its own axis.
+    """
     if isinstance(joint, PrismaticJoint):
         return np.asarray(joint.translation_axis())
     return np.asarray(joint.revolute_axis())

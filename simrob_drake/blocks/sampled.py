@@ -214,7 +214,7 @@ class SampledBlock(Block):
     def _declare_delay_line(self, initial: Vector) -> _DelayLine:
         """Declare the groups of the discrete state that delay an output, with its initial value (n,).
 
-        The queue is infinite until the first sample, which fills it.
+        The queue holds infinite numbers until the first sample, which fills the whole queue (see `_apply`).
         """
         queue = self.DeclareDiscreteState(np.full(self._delay * len(initial), np.inf))
         return _DelayLine(queue=queue, output=self.DeclareDiscreteState(initial))
@@ -225,7 +225,7 @@ class SampledBlock(Block):
         return [*self._output_memory, *self._slices]
 
     def arguments(self) -> dict[str, Any]:
-        """Arguments with which a block of the same ports, memory and timing can be made."""
+        """Arguments with which a block of the same ports, memory and timing can be made, in another process, say."""
         memory = self.now(self.CreateDefaultContext()).memory
         return {
             "period": self.period,
@@ -266,6 +266,7 @@ class SampledBlock(Block):
         if context.get_discrete_state(self._stage).value()[0] != _NO_SAMPLE:
             return EventStatus.DidNothing()  # the run goes on from the state of another run
         status = self._update(context, discrete)
+        # In place of _RUNNING, which `_update` has written: so its call at the first moment of the run takes no sample.
         discrete.set_value(self._stage, np.array([_SAMPLED_EARLY]))
         return status
 
@@ -305,7 +306,7 @@ class SampledBlock(Block):
         for name, line in self._delay_lines.items():
             newest = np.atleast_1d(changes[name] if name in changes else memory[name])
             queue = context.get_discrete_state(line.queue).value()
-            if math.isinf(queue[-1]):  # the first sample
+            if math.isinf(queue[-1]):  # the first sample, which the output gives until it has passed through
                 queue = np.tile(newest, self._delay)
             discrete.set_value(line.queue, np.concatenate([queue[len(newest) :], newest]))
             discrete.set_value(line.output, queue[: len(newest)])

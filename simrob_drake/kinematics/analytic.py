@@ -106,7 +106,7 @@ class AnalyticSolver(Solver):
         return postures, is_in_reach & self._fits(beyond)
 
     def _fits(self, beyond: Vector) -> Flags:
-        """Whether postures are within the limits, up to the tolerance for rounding.
+        """Whether postures are within the limits, up to a tolerance, since the limits of robots are rounded.
 
         Args:
             beyond: distance of each axis beyond its limits, 0 if it is within them, shape (..., n) [rad].
@@ -166,7 +166,7 @@ class AnalyticSolver(Solver):
             the penalties, shape (k, b).
         """
         short = form.short[:, self._allowed]
-        miss = short + beyond.max(axis=-1)
+        miss = short + beyond.max(axis=-1)  # m plus rad: it only ranks the postures
         is_rounded = self._fits(beyond) & (short <= _ROUNDING)
         penalty = np.where(is_rounded, _ROUNDED, _FAR * (1.0 + miss))
         return np.where(miss > _ROUNDING, penalty, 0.0)
@@ -179,6 +179,9 @@ class AnalyticSolver(Solver):
             chosen: the chosen posture for each target, shape (k, n) [rad].
             short: by how much each target is out of reach, shape (k,) [m].
             beyond: distance of each axis beyond its limits, shape (k, n) [rad].
+
+        Returns:
+            the postures within the limits, with their errors, and for each target whether it is reached or why not.
         """
         positions = np.clip(chosen, self.chain.lower, self.chain.upper)
         errors = pose_errors(targets, self.chain.forward(positions))
@@ -217,6 +220,7 @@ class AnalyticSolver(Solver):
             """Reason why a target is not reached, in words."""
             return self._reason(short[row], beyond[row])
 
+        # A closed form takes no iterations; the few steps against rounding are not counted.
         no_iterations = np.zeros(len(targets), dtype=np.int64)
         return Solutions.found(positions, errors, is_reached, no_iterations, why)
 

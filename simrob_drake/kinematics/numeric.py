@@ -219,6 +219,7 @@ def settle_at_limits(
     fit = fit_beyond_limits(chain, targets, postures, weights=weights, tolerance=tolerance)
     is_accepted = np.asarray(within(fit.errors, weights, tolerance))
     if is_accepted.any():
+        # The clamping names "inverse kinematics" in its warning that an axis was beyond its limit.
         clamped = chain.limits.clamp(fit.postures[is_accepted], "inverse kinematics")
         postures[is_accepted] = clamped
         errors[is_accepted] = pose_errors(targets[is_accepted], chain.forward(clamped))
@@ -302,6 +303,7 @@ class NumericSolver(Solver):
         if missing.size:
             fit.replace(missing, self._fit(targets[missing], fit.postures[missing], flat=FINE))
             is_accepted |= self._accept_at_limits(fit, missing, targets)
+        # Errors without weight do not count, and are reported as 0.
         errors = np.where(self._weights > 0, fit.errors, 0.0)
 
         def why(row: int) -> str:
@@ -315,7 +317,8 @@ class NumericSolver(Solver):
 
         Args:
             fit: the best postures so far, k rows. The rows of accepted targets are changed.
-            missing: indices of the targets that are not reached. Only those with an axis at a limit are examined.
+            missing: indices of the targets that are not reached. Only those with an axis at a limit are examined: wider
+                limits cannot help the others.
             targets: all targets, shape (k, 4, 4).
 
         Returns:

@@ -51,7 +51,7 @@ def make_solver(name: str, chain: Chain, **options: Any) -> Solver:
 
     Args:
         name: ``"numeric"`` (SimRob's W), ``"constrained"`` (GIK), ``"analytic"`` (AIK), ``"incremental"`` (JacIK), or
-            the name of a solver that an extension adds.
+            the name of a solver that an extension adds. ``"auto"`` is no solver of its own, see :func:`solver_for`.
         chain: chain of joints whose axes the solver moves.
         **options: options of the solver's class.
 
@@ -63,14 +63,16 @@ def make_solver(name: str, chain: Chain, **options: Any) -> Solver:
     """
     one_of("solver of inverse kinematics", name, [known for known in solver_names() if known != _AUTO])
     solver_class = _solver_class(name)
-    known_options = list(inspect.signature(solver_class).parameters)[1:]
+    known_options = list(inspect.signature(solver_class).parameters)[1:]  # without the first parameter, the chain
     for option in options:
         one_of(f"option of the {name} solver", option, known_options)
     return solver_class(chain, **options)
 
 
 def solver_for(chain: Chain, solver: SolverLike) -> Solver:
-    """Return the solver that a move names, or the one that was given.
+    """Return the solver that a move names, or the one that was given. Searches get the finer tolerances of a path.
+
+    ``"auto"`` stands for the analytic solver or, if the arm has no closed form, for the numeric one.
 
     Raises:
         UnknownName: there is no such solver.
@@ -78,6 +80,7 @@ def solver_for(chain: Chain, solver: SolverLike) -> Solver:
         InvalidParameter: the given solver was made for another robot or tool.
     """
     if isinstance(solver, Solver):
+        # The home of a chain is the pose of its tool at zero, so that another tool has another one.
         if solver.chain.names != chain.names or not (solver.chain.home == chain.home).all():
             raise InvalidParameter("solver", type(solver).__name__, "one made for arm.chain with the tool it has now")
         return solver

@@ -44,7 +44,7 @@ SHAPE_TAGS = ("visual", "collision")
 def carriers(robot: ET.Element) -> dict[str, str]:
     """Find the carrier of each link's body: the first link on the way to the root that a joint moves, or the root.
 
-    Returns the names of the carriers, by the names of all links.
+    A link that a joint moves is its own carrier. Returns the names of the carriers, by the names of all links.
     """
     root = root_link(robot)
     found = {root: root}
@@ -115,7 +115,10 @@ class _Inertia:
 
 
 def merge_fixed_links(robot: ET.Element) -> None:
-    """Merge every link of a checked URDF that is on a fixed joint into its parent; changes the element."""
+    """Merge every link of a checked URDF that is on a fixed joint into its parent; changes the element.
+
+    A frame with the name of the link stays in its place.
+    """
     links = {name_of(link): link for link in robot.iterfind("link")}
     # The joints and frames that start at each link. They move to the parent with the link.
     starting: dict[str, list[ET.Element]] = {name: [] for name in links}
@@ -146,7 +149,10 @@ def merge_fixed_links(robot: ET.Element) -> None:
 
 
 def _merge_link(child: ET.Element, parent: ET.Element, pose: RigidTransform) -> None:
-    """Add the shapes and the inertia of a link to its parent, in which it has the given pose; changes the parent."""
+    """Add the shapes and the inertia of a link to its parent, in which it has the given pose; changes the parent.
+
+    A link without mass adds its shapes only.
+    """
     shapes = [element for tag in SHAPE_TAGS for element in child.iterfind(tag)]
     for shape in shapes:
         place(shape, pose @ pose_of(shape))
@@ -177,7 +183,7 @@ def tool_links(root: ET.Element, palm: str = "") -> list[str]:
 
     1. the frames and links of the hand with a usual name for a tool (``tool0``, ``tcp`` ...), first those that name the
        place of a grasp,
-    2. the link that holds the fingers,
+    2. the palm, which is the link that holds the fingers,
     3. one link or frame at the end of each kinematic chain.
 
     Args:
@@ -192,7 +198,7 @@ def tool_links(root: ET.Element, palm: str = "") -> list[str]:
 
 
 def _hand_names(root: ET.Element, palm: str) -> list[str]:
-    """Names of a palm, of the links that are rigidly attached to it, and of the frames of all of these."""
+    """Names of a palm (the link that holds fingers), the links rigidly attached to it, and the frames of all these."""
     attached = outward(joints_at(root), palm, rigid=True)
     links = [palm, *(link_of(joint, "child") for joint in attached)]
     frames = [name_of(frame) for frame in root.iterfind("frame") if frame.get("link") in links]

@@ -163,7 +163,7 @@ class RobotModel(Strict):
         for key, values in changes.items():
             own = getattr(self.drives, key)
             if not isinstance(values, dict) or own is None:
-                continue
+                continue  # the new values replace the own ones as they are
             # NaN stands for axes without a value.
             before = self.axis_vector(own, f"drives.{key}", np.nan)
             vector = self.axis_vector(values, f"drives.{key}", before)
@@ -297,7 +297,8 @@ class RobotModel(Strict):
 
         Args:
             name: name of the posture.
-            others: positions of the axes that the posture leaves out, shape (n,) [rad or m].
+            others: positions of the axes that the posture leaves out, shape (n,) [rad or m]. The usual ``home`` leaves
+                out no axis.
 
         Returns:
             the posture, shape (n,) [rad or m], in which followers are where their leaders take them.
@@ -405,8 +406,8 @@ def load_robot(name: str) -> RobotModel:
 def load_robot_file(file: Path | str) -> RobotModel:
     """Load the robot that a YAML file describes.
 
-    Unless the file has a key ``name``, the robot has the name of the folder of a ``robot.yaml``, or the name of a file
-    that is called otherwise.
+    Unless the file has a key ``name``, a ``robot.yaml`` gives the robot the name of its folder (if that has a name, as
+    the root of the file system has none), and any other file its own name.
 
     Raises:
         InvalidConfig: the file has a wrong entry.
@@ -452,7 +453,10 @@ def load_robot_from_urdf(path: Path | str) -> RobotModel:
 
 
 def _gripper(robot: RobotModel, hand: FingerHand) -> Gripper:
-    """Convert the fingers of a hand from rad or m to the user's units, as in a ``robot.yaml``. Axes are joints here."""
+    """Convert the fingers of a hand from rad or m to the user's units, as in a ``robot.yaml``.
+
+    The robot is that of a URDF alone, whose axes have the names of their joints.
+    """
     unit_sizes = dict(zip(robot.axes, robot.user_units.tolist(), strict=True))
     axes = {}
     for axis, finger in hand.fingers.items():

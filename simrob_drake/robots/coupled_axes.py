@@ -30,11 +30,11 @@ class Firmness(IntEnum):
     PASSIVE = 0
     """No motor drives the axis, so that it goes where the coupled axes take it."""
     UNNAMED = 1
-    """The axis is not named, and stays where it is unless a coupling moves it."""
+    """The user gives no value for this axis, which stays where it is unless a coupling moves it."""
     LEADING = 2
-    """One value stands for all axes, and no other axis leads this one."""
+    """One value stands for all axes. Of coupled axes, the follower gives way, and the axis that leads it keeps it."""
     NAMED = 3
-    """The user gives the value of this axis."""
+    """The user gives the value of this axis, in a mapping or a list, so that it never gives way."""
 
 
 def firmness_of_values(
@@ -188,6 +188,9 @@ class CoupledAxes:
         Args:
             firmness: firmness of each of the n axes.
             totals: totals of the k equations, shape (k,) [rad or m].
+
+        Returns:
+            how these axes depend on the others, and the conditions: equations in which no axis can give way.
         """
         count = len(self.names)
         rows = self._scaled_rows(totals)
@@ -201,6 +204,7 @@ class CoupledAxes:
             matrix[axis] = -rows[row, :count]
             matrix[axis, axis] = 0.0
             offset[axis] = rows[row, count]
+            # Another UNNAMED axis of the row could give way as well: the caller may have to ask which one.
             if firmness[axis] == Firmness.UNNAMED:
                 others = np.flatnonzero(np.abs(matrix[axis]) > _ZERO).tolist()
                 undecided[axis] = tuple(other for other in others if firmness[other] == Firmness.UNNAMED)

@@ -11,7 +11,7 @@ _DESCRIPTION_KEYS = frozenset(("dh", "urdf", "axes"))  # keys of robots that no 
 
 
 def is_description_file(text: str) -> bool:
-    """Whether a text is the path of a YAML file that describes a robot, not a station.
+    """Whether a text is the path of a YAML file that describes a robot, not a station. False if it is no such path.
 
     Raises:
         InvalidConfig: the file cannot be read.

@@ -203,7 +203,7 @@ def _distance_from_palm(root: ET.Element, joint: ET.Element, position: float) ->
     links = {name_of(link): link for link in root.iterfind("link")}
     palm_centre = _centre_of_mass(links[link_of(joint, "parent")])
     jaw_centre = _centre_of_mass(links[link_of(joint, "child")])
-    pose = pose_of(joint) @ _joint_motion(joint, position)
+    pose = pose_of(joint) @ _joint_motion(joint, position)  # of the jaw in the frame of the palm
     return float(np.linalg.norm(pose @ jaw_centre - palm_centre))
 
 
@@ -240,7 +240,7 @@ def _joints_that_follow(joints: Mapping[str, ET.Element]) -> _HandCandidate | No
     for name, joint in joints.items():
         follows = joint.find(FOLLOWS)
         leader = "" if follows is None else follows.get("joint", "")
-        if follows is None or leader not in joints:
+        if follows is None or leader not in joints:  # it follows no joint, or one that does not move
             continue
         factor, offset = mimic_line(follows)
         if factor == 0:  # the joint does not move, and is no finger
@@ -341,7 +341,8 @@ def _joint_motion(joint: ET.Element, position: float) -> RigidTransform:
     element = joint.find("axis")
     direction = "1 0 0" if element is None else element.get("xyz", "1 0 0")
     axis = np.array(direction.split(), dtype=float)
+    axis /= np.linalg.norm(axis)  # in a file the vector may have any length: it is a direction
     if joint.get("type") == "prismatic":
         return RigidTransform(position * axis)
-    rotation = RotationMatrix(AngleAxis(position, axis / np.linalg.norm(axis)))
+    rotation = RotationMatrix(AngleAxis(position, axis))
     return RigidTransform(rotation, np.zeros(3))

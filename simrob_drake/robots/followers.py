@@ -62,7 +62,7 @@ def followers_among(axes: Mapping[str, Axis], joints: Sequence[ET.Element]) -> d
 
 
 def with_followers(axes: Sequence[str], followers: Mapping[str, MimicFollower], positions: Vector) -> Vector:
-    """Move followers to the positions that their leaders demand.
+    """Move followers to the positions that their leaders demand; all other axes keep their positions.
 
     Args:
         axes: names of the n axes of a robot.
@@ -78,8 +78,10 @@ def with_followers(axes: Sequence[str], followers: Mapping[str, MimicFollower], 
     for axis, follower in followers.items():
         equations.append(Equation(f"{axis} follows {follower.leader}", follower.ratios(axis), follower.offset))
     coupled = CoupledAxes(axes, equations)
+    # Axes with the firmness NAMED keep their positions; the UNNAMED ones, the followers, are computed from them.
     firmness = [Firmness.UNNAMED if axis in followers else Firmness.NAMED for axis in axes]
     # All equations have a total, so the positions at the start do not matter.
     totals = coupled.totals(np.zeros(len(axes)))
+    # The positions of all axes as an affine function of the given positions: matrix @ q + offset.
     dependence = coupled.solve(firmness, totals)
     return np.asarray(positions @ dependence.matrix.T + dependence.offset)

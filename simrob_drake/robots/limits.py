@@ -179,7 +179,7 @@ def distinct_texts(value: float, limit: float) -> tuple[str, str]:
 
 
 def middles(limits: AxisLimits, units: Vector) -> Vector:
-    """Compute the default position of each axis: zero, or the middle of a range that excludes zero.
+    """Compute the position of each axis that a file does not place: zero, or the middle of a range that excludes zero.
 
     Args:
         limits: limits of the n axes.

@@ -32,7 +32,8 @@ _LEAST_MOMENTS = 1e-5
 _MOST_MOMENTS = 1e3
 _NEGLIGIBLE = 1e-3  # a link with a smaller share of the robot's mass does not affect the motion
 _SMALLEST_VOLUME = 1e-6  # shapes with a smaller volume are mere markers; a cube of 10 mm has this volume [m³]
-# Plausible distance of a centre of mass from the middle of its body: this length [m] plus multiples of the body's size.
+# Plausible distance of a centre of mass from the middle of its shapes or, without shapes, from its link's joint:
+# _FAR [m] plus _SIZES times the size of the shapes or of the link.
 _FAR = 1.0
 _SIZES = 2.0
 _STRONG = 50.0  # largest plausible payload, in multiples of the robot's own mass
@@ -95,8 +96,9 @@ def robot_doubts(robot: ET.Element, folder: Path | None) -> list[Doubt]:
 def _link_sizes(robot: ET.Element) -> dict[str, float]:
     """Estimate the size of each link from the joints at it, by link name [m].
 
-    The size is the largest offset among the joint that carries the link and the joints that the link carries. A link
-    without joints has the size 0.
+    The offset of a joint is the distance of its frame from the frame of its parent link. The offsets of the joints that
+    a link carries show how far it reaches. A link at the end of the robot carries none, so that it is taken to be as
+    large as the offset of its own joint. The size is the largest of all these offsets, and 0 for a link without joints.
     """
     sizes = {name_of(link): 0.0 for link in robot.iterfind("link")}
     for joint in robot.iterfind("joint"):
@@ -110,7 +112,8 @@ def _link_sizes(robot: ET.Element) -> dict[str, float]:
 def _link_doubts(link: ET.Element, size: float, folder: Path | None) -> list[Doubt]:
     """Find the implausible numbers of a link's inertia.
 
-    The inertia is compared with the link's shapes, or with its size if it has no shapes.
+    The inertia is compared with the link's shapes or, if it has none that are larger than markers, with its size.
+    A link without ``<inertial>`` has no numbers to doubt.
 
     Args:
         link: a ``link`` element.
@@ -168,6 +171,8 @@ def _doubts_by_size(own: MassProperties, size: float) -> list[str]:
     apart = float(np.linalg.norm(own.centre))
     if apart > _FAR + _SIZES * size:
         texts.append(f"its centre of mass lies {apart:.3g} m from its joint, and the joints at it {size:.3g} m; in mm?")
+    # The spread is twice the mean square distance from the centre of mass. Of a link at the end of the robot the joints
+    # show no size, so that the distance of its centre of mass counts as a size, too.
     gyration = math.sqrt(own.spread / 2)  # root mean square distance from the centre of mass [m]
     if gyration > _FAR + _SIZES * max(size, apart):
         moments = f"its moments are those of {own.mass:.4g} kg {gyration:.3g} m from the centre of mass"
@@ -190,7 +195,7 @@ def payload_doubt(payload: float, mass: float) -> str:
 
 
 def moving_mass(robot: ET.Element) -> float:
-    """Compute the mass of the links that joints move [kg]."""
+    """Compute the mass of the links that joints move [kg], with which :func:`payload_doubt` compares a payload."""
     root = root_link(robot)
     carrier = carriers(robot)
     return sum(mass_of(link) for link in robot.iterfind("link") if carrier[name_of(link)] != root)
@@ -217,7 +222,7 @@ def _limit_doubt(joint: ET.Element) -> str:
     lower, upper = joint_limits(joint)
     largest = max(-lower, upper)
     if not math.isfinite(largest) or largest > _ENDLESS:
-        return ""
+        return ""  # the joint has no limits
     if joint.get("type") == "prismatic" and largest > _LONGEST:
         return f"lower {lower:g}, upper {upper:g} m; were millimetres meant?"
     # A limit such as 8 pi is a whole number of half turns, and was certainly meant in radians.

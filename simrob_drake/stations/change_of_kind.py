@@ -138,7 +138,7 @@ def _class_of(path: list[str], kind: str) -> type[BaseModel] | None:
 
 
 def settings_with(settings: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Combine earlier settings with later ones, which replace them.
+    """Combine earlier settings of a station with later ones, which replace them.
 
     A change of a section's kind drops the earlier settings of that section, which were made for its old kind.
 
@@ -149,6 +149,7 @@ def settings_with(settings: Mapping[str, Any], changes: Mapping[str, Any]) -> di
     kept = dict(settings)
     for key, value in changes.items():
         change = _change_of_kind(key, value)
+        # A setting that repeats the kind of the earlier settings drops nothing.
         if change is None or kept.get(f"{change.section}.{_KIND}") == change.kind:
             continue
         for earlier_key in settings:
@@ -159,11 +160,11 @@ def settings_with(settings: Mapping[str, Any], changes: Mapping[str, Any]) -> di
 
 
 class _ChangeOfKind(NamedTuple):
-    """A setting that changes the kind of a section.
+    """A setting that gives the kind of a section.
 
     Attributes:
         section: dotted key of the section, such as ``solver`` or ``monitors.fall``.
-        kind: the new kind.
+        kind: the kind, which may be a new one.
     """
 
     section: str
@@ -171,9 +172,9 @@ class _ChangeOfKind(NamedTuple):
 
 
 def _change_of_kind(key: str, value: Any) -> _ChangeOfKind | None:
-    """Find the section whose kind a setting changes. Returns None if the setting changes no kind.
+    """Find the section whose kind a setting gives, perhaps a new one. Returns None if the setting gives no kind.
 
-    A setting changes a kind by a key such as ``solver.kind``, or by a mapping with the key ``kind``.
+    A setting gives a kind by a key such as ``solver.kind``, or by a mapping with the key ``kind``.
 
     Args:
         key: dotted key of the setting.

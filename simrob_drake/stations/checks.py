@@ -37,7 +37,7 @@ by about one degree."""
 
 
 def check_station(config: StationConfig) -> list[Finding]:
-    """Check a station before it runs.
+    """Check a station before it runs: its pieces, then each robot, the couplings, the contacts and the signals.
 
     Raises:
         SimrobError: the station cannot run; the message names the reason, such as a reference beyond a limit.
@@ -67,6 +67,7 @@ def check_station(config: StationConfig) -> list[Finding]:
         findings += contact_findings(closed.diagram, ports)
         findings += _contact_model_findings(ports)
     findings += clearance_findings(config, closed.references)
+    # Signals without a part are those of the robots themselves, which every station has.
     return findings + [_signal_finding(signal) for signal in ports.signals if signal.part]
 
 
@@ -104,10 +105,11 @@ def _mount_text(piece: ResolvedPiece) -> str:
     # Adding 0.0 turns -0.0 into 0.0.
     origin = " ".join(f"{value:.4g}" for value in piece.pose.translation() + 0.0)
     text = f"hangs on {piece.parent}"
-    if piece.mount:
+    if piece.mount:  # the frame on which it hangs, whose name begins with that of the parent; empty for the world
         frame = piece.mount.removeprefix(f"{piece.parent}_")
         text += f", at {frame}"
     text += f", its origin at {origin} m"
+    # The carrier is the robot that moves it, perhaps through other pieces.
     if piece.carrier not in (piece.parent, WORLD):
         text += f"; {piece.carrier} carries it"
     return text
@@ -144,7 +146,7 @@ def _reference_findings(config: StationConfig, robot: StationRobot, reference: R
         return findings
     text = f"within the joints' limits at {len(times)} times from 0 to {config.duration:g} s"
     if np.isfinite(limits).any():
-        # An axis without a speed limit (inf) has a share of 0.
+        # An axis without a speed limit (inf) has a share of 0. An axis at rest with the limit 0 has none (NaN).
         text += f", at most {np.nanmax(speeds / limits):.0%} of their speed"
     return [Finding("ok", subject, text)]
 
@@ -175,7 +177,10 @@ def _motor_findings(robot: StationRobot) -> list[Finding]:
 
 
 def _motor_text(motor: Motor, unit: AxisUnit) -> str:
-    """Describe a motor: its torques, its speed and the source of these numbers."""
+    """Describe a motor: its torques, its speed and the source of these numbers.
+
+    The torque falls along a line from standstill to the speed without load. The current may limit it further.
+    """
     stall_torque, no_load_speed = motor.line
     text = f"{stall_torque:.3g} {unit.effort} at rest, {no_load_speed:.3g} {unit.si}/s without load"
     if motor.peak_torque:
@@ -195,7 +200,10 @@ def _holding_findings(ports: StationPorts, robot: StationRobot, reference: Refer
 
 
 def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding]:
-    """Check how a robot with a floating base stands at the start, and the torques that this takes."""
+    """Check how a robot with a floating base stands at the start, and the torques that this takes.
+
+    If it has nothing to stand on, the only finding is the warning that it falls.
+    """
     config = ports.config
     ground = ports.plant.ground
     found = standing(ports.plant, robot)
@@ -210,6 +218,8 @@ def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding
         text = f"the base is free and the robot has no {missing} to stand on: it falls"
         return [Finding("warning", f"{robot.prefix}base", text)]
     findings = [_gap_finding(robot, found), _balance_finding(robot, found)]
+    # A link that carries near its joint kneels; `ends` are distances from the joint as parts of the link's length. Feet
+    # that the robot's description names may carry anywhere.
     kneeling = [link for link, end in found.ends.items() if end < KNEELING]
     if kneeling and not robot.feet:
         text = f"it stands on the near end of {', '.join(kneeling)}, by the joint, as on knees: bend the joints above"
@@ -267,7 +277,7 @@ def _standing_torque(config: StationConfig, robot: StationRobot, axis: int, torq
         return Finding("warning", subject, f"{text}: the joint will not hold")
     level: Level = "ok"
     if kp > 0:
-        # The servo's spring balances the torque: torque = kp * sag.
+        # The servo's spring balances the torque: torque = kp * sag. Without kp there is no spring to sag.
         sag = abs(torque) / kp
         text += f"; it sags by {sag / unit.size:.2f} {unit.name}"
         bound = error_bound(config.verdict, slides=bool(robot.model.prismatic[axis]))
@@ -281,7 +291,10 @@ def _standing_torque(config: StationConfig, robot: StationRobot, axis: int, torq
 
 
 def _contact_model_findings(ports: StationPorts) -> list[Finding]:
-    """Describe the contact model of a station; empty if it has no contact."""
+    """Describe the contact model of a station in one finding; none if it has no contact.
+
+    Contact points are small balls at the corners and edges of flat bodies, which the station adds in point contact.
+    """
     config = ports.config
     if config.contact is None:
         return []
@@ -295,7 +308,10 @@ def _contact_model_findings(ports: StationPorts) -> list[Finding]:
 
 
 def contact_findings(diagram: Diagram, ports: StationPorts) -> list[Finding]:
-    """Find the two bodies that overlap most at the start, in the default context of the station's diagram."""
+    """Report the two bodies that overlap most at the start, in the default context of the station's diagram.
+
+    Returns one finding: a warning if they overlap by more than a touch, otherwise that it is in order.
+    """
     if ports.config.contact is None:
         return [Finding("note", "contact", "the station has none: whatever meets passes through each other")]
     overlap = deepest_overlap(ports, diagram.CreateDefaultContext())

@@ -120,7 +120,8 @@ class ClearStart:
             if index not in robot.model.fingers and name not in robot.model.followers:
                 self._axes.append(index)
         self._random_postures = self._draw_postures()
-        # Each body that moves has to be as high as the search requires, or as high as it can be.
+        # Each body that moves has to be as high as the search requires, or as high as it can be: `_highest` is its
+        # greatest height in any of these postures.
         bodies = [clearance.plant.GetBodyByName(name, robot.instance) for name in clearance.lowest(robot)]
         moves = np.array([not clearance.plant.IsAnchored(body) for body in bodies], dtype=bool)
         heights = np.array([self._heights(posture) for posture in [self._home, *self._random_postures]])
@@ -150,8 +151,10 @@ class ClearStart:
         at_home = heights[0]
         base_height = float(at_home[~moves].min(initial=0.0))
         reach = float(np.ptp(heights)) if heights.size else 0.0
+        # The robot hangs if it reaches far below its root and its fixed bodies.
         self.hangs = bool(at_home.min(initial=0.0) < base_height - _HANGS * reach)
         if self.hangs:
+            # Its lowest point in all postures is _ABOVE of its reach over the floor.
             self.height = _ABOVE * reach - float(heights.min())
         else:
             # High enough that the base is not in the floor, and that each body is over the floor in some posture.
@@ -197,8 +200,8 @@ class ClearStart:
     def _require_height(self, height: float) -> None:
         """Require that all moving bodies are at least at a height over the floor [m], or as high as they can be.
 
-        Sets the attribute `_required_heights`, with an entry for each body with shapes, shape (k,) [m]. It is -inf for
-        a body that does not move.
+        Sets the attribute `_required_heights`, with an entry for each body with shapes, shape (k,) [m], less the
+        rounding. It is -inf for a body that does not move.
         """
         self._required_heights = np.minimum(height, self._highest) - _ROUNDING
 
@@ -212,6 +215,7 @@ class ClearStart:
 
     def _faults(self, posture: Vector) -> Faults:
         """Set the robot to a posture (n,) [rad or m], and measure its faults."""
+        # The heights are measured with the root at the origin: over the floor they are larger by the root's height.
         missing_heights = self._required_heights - self.height - self._heights(posture)
         overlaps = self._clearance.own_overlaps(self._robot, posture)
         return Faults(
@@ -221,7 +225,7 @@ class ClearStart:
         )
 
     def _load(self) -> float:
-        """Compute the largest share of its torque that a motor needs to hold the present posture.
+        """Compute the largest share of its torque that a motor needs to hold the posture that was set last.
 
         The share is 0 if the motors need not hold the robot.
         """
@@ -236,9 +240,10 @@ class ClearStart:
 
         The lists contain, in this order: home, home with overlaps reduced, postures in which
         one, two or three axes differ from the latter, and random postures. Postures near a
-        singularity are left out.
+        singularity are left out, so that a list may be empty.
         """
         random_dexterities = [self._dexterity(posture) for posture in self._random_postures]
+        # One in five random postures exceeds the quantile 0.8.
         least = _DEXTERITY * float(np.quantile(random_dexterities, 0.8))
         groups = [[self._home], [self._reduced_home]]
         groups += [self._changed_postures(count) for count in (1, 2, 3)]
@@ -291,6 +296,7 @@ class ClearStart:
         columns = self._robot.axis_map.velocities(jacobian)[:, axes]
         reach = float(np.abs(columns[3:]).max())
         columns[3:] /= max(reach, _ROUNDING)
+        # The matrix has the shape (6, axes), and so min(6, axes) singular values. They fall: the last one is the least.
         singular_values = np.linalg.svd(columns, compute_uv=False)
         return float(singular_values[min(6, len(axes)) - 1])
 
@@ -390,7 +396,7 @@ class ClearStart:
         return (*remarks, *self._remarks_on_move(posture, target))
 
     def _remarks_on_move(self, posture: Vector, target: Vector) -> list[str]:
-        """Write a sentence on the checks of the move from a posture (n,) to a target (n,) [rad or m].
+        """Write a sentence on the checks of the move from a posture (n,) to a target (n,) [rad or m]: faults, or none.
 
         Returns a list with one sentence, or an empty list if nothing was checked.
         """
@@ -398,7 +404,7 @@ class ClearStart:
         loads = list[float]()
         for part in _PARTS:
             faults.append(self._faults(posture + part * (target - posture)))
-            loads.append(self._load())
+            loads.append(self._load())  # of the posture that `_faults` has set
         worst = np.max(faults, axis=0)
         wrong = [f"{fault:.2g} {text}" for text, fault in zip(_FAULTS_WITH_VALUES, worst, strict=True) if fault]
         if wrong:

@@ -108,7 +108,7 @@ class BodyChain(NamedTuple):
 
 
 def standing(station: StationPlant, robot: StationRobot, context: Context | None = None) -> Standing | None:
-    """Compute how a robot stands on its feet or, if it has no feet, on its collision shapes.
+    """Compute how a robot stands on the lowest points of its feet or, if it has no feet, of its collision shapes.
 
     Args:
         station: the plant with the robot, and the ground.
@@ -147,20 +147,20 @@ def standing(station: StationPlant, robot: StationRobot, context: Context | None
 
 
 def shape_points(station: StationPlant, robot: StationRobot, context: Context) -> list[ShapePoints]:
-    """Find the points of each collision shape of a robot that are lowest with respect to the floor.
+    """Find the points of each collision shape of a robot that are lowest with respect to the floor, in the world.
 
     The floor may be inclined: heights are measured along its normal.
     """
     plant = station.plant
     inspector = station.scene_graph.model_inspector()
-    floor_pose = station.ground.tilt
-    from_floor = floor_pose.inverse()
+    floor_pose = station.ground.tilt  # in the world
+    world_in_floor = floor_pose.inverse()
     found = []
     for body in map(plant.get_body, plant.GetBodyIndices(robot.instance)):
         for shape in station.shapes_of_body(body):
-            pose = from_floor @ plant.EvalBodyPoseInWorld(context, body) @ inspector.GetPoseInFrame(shape)
-            on_floor = lowest_points(inspector.GetShape(shape), pose, shape_corners(inspector, shape))
-            in_world = np.asarray((floor_pose @ on_floor.T).T)
+            pose_in_floor = world_in_floor @ plant.EvalBodyPoseInWorld(context, body) @ inspector.GetPoseInFrame(shape)
+            points_in_floor = lowest_points(inspector.GetShape(shape), pose_in_floor, shape_corners(inspector, shape))
+            in_world = np.asarray((floor_pose @ points_in_floor.T).T)
             found.append(ShapePoints(body, in_world))
     return found
 
@@ -170,14 +170,14 @@ def _support_points(station: StationPlant, robot: StationRobot, context: Context
     if robot.feet is None:
         shapes = shape_points(station, robot, context)
         return [SupportPoints(shape.body.body_frame(), shape.points) for shape in shapes]
-    floor_pose = station.ground.tilt
+    floor_pose = station.ground.tilt  # in the world
     found = []
     for link in robot.feet.links:
         frame = station.plant.GetFrameByName(link, robot.instance)
-        pose = floor_pose.inverse() @ frame.CalcPoseInWorld(context)
+        pose_in_floor = floor_pose.inverse() @ frame.CalcPoseInWorld(context)
         # The description of the feet takes several poses (m, 4, 4); here there is one.
-        on_floor = robot.feet.lowest_points(link, pose.GetAsMatrix4()[np.newaxis])[0]
-        in_world = np.asarray((floor_pose @ on_floor.T).T)
+        points_in_floor = robot.feet.lowest_points(link, pose_in_floor.GetAsMatrix4()[np.newaxis])[0]
+        in_world = np.asarray((floor_pose @ points_in_floor.T).T)
         found.append(SupportPoints(frame, in_world))
     return found
 
@@ -249,6 +249,8 @@ def _vertical_jacobian(plant: MultibodyPlant, context: Context, contact: Standin
 def _vertical_forces(points: Vector, com: Vector, weight: float) -> Vector:
     """Share the weight among contacts, as evenly as the balance of moments about the centre of mass allows.
 
+    If the centre of mass is outside of the support area, there is no balance, and the shares are the nearest to it.
+
     Args:
         points: positions of the k contacts in the world, shape (k, 3) [m].
         com: centre of mass in the world, shape (3,) [m].
@@ -319,6 +321,8 @@ class Clearance(PosedStation):
             InvalidModel: a robot cannot be built.
         """
         self.config = config
+        # Without a contact section the plant would have no collision shapes, and without self_collision Drake would not
+        # report overlaps within one robot.
         contact = config.contact or ContactConfig()
         contact = contact.model_copy(update={"self_collision": True})
         super().__init__(config.model_copy(update={"contact": contact}))
@@ -378,7 +382,7 @@ def neighbouring_postures(robot: StationRobot, posture: Vector, axes: Iterable[i
     """Yield postures that differ from a posture in one axis, by one of TURNS or SLIDES.
 
     Args:
-        robot: the robot; its limits are kept.
+        robot: the robot; postures beyond its limits are left out.
         posture: positions of the n axes, shape (n,) [rad or m].
         axes: indices of the axes that may differ.
     """

@@ -72,7 +72,8 @@ class _Measurements:
 def clearance_findings(config: StationConfig, references: Mapping[str, Reference]) -> list[Finding]:
     """Check whether robots collide with the ground, with themselves or with other bodies.
 
-    A robot with a reference is checked at samples of its reference, any other robot at its start posture.
+    A robot with a reference is checked at samples of its reference, any other robot at its start posture. A station
+    without robots has no findings.
 
     Args:
         config: the station.
@@ -150,6 +151,7 @@ def _floor_findings(
     # The tuples are compared by their heights first.
     lowest = min(moving_heights)
     if lowest.height >= -allowed_depth:
+        # A link that is below the ground by no more than allowed counts as on the ground.
         height_mm = max(lowest.height, 0.0) * 1e3
         text = f"{when_checked} {lowest.link} comes nearest to the ground: {height_mm:.0f} mm at {lowest.time:.2f} s"
         return [*findings, Finding("ok", subject, text)]

@@ -304,7 +304,7 @@ class CollisionPolicy:
         return {**self.home_contacts, **self.permanent_overlaps}
 
     def own_distances(self, robot: str) -> "OwnDistances":
-        """Prepare the distances between all pairs of shapes of one robot that can collide.
+        """Prepare to measure, along a motion say, the distances of all pairs of shapes of one robot that can collide.
 
         Pairs of the same body, pairs that Drake excludes and pairs in :attr:`left_out` are not
         among them.
@@ -369,7 +369,8 @@ class OwnDistances(Distances):
     def of(self, query: QueryObject) -> Vector:
         """Compute the distances of all k pairs, shape (k,) [m]; negative if shapes overlap."""
         distances = super().of(query)
-        # Only overlaps of hulls are measured again, with the parts, see the class.
+        # Only overlaps of hulls are measured again, with the parts, see the class. The parts are inside of the hulls,
+        # so that the larger of the two distances is the better one.
         for index in np.flatnonzero(distances < 0.0):
             distance = self._fine.distance(query, *self.pairs[index])
             if distance is not None:

@@ -208,7 +208,8 @@ def _write_material(properties: ProximityProperties, material: ContactMaterial) 
 def _write_modulus(properties: ProximityProperties, material: ContactMaterial, contact: ContactConfig) -> None:
     """Write the hydroelastic modulus into the properties of a shape.
 
-    A shape of which the robot's file makes a rigid hydroelastic body stays rigid.
+    A shape that the robot's file makes rigid in hydroelastic contact stays rigid. A compliant one of the file keeps its
+    own modulus if the material gives none; all other shapes get MODULUS then.
     """
     if not _is_hydroelastic(properties):
         AddCompliantHydroelasticProperties(contact.resolution, material.hydroelastic_modulus or MODULUS, properties)
@@ -260,8 +261,10 @@ def wire_friction(builder: DiagramBuilder, ports: StationPorts) -> None:
     """Add the Coulomb friction of the robots' joints to the diagram of a station.
 
     Usually, the plant has an actuator for the friction of each joint: a servo without stiffness whose torque limit is
-    the friction. Its desired state, zero, is connected here. The solver ``cenic`` gets blocks instead, since its
-    actuators hold one torque for each joint, that of the motor. Another engine than Drake has friction of its own.
+    the friction. It wants the joint to rest: its desired state, zero, is connected here, unless the robot's servos have
+    the realization ``implicit``. Those are actuators, too, and whoever connects the desired state of all actuators of
+    the robot has given friction the speed zero already. The solver ``cenic`` gets blocks instead, since its actuators
+    hold one torque for each joint, that of the motor. Another engine than Drake has friction of its own.
 
     ``cenic`` linearises the forces of blocks at the start of a step h. Friction c that reverses a joint's motion within
     a step would do so for ever. So the speed v_s above which friction is constant is at least c h / M, with the inertia
@@ -296,14 +299,19 @@ def with_friction(
     *,
     axes: Sequence[int] | None = None,
 ) -> OutputPort:
-    """Add the torques that overcome Coulomb friction to the torques of a robot's motors.
+    """Add the torques that overcome Coulomb friction to computed torques that lack them.
+
+    The sum is what the motors give: the signal ``torque`` of the robot in the results. Torques lack friction if they
+    come from the inverse dynamics of a kinematic station, from the actuators of a discrete solver (their sum for each
+    joint has friction in it, with a minus), or from the reaction forces of joints.
 
     Args:
         builder: builder of the station's diagram, to which blocks are added.
         ports: ports of the station; its plant's state drives the friction.
         robot: the robot.
         torque: output port with torques (n,) [N·m or N], which lack friction.
-        axes: indices of the axes whose torques lack friction; None stands for all axes.
+        axes: indices of the axes whose torques lack friction, such as those with a prescribed motion among axes with
+            servos; None stands for all axes.
 
     Returns:
         output port with the sum, shape (n,) [N·m or N]; the given port if none of these axes has friction.

@@ -143,7 +143,7 @@ def uses_contact_points(config: StationConfig) -> bool:
 def add_contact_points(
     plant: MultibodyPlant, scene_graph: SceneGraph, station: ResolvedStation, robots: Sequence[StationRobot]
 ) -> ContactPoints:
-    """Register the balls of a station's flat shapes in the plant, before the plant is finalized.
+    """Register the balls of a station's flat shapes in the plant, before the plant is finalized. Returns these balls.
 
     Free pieces and robots that float get balls. If there are any of these, the bodies on which they can lie and
     between which they can be held get balls, too: fixed and carried pieces, and the fingers of robots.
@@ -429,7 +429,7 @@ def _balls_of_round_shape(inspector: SceneGraphInspector, shape_id: GeometryId, 
 
 
 def _balls_of_capsule(capsule: Capsule, protrusion: float) -> list[ContactBall]:
-    """Place a ball at each end of a capsule; its radius is that of the capsule plus the protrusion [m]."""
+    """Place two balls at the ends of a capsule, on which it lies; their radius is its own plus the protrusion [m]."""
     balls = []
     for side in (-1.0, 1.0):
         centre = np.array([0.0, 0.0, side * capsule.length() / 2])

@@ -87,7 +87,10 @@ def solver_traits(config: StationConfig) -> SolverTraits:
 
 
 def unheld_mimics(config: StationConfig, robot: str, model: RobotModel) -> list[MimicPair]:
-    """Find the mimic joints of a robot that the solver of a station cannot hold during a run."""
+    """Find the mimic joints of a robot that the solver of a station cannot hold during a run.
+
+    Those that :func:`mimic_gears` leaves out, since the station replaces or drops them, are not among them.
+    """
     traits = solver_traits(config)
     pairs = []
     for gear in mimic_gears(config, {robot: model}).values():
@@ -99,7 +102,7 @@ def unheld_mimics(config: StationConfig, robot: str, model: RobotModel) -> list[
 
 
 def coupled_axes(config: StationConfig, mimics: Mapping[str, Gear], axes: Sequence[str]) -> CoupledAxes:
-    """Collect the equations of all gears between axes.
+    """Collect the equations of all gears between axes. Other couplings, such as a weld, tie bodies, not axes.
 
     Args:
         config: configuration of the station; its gears are included.
@@ -139,6 +142,8 @@ def expected_position(
     coupled: CoupledAxes, condition: AxisCondition, violation: ConditionViolation, position: Vector, units: AxisUnits
 ) -> str:
     """Write, for an error message, the position that an axis would need and the couplings that demand this position.
+
+    They demand it with the present positions of the other axes of the condition, which the text names, too.
 
     Args:
         coupled: the n coupled axes.

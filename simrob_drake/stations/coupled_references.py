@@ -97,7 +97,7 @@ def _check_conditions(
     Raises:
         InvalidParameter: a condition is broken; the message names the axis, its position and the time.
     """
-    # A condition is an equation that is left for axes whose references are all given firmly.
+    # A condition is an equation that is left for axes whose references are all NAMED.
     for condition in dependence.conditions:
         violation = coupled.find_violation(condition, positions, units.rounding)
         if violation is None:
@@ -122,7 +122,7 @@ def _axes_to_change(
         units: units of the axes.
 
     Returns:
-        indices of the axes among the axes of all robots.
+        indices of the axes among the axes of all robots: those that give way, and do not obey the couplings already.
     """
     solved = positions @ dependence.matrix.T + dependence.offset
     shifts = np.abs(solved - positions).max(axis=0)
@@ -137,7 +137,7 @@ def _axes_to_change(
 
 
 def with_partners(station: ResolvedStation, robot: str, posture: Vector, named: Collection[int]) -> Vector:
-    """Complete a posture: move the partners of some axes of a robot to positions that obey the couplings.
+    """Complete a posture to which a move goes: move the partners of its named axes to where the couplings take them.
 
     Args:
         station: the station with the robots and couplings.
@@ -155,7 +155,8 @@ def with_partners(station: ResolvedStation, robot: str, posture: Vector, named: 
     own_axes = list(_axis_ranges(station)[robot])
     positions = initial.copy()
     positions[own_axes] = posture
-    # The partners on other robots may give way first, since the posture is of this robot alone.
+    # PASSIVE axes give way first, then UNNAMED ones, NAMED ones never. The partners on other robots count as PASSIVE,
+    # since the posture is of this robot alone.
     firmness = [Firmness.PASSIVE] * len(positions)
     for axis, index in enumerate(own_axes):
         firmness[index] = Firmness.NAMED if axis in named else Firmness.UNNAMED
@@ -181,6 +182,8 @@ def _axis_ranges(station: ResolvedStation) -> dict[str, range]:
 
 def _firmness(station: ResolvedStation, robot: ResolvedRobot, *, is_requested: bool) -> list[Firmness]:
     """Find how firmly the reference of each of a robot's axes is given.
+
+    An axis that is NAMED never gives way to a coupling; one that is PASSIVE gives way first, whatever its reference.
 
     Args:
         station: the station with the robot.

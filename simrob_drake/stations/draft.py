@@ -174,6 +174,8 @@ def _import_warnings(robot: RobotModel, content: Mapping[str, Any], file: Path) 
     Returns:
         a remark for each warning.
     """
+    # The checks need the mode and the couplings. They do not depend on the posture; home within the limits is one that
+    # every station accepts.
     sections = {key: content[key] for key in ("mode", "couplings") if key in content}
     station = resolve(_config(robot, {**sections, "robot": {"initial_deg": _home(robot)}}))
     findings = import_findings(station.config, station.robots[ONLY_ROBOT], source=file)
@@ -196,7 +198,7 @@ def _complete_with_fixed_base(robot: RobotModel, content: dict[str, Any]) -> lis
     if height > 0:
         content["robot"]["base"] = [0.0, 0.0, height, 0.0, 0.0, 0.0]
     _set_initial_posture(robot, content, start.posture)
-    content["reference"] = {"kind": "hold"}
+    content["reference"] = {"kind": "hold"}  # if no move from the posture is clear
     if (start.target != start.posture).any():
         target = _without_followers(robot, _in_user_units(robot, start.target))
         content["reference"] = {"kind": "move", "target_deg": target, "duration": _MOVE}
@@ -210,14 +212,17 @@ def _complete_with_fixed_base(robot: RobotModel, content: dict[str, Any]) -> lis
 
 
 def _complete_arm(robot: RobotModel, content: dict[str, Any]) -> list[str]:
-    """Add the servo's model terms and the solver to the content of an arm's station. Returns remarks."""
+    """Add the servo's model terms and the solver to the content of an arm's station. Returns remarks.
+
+    The solver is continuous if a trial run gets to its end quickly enough, otherwise discrete.
+    """
     content["servo"]["feedforward"] = "gravity"  # otherwise each joint sags by its weight over its gain
     content["inputs"] = ["reference_velocity"]  # otherwise the damping of the servos delays the motion
     content["solver"] = _CONTINUOUS
     if gets_through(_config(robot, content)):
         return []
     content["solver"] = _DISCRETE
-    content["servo"]["realization"] = "implicit"
+    content["servo"]["realization"] = "implicit"  # servos as blocks act once a step, which makes stiff ones unstable
     return [_CREEPS]
 
 
@@ -246,7 +251,7 @@ def _complete_with_loops(robot: RobotModel, content: dict[str, Any]) -> list[str
     target_deg = _by_axis(robot, _in_user_units(robot, target))
     names_of_passive = [list(robot.axes)[index] for index in passive]
     for name in names_of_passive:
-        del target_deg[name]
+        del target_deg[name]  # the loops take a passive axis along
     content["reference"] = {"kind": "move", "target_deg": target_deg, "duration": _MOVE}
     content["duration"] = _DURATION
     return [
@@ -271,7 +276,7 @@ def _complete_fingers(robot: RobotModel, content: dict[str, Any]) -> list[str]:
         # Fingers that mimic other axes in the robot's file are coupled already.
         if finger in robot.followers or axes[leader] in robot.followers:
             continue
-        # position - travel / (travel of the leader) * (position of the leader) stays constant.
+        # position - travel / (travel of the leader) * (position of the leader) stays as at the start, without a total.
         ratio = float(f"{-travels[index] / travels[leader]:.6g}")
         couplings[follower_key(finger)] = {"kind": "gear", "ratios": {finger: 1.0, axes[leader]: ratio}}
     content |= _WITH_FINGERS
@@ -311,7 +316,7 @@ def _complete_on_feet(robot: RobotModel, content: dict[str, Any]) -> list[str]:
 
 
 def at_home(robot: RobotModel) -> Clearance:
-    """Pose a robot with a free base at home on a floor, to find out how it may stand."""
+    """Pose a robot with a free base at home on a floor, to find out how it may stand. Returns the posed station."""
     content: dict[str, Any] = {"mode": "dynamic", "servo": _servo(robot, "implicit"), **_ON_FEET}
     config = _config(robot, {**content, "robot": {"initial_deg": _home(robot)}})
     return Clearance(config, trusts_home=False)
@@ -325,7 +330,10 @@ def _stance_text(stance: Stance) -> str:
 
 
 def _set_stance(robot: RobotModel, content: dict[str, Any], stance: Stance) -> None:
-    """Write a stance into the content of a station: base, initial posture, and the monitor that detects a fall."""
+    """Write a stance into the content of a station: base, initial posture, and the monitor that detects a fall.
+
+    The monitor judges the height of the root only if the root is above the floor.
+    """
     content["robot"]["base"] = [0.0, 0.0, round(stance.height, 6), 0.0, 0.0, 0.0]
     _set_initial_posture(robot, content, stance.posture)
     fall = dict[str, float]()
@@ -403,7 +411,7 @@ def _command_options(options: ImportOptions | None) -> list[str]:
         occurrences = value if key in _REPEATED_OPTIONS else [value]
         for occurrence in occurrences:
             words.append(f"--{key.replace('_', '-')}")
-            if isinstance(occurrence, list):
+            if isinstance(occurrence, list):  # an option with several numbers, such as a pose
                 words += [str(number) for number in occurrence]
             elif occurrence is not True:  # a switch that is on has no value
                 words.append(str(occurrence))
@@ -491,7 +499,11 @@ class StandingTrial(NamedTuple):
 
 
 def stands(config: StationConfig, duration: float = 2.0) -> StandingTrial:
-    """Simulate for a time [s] whether the only robot of a station stands on its own feet."""
+    """Simulate for a time [s] whether the only robot of a station stands on its own feet.
+
+    It does not if the run diverges, if the station's monitor detects a fall and ends the run, or if the robot leans or
+    has sunk too much at the end.
+    """
     closed = closed_station(resolve(config), sensors=())
     station = closed.ports.plant
     (robot,) = station.robots.values()

@@ -90,7 +90,7 @@ def settings_with_loop(known: KnownLoops, settings: Settings, name: str, on: boo
     changed = {other: value for other, value in settings.items() if other not in dropped}
     is_own = not added
     if on:
-        changed.update(added)
+        changed.update(added)  # nothing for an own loop, which is on without a setting
     elif is_own:
         changed[key] = None
     return changed
@@ -106,7 +106,8 @@ def loops_on(known: KnownLoops, settings: Settings) -> list[str]:
     names = []
     for name, added in known.items():
         is_own = not added
-        if settings.get(f"controllers.{name}", is_own):  # None if the settings remove the loop
+        # The setting is the section of the loop, or None if it is removed. Without a setting, only own loops are on.
+        if settings.get(f"controllers.{name}", is_own):
             names.append(name)
     return names
 
@@ -125,6 +126,7 @@ def _sensors_of(section: Any, content: dict[str, Any]) -> Settings:
     sensors_read = {str(value) for value in reads.values()} if isinstance(reads, dict) else set[str]()
     contents = content.get("sensors", {})
     sensors = TypeAdapter(Sensors).validate_python(contents)
+    # A loop may read other signals, too: names that are no sensors drop out.
     for name in sensors_read & set(sensors):
         sensors_read = sensors_read | set(sensors[name].read(sensors).values())
     return {f"sensors.{name}": sensor for name, sensor in contents.items() if name in sensors_read}

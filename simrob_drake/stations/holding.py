@@ -45,6 +45,7 @@ def holding_findings(ports: StationPorts, robot: StationRobot, positions: Vector
         torque_limit=robot.gains.torque_limit,
     )
     torques = dynamics.gravity(postures)
+    # The last posture is where the reference ends and the robot comes to rest.
     sags = _sags(config, robot, dynamics, postures[-1])
     findings = []
     for axis in range(len(robot.axes)):
@@ -69,7 +70,7 @@ def _axis_finding(config: StationConfig, robot: StationRobot, axis: int, torques
     subject = f"torque of {robot.prefix}{robot.axes[axis]}"
     limit = robot.gains.torque_limit[axis]
     effort_unit = robot.model.units[axis].effort
-    largest = torques[np.argmax(np.abs(torques))]
+    largest = torques[np.argmax(np.abs(torques))]  # with its sign
 
     text = f"holding takes {torques[0]:z.2f} {effort_unit} at the start and {torques[-1]:z.2f} {effort_unit} at the end"
     text += " of the reference"
@@ -78,7 +79,7 @@ def _axis_finding(config: StationConfig, robot: StationRobot, axis: int, torques
         text += "the joint will not hold; raise servo.torque_limit or lighten the load"
         return Finding("warning", subject, text)
     if config.mode == "kinematic":
-        # A kinematic station has no servos, so there is nothing to judge but the limit.
+        # A kinematic station has no servos, so there is nothing more to judge than the limit above.
         return Finding("note", subject, text)
 
     text += f"; the limit is {limit:g} {effort_unit}"
@@ -110,7 +111,7 @@ def too_warm(robot: StationRobot, axis: int, torque: float) -> str:
         the warning, to be appended to another text, or an empty text if the torque does not exceed the motor's
         continuous torque, or if that is unknown.
     """
-    continuous = rated_torques(robot.motors)[axis]
+    continuous = rated_torques(robot.motors)[axis]  # infinite if it is unknown
     if abs(torque) <= continuous:
         return ""
     unit = robot.model.units[axis].effort
@@ -171,11 +172,15 @@ def _sags(config: StationConfig, robot: StationRobot, dynamics: Dynamics, refere
     solution = root(imbalance, reference)
     if not solution.success:
         return None
+    # Axes with an integral part were solved for like the others: their small sag hardly changes that of the others.
     return np.where(has_integral, 0.0, solution.x - reference)
 
 
 def _tool_findings(ports: StationPorts, robot: StationRobot, posture: Vector) -> list[Finding]:
-    """Warn of a tool centre point that is below the floor in a posture (n,) [rad or m], after the axes have sagged."""
+    """Warn of a tool centre point that is below the floor in a posture (n,) [rad or m], after the axes have sagged.
+
+    Without a tool or a floor there is nothing to warn of.
+    """
     config = ports.config
     if not robot.tcp or config.floor is None:
         return []

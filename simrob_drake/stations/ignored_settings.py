@@ -96,6 +96,7 @@ def _ignored_by_solver(config: StationConfig, key: str, material: ContactMateria
     friction = material.friction
     if friction is None:
         return
+    # Solvers with steps of one length know one friction only.
     if isinstance(solver, FixedSteps) and friction.static != friction.dynamic:
         text = f"the solver {solver.scheme} ignores {key}.friction.static ({friction.static:g}): bodies begin to "
         yield f"{text}slide at the dynamic one, {friction.dynamic:g}; take a continuous solver, such as cenic"

@@ -41,6 +41,11 @@ def test_fingers_that_slide_side_by_side_are_found_with_their_closed_end():
     assert alike == {"left": (-0.04, 0.0), "right": (0.04, 0.0)}  # both joints slide to the left
 
 
+def test_the_length_of_an_axis_vector_does_not_matter():
+    found, _ = fingers_of(hand({**LEFT, "axis": "0 -10 0", "at": 0.05}, {**RIGHT, "axis": "0 10 0", "at": -0.05}))
+    assert found == {"left": (0.04, 0.0), "right": (0.04, 0.0)}
+
+
 def test_fingers_that_turn_and_follow_each_other_are_found():
     turns = {"kind": "revolute", "high": 0.8}
     follows = '<follows joint="left" multiplier="-1"/>'
