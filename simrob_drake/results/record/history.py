@@ -137,7 +137,7 @@ class Recorder:
             self._abstract.append(values)
 
     def _drop_last(self) -> None:
-        """Remove the last record."""
+        """Remove the last record, which another one of the same time replaces."""
         del self.times[-1:]
         del self._abstract[-1:]
         del self._continuous[len(self._continuous) - self._continuous_size :]
