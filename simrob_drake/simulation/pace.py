@@ -89,6 +89,7 @@ class Slow:
     def cause(self) -> str:
         """Find what makes the run slow. Returns the cause and the remedy, in words."""
         solver = controlled_by(self.config)
+        # Steps of a fixed length, or long ones: the run is slow because each step takes long.
         if solver is None or self.step > _SHORT * solver.max_step:
             return f"each step of {self.step:.2g} s takes {self.cost:.2g} s{self._largest_expense(solver)}"
         # The steps are short: either a contact or a stiff spring forces the solver to take them.

@@ -432,5 +432,5 @@ def verdict_of(run: RecordedRun) -> Verdict:
         measure = criterion.of(run)
         if measure is not None:
             measures.append(measure)
-    has_touched = run.touch.depths or run.touch.slides
+    has_touched = run.touch.depths or run.touch.slides  # otherwise the rate of contacts is of no interest
     return Verdict(tuple(measures), run.config.sample_rate, run.touch.rate if has_touched else None)

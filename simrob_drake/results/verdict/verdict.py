@@ -171,7 +171,7 @@ class Measure:
     @cached_property
     def warning(self) -> str:
         """A sentence about the worst entry, if it violates its bound; otherwise an empty text."""
-        violations = sum(map(self.criterion.passes, self.entries))
+        violations = sum(map(self.criterion.is_violated_by, self.entries))
         if not violations:
             return ""
         worst = self.worst
