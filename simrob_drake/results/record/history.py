@@ -82,7 +82,7 @@ class Recorder:
     def attach(self, simulator: Simulator, pace: Callable[[Context], None] | None = None) -> None:
         """Continue the record with another simulator, beginning with its present state.
 
-        A run changes its simulator where the diagram that is stepped changes.
+        A run calls this where the diagram that is stepped changes, and where the solver is initialized again.
 
         Args:
             simulator: a simulator whose context has the same states, in the same order, as that of the former one.
