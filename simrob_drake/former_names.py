@@ -56,7 +56,7 @@ class FormerNames(MetaPathFinder, Loader):
         return None if _present_name(fullname) is None else ModuleSpec(fullname, self)
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
-        """Import the module by its present name."""
+        """Import the module by its present name, with a warning, and remember its specification for `exec_module`."""
         present = _present_name(spec.name)
         assert present is not None  # find_spec found it
         message = f"{spec.name} is now {present}; the former name works until simrob_drake 0.2"

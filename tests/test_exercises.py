@@ -122,6 +122,7 @@ def test_code_is_run_only_where_it_is_allowed(tmp_path, capsys):
         ("while True: pass", r"took longer than its 1.5 s; --seconds"),
         ("x = bytearray(3_000_000_000)", r"took more than its 1 GB of memory; --memory"),
         ("import os; os._exit(0)", r"ended its process before all points were measured \(exit code 0"),
+        ("import os, signal; os.kill(os.getpid(), signal.SIGKILL)", r"all points were measured \(exit code -9"),
         ("import sys; sys.exit(0)", r"SystemExit: 0 \(answer.py, line 1\)"),
         ('print(\'{"point": "point_0", "value": 1}\')\n1/0', r"ZeroDivisionError: .* \(answer.py, line 2\)"),
         ("def f(:", r"SyntaxError: "),

@@ -128,7 +128,10 @@ def nearest(name: object, known: Iterable[str]) -> str:
 
 
 def _located(where: Path | str, what: str, problem: str) -> str:
-    """Join the file, the key or element, and the problem, with colons. Empty parts are left out."""
+    """Join the file, the key or element, and the problem, with colons.
+
+    Empty parts are left out, and so is a key that the name of the override or option contains already.
+    """
     place = shortened(str(where), 1000)
     part = shortened(what, 200)
     # The name of an override, such as "override servo.kp", or of an option, such as "--duration", contains the key.

@@ -144,9 +144,9 @@ def load_addition_class(addition: Addition, base: Any) -> Any:
 
 
 def classes_of_extensions(point: str, base: Any) -> dict[str, Any]:
-    """Import the classes that extensions add at a point, by name. Those that cannot be used are left out.
+    """Import the classes that extensions add at an extension point (a key of POINTS), by name.
 
-    ``simrob extensions --check`` reports why one is left out.
+    Classes that cannot be used are left out; ``simrob extensions --check`` reports why.
     """
     found = {}
     for name, addition in additions(point).items():
@@ -158,7 +158,10 @@ def classes_of_extensions(point: str, base: Any) -> dict[str, Any]:
 
 
 def additions(point: str) -> dict[str, Addition]:
-    """Find what the extensions in use add at one extension point, by name, without names that the core has there."""
+    """Find what the extensions in use add at one extension point (a key of POINTS), by name.
+
+    Names that the core has there are left out: they mean the core's own thing.
+    """
     taken = core_names(point)
     found = {}
     for installed in installed_extensions():
@@ -233,7 +236,10 @@ def _package_and_name(entry: EntryPoint) -> tuple[str, str]:
 
 
 def _load_extension(entry: EntryPoint) -> InstalledExtension:
-    """Import the :class:`Extension` of an entry point, and check it by itself."""
+    """Import the :class:`Extension` of an entry point, and check it, without a look at other extensions.
+
+    No error is raised: the result gives the problem, and is without the extension then.
+    """
     package = entry.dist.name if entry.dist else entry.name
     package_version = entry.dist.version if entry.dist else ""
     try:
@@ -246,7 +252,7 @@ def _load_extension(entry: EntryPoint) -> InstalledExtension:
 
 
 def _problem_of(extension: object, where: str) -> str:
-    """Find the reason why an object cannot be used as an extension; empty if there is none."""
+    """Find the reason why an object cannot be used as an extension; empty if it can be used."""
     from packaging.specifiers import InvalidSpecifier, SpecifierSet  # 0.1 s, only where there is an extension
 
     if not isinstance(extension, Extension):
@@ -261,7 +267,7 @@ def _problem_of(extension: object, where: str) -> str:
 
 
 def _malformed_addition(extension: Extension) -> str:
-    """Find an entry of an extension that is no import string; the reason in one line, empty if all are well formed."""
+    """Describe the first entry of an extension that is no import string, in one line; empty if there is none."""
     for point, described in POINTS.items():
         for name, target in getattr(extension, point).items():
             module_name, _, attribute = str(target).partition(":")
@@ -271,10 +277,13 @@ def _malformed_addition(extension: Extension) -> str:
 
 
 def _without_conflicts(found: list[InstalledExtension]) -> Iterator[InstalledExtension]:
-    """Yield installed extensions; one that takes a name of an earlier extension is left out."""
-    owners = dict[tuple[str, str], str]()
+    """Yield all installed extensions.
+
+    One that takes a name of an earlier extension is yielded as one that is left out, with this problem.
+    """
+    owners = dict[tuple[str, str], str]()  # by extension point and name, the package that adds it
     for installed in found:
-        if installed.extension is None:
+        if installed.extension is None:  # left out already, so that it takes no names
             yield installed
             continue
         # Names of folders are the extension's own business: nobody refers to them.

@@ -211,9 +211,15 @@ def piece_files() -> dict[str, Path]:
 
 
 def _named_files(own: Path, point: str, pattern: str, name_of: Callable[[Path], str]) -> dict[str, Path]:
-    """Find the files of a pattern in the package's own folder and in those that extensions add at a point, by name.
+    """Find files of one kind, by name, in a folder of this package and in the folders that extensions add.
 
-    A name that the package itself has means its own file.
+    Of several files with the same name the first is taken: this package's own file, if it has one.
+
+    Args:
+        own: folder of this package.
+        point: extension point at which extensions add further folders, such as ``robots``.
+        pattern: pattern of the files' paths within a folder.
+        name_of: gives the name of a file.
     """
     found: dict[str, Path] = {}
     for folder in (own, *addition_folders(point)):

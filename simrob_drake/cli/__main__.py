@@ -66,7 +66,10 @@ def guarded(command: Callable[[list[str]], int], arguments: list[str]) -> int:
 
 
 def _missing_package(module: str, arguments: list[str]) -> str:
-    """Say which package a command needs that is not installed."""
+    """Write the message for a module that cannot be imported: what the command needs, and how to install it.
+
+    A module of this package can only lack in a damaged installation.
+    """
     command = f"simrob {arguments[0]}" if arguments else "simrob"
     package = module.partition(".")[0]
     if package == "simrob_drake":

@@ -86,7 +86,10 @@ def _extension_entries() -> dict[str, _Entry]:
 
 
 def _help_of(module: str, function: str, package: str) -> str:
-    """Read the docstring of a function from the source of its module. It is replaced if there is no such source."""
+    """Read the docstring of a command's function from the source of its module, which is not imported.
+
+    A sentence with the name of the package takes its place if there is no docstring, or no source that can be read.
+    """
     try:
         spec = find_spec(module)
         source = Path(spec.origin).read_text(encoding="utf-8") if spec and spec.origin else ""
@@ -172,7 +175,11 @@ def whole_command(name: str) -> Any:
 
 
 def _function_of(name: str, entry: _Entry) -> Any:
-    """Import the function of a command; raises BrokenExtension if it is one of an extension and cannot be imported."""
+    """Import the function of a command.
+
+    Raises:
+        BrokenExtension: an extension adds the command, and its function cannot be imported.
+    """
     addition = additions("commands").get(name)
     if addition is not None:
         return load_addition(addition)

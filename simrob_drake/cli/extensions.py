@@ -49,6 +49,7 @@ def extensions(
     problems = {entry.package: _problems(entry, is_thorough=check) for entry in installed}
     rows = [_row(entry, problems[entry.package]) for entry in installed]
     console.print(table(("package", "version", "adds"), *rows, numbers=False))
+    # Without --check problems are only shown: the other extensions work in spite of them.
     return ExitCode.BAD_INPUT if check and any(problems.values()) else ExitCode.DONE
 
 
@@ -78,6 +79,8 @@ def _problems(entry: InstalledExtension, *, is_thorough: bool) -> list[str]:
 
 def _shadowed_names(extension: Extension) -> list[str]:
     """Find the names of an extension that mean something else, since the core has them. One sentence for each."""
+    # The core registers its names when its module is imported. It has no names for folders, which are not in
+    # _REGISTRIES.
     problems = []
     for point, described in POINTS.items():
         names = getattr(extension, point)
@@ -91,7 +94,7 @@ def _shadowed_names(extension: Extension) -> list[str]:
 
 
 def _row(entry: InstalledExtension, problems: list[str]) -> tuple[str, str, Text]:
-    """Make the row of an extension: package, version, and what it adds or why it is left out."""
+    """Make the row of an extension: package, version, and what it adds, with its problems in red below."""
     lines = [] if entry.extension is None else _added_lines(entry.extension)
     text = Text("\n".join(lines))
     for problem in problems:

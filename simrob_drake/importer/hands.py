@@ -73,7 +73,10 @@ def add_hand(robot: ET.Element, read: ReadRobot, work: Path, options: ImportOpti
 
 
 def _rename_duplicates(hand: ET.Element, arm: ET.Element) -> None:
-    """Give other names to the elements of a hand whose names the arm has already, in place."""
+    """Give other names to the elements of a hand whose names the arm has already, in place.
+
+    References to these elements, such as the links of a joint, are changed, too.
+    """
     hand_names = _element_names(hand)
     arm_names = _element_names(arm)
     free_names = FreeNames(hand_names | arm_names)
@@ -92,6 +95,8 @@ def _element_names(robot: ET.Element) -> set[str]:
 
 def mark_jaw(robot: ET.Element, joint: str, report: ImportReport) -> None:
     """Mark the joint that the user calls the moving jaw of the hand by an element, in place, and remove other marks.
+
+    When the robot is read, the marked joint becomes its gripper.
 
     Args:
         robot: the robot.

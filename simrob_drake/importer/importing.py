@@ -261,7 +261,14 @@ def draft(robot: RobotModel, notes: Notes, report: ImportReport, semantics: Sema
 
 
 def _report_stiff_joints(robot: RobotModel, kp: Mapping[str, float], report: ImportReport) -> None:
-    """Report the axes whose joints are so heavily damped that no servo moves them."""
+    """Report the axes whose joints are so heavily damped that no servo moves them.
+
+    Args:
+        robot: the imported robot.
+        kp: proportional gain that the import has chosen for each axis, by name. It grows with the damping of the joint,
+            up to LARGEST_GAIN.
+        report: report of the import.
+    """
     held = [axis for axis in robot.axes if kp[axis] >= LARGEST_GAIN]
     if held:
         text = f"no servo moves {listed(held)}: the damping of the joint is too large. Make the joint fixed"

@@ -247,7 +247,8 @@ def described_by(semantics: Semantics, robot: RobotModel, report: ImportReport) 
     if postures:
         entries["postures"] = postures
     if robot.gripper is None:
-        # Own names come last: they replace equal names.
+        # A robot without fingers carries its tools on the links that carry end effectors in the SRDF. Tools that the
+        # robot has already come last: they replace equal names.
         entries["tools"] = {**{link: link for link in semantics.carriers}, **robot.tools}
         return entries
     swapped = _swapped_fingers(robot.gripper.axes, postures, semantics)

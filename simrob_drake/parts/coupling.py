@@ -67,7 +67,9 @@ class CouplingSection(Strict, ABC):
         return self.words.format(it=self)
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the coupling fits the station: its mode, its solver, and its axes and bodies.
+        """Check that the coupling fits the station. Here: its mode and its solver.
+
+        The kinds of couplings add the checks of their axes and bodies.
 
         Args:
             key: key of the coupling in the station, such as ``couplings.mesh``.

@@ -164,10 +164,10 @@ class BetweenPoints(Between, CouplingSection):
     """Position of the point on the other body [m]; in the world's axes unless `other` is given."""
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the station has both bodies, and that they are not the same.
+        """Check the station's mode and solver, that it has both bodies, and that they are not the same.
 
         Raises:
-            SimrobError: the station lacks a body, or both names are the same.
+            SimrobError: the coupling does not fit the station, which may lack a body, or both names are the same.
         """
         super().check(key, station)
         self.check_bodies(key, station)
@@ -227,10 +227,10 @@ class BetweenFrames(Between, CouplingSection):
     """Pose of the frame on the other body."""
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the station has both bodies.
+        """Check the station's mode and solver, and that it has both bodies.
 
         Raises:
-            SimrobError: the station lacks a body.
+            SimrobError: the coupling does not fit the station, which may lack a body.
         """
         super().check(key, station)
         self.check_bodies(key, station)
@@ -345,6 +345,7 @@ class Gear(CouplingSection):
         if station.scheme == "cenic":
             expected = f"radau3, or kind: discrete: cenic holds gears of two axes, and {key} has {len(self.ratios)}"
             raise InvalidParameter("solver.scheme", station.scheme, expected)
+        # The constraint by which `add` couples more than two joints in a discrete plant.
         if station.time_step and not hasattr(MultibodyPlant, "AddTendonConstraint"):
             older = "of two: older Drake couples no more"
             raise InvalidParameter(f"{key}.ratios", f"of {len(self.ratios)} axes", older)

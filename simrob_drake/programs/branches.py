@@ -135,7 +135,7 @@ class Branches:
         Args:
             chain: the arm.
             target: pose of the tool in the base of the arm, shape (1, 4, 4).
-            start: posture (n,) near to which whole turns are chosen.
+            start: posture (n,). Of positions of an axis that differ by whole turns, the one nearest to it is taken.
             held: axes that do not take part in the search, by name: one position [rad or m], or several positions that
                 are all tried.
             evaluate: evaluates a posture (n,).
@@ -150,7 +150,7 @@ class Branches:
         postures = []
         for positions in product(*choices):
             held_positions = dict(zip(held, positions, strict=True))
-            postures.append(branches(chain, target, start, held_positions)[0])
+            postures.append(branches(chain, target, start, held_positions)[0])  # those of the only target
         found = [evaluate(posture) for posture in np.concatenate(postures)]
         return cls(chain, tuple(sorted(found, key=lambda branch: not branch.usable)))
 
@@ -220,7 +220,7 @@ def _surroundings(model: StationModel, robot: str) -> Distances:
     inspector = model.station.scene_graph.model_inspector()
     is_of_robot: dict[GeometryId, bool] = {}
     for shape in inspector.GetAllGeometryIds(Role.kProximity):
-        _, owner = model.policy.owner(shape)
+        _, owner = model.policy.owner(shape)  # name of the robot that the shape belongs to, or an empty text
         is_of_robot[shape] = owner == robot
     pairs = []
     for first, second in combinations(is_of_robot, 2):

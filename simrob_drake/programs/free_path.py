@@ -144,6 +144,7 @@ class FreeSpace:
         """
         self.model.place_robots(self.start)
         query = self.model.query()
+        # The pieces that hang on its tools from the start, and those that fingers of any robot hold now.
         pieces = {*self.model.robots[robot].held, *self.model.holders}
         corners = [_NO_POINTS]
         for shape in query.inspector().GetAllGeometryIds(Role.kProximity):
@@ -169,6 +170,7 @@ def metres_per_radian(chain: Chain, carried: Vector = _NO_POINTS) -> Vector:
     # One row of points for each posture; the first point is the tool centre point. Shape (postures, points, 3), along
     # the axes of the world.
     points_in_tool = np.vstack([np.zeros(3), carried])
+    # The arm of a point is R p, with the rotation R of the tool; for rows of points it is the product with R'.
     arms = points_in_tool @ chain.forward(postures)[:, :3, :3].swapaxes(1, 2)
     # The velocity of a point at the arm r of the tool is v + w x r, here for a unit speed of each axis.
     jacobians = chain.jacobian(postures)[:, np.newaxis]
@@ -255,7 +257,7 @@ class Search:
             NoFreePath: even the spline nearest to the lines collides.
         """
         path_length = self.length(corners)
-        if path_length < _ROUNDING:
+        if path_length < _ROUNDING:  # the goal is the start: the path stays there
             count = 2 * _DEGREE
             return TimelessPath(np.linspace(0.0, 1.0, count), corners[:1].repeat(count, axis=0))
         hit: Overlap | None = None
@@ -336,7 +338,7 @@ class Search:
         with needed("move_free", "plan"):
             from ompl import base, geometric, util
         util.setLogLevel(util.LOG_NONE)
-        util.RNG.setSeed(self.seed + 1)
+        util.RNG.setSeed(self.seed + 1)  # OMPL does not accept the seed 0
         info = base.SpaceInformation(self._scaled_space(np.vstack([start, goals])))
         info.setStateValidityChecker(lambda state: not self.space.collides(self._posture(state)))
         info.setup()

@@ -264,6 +264,7 @@ def check_tool_speed(chain: Chain, plan: Plan, limit: float, remedy: Remedy) -> 
     speeds = np.linalg.norm(velocities, axis=1)
     row = int(speeds.argmax())
     factor = _MARGIN * float(speeds.max()) / limit
+    # That is: the largest speed is at most the limit, up to rounding.
     if factor <= _MARGIN * (1 + _ROUNDING):
         return
     time = float(times[row])

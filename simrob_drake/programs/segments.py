@@ -204,7 +204,7 @@ class PathPoint(NamedTuple):
 
 
 def named_point(part: float, points: int, target: str) -> PathPoint:
-    """Point at a place on the way to a target, or else the next one behind it, for error messages.
+    """Name the point by which error messages describe a place on the way: the point there, or else the next one.
 
     Point i of the way, counted from 1, is at the fraction i / points.
 

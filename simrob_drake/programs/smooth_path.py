@@ -50,7 +50,9 @@ class RateLimits(NamedTuple):
 
 
 def find_faster_path(search: Search, postures: Vector, corner_count: int, limits: RateLimits) -> TimelessPath | None:
-    """Find a smooth path near a path without collisions that takes less time.
+    """Optimise a path without collisions: find a smooth path nearby that should take less time.
+
+    Whether it does take less is not checked: the caller compares the durations.
 
     Args:
         search: the search that found the path.

@@ -139,6 +139,7 @@ class Timeline:
         Args:
             end: the end of the run, since the timeline began [s].
         """
+        # Changes of the present moment have happened already.
         now = self.steps(self.now)
         numbers = [self.steps(change.time) for change in self.changes]
         later_numbers = [number for number in numbers if number > now]
@@ -210,7 +211,7 @@ class Timeline:
         forces = dict[str, ForceConfig]()
         for number, change in enumerate(self.changes):
             begin = self.steps(change.time)
-            if begin >= last:
+            if begin >= last:  # after the run
                 continue
             begin_time = self.time_of(begin - first)  # since the run began; negative for an earlier change
             start = max(begin_time, 0.0)
@@ -234,7 +235,7 @@ class Timeline:
                 )
         return forces
 
-    def hands(self, config: StationConfig) -> dict[str, Driver]:
+    def walk_drivers(self, config: StationConfig) -> dict[str, Driver]:
         """Functions that give the commands of changes to the walks of a station, by the name of the walk's controller.
 
         They are made for a run that begins now.
@@ -369,7 +370,10 @@ def run_timed(cell: Timed, references: Mapping[str, ReferenceLike], duration: fl
     reference_begin = begin
 
     def at_moment(moment: Moment) -> bool:
-        """Tell the timeline's callback of a moment, and apply the forces. Returns whether the present run is to end."""
+        """Tell the timeline's callback of a moment, and apply the forces. Returns whether the present run is to end.
+
+        It ends if the callback asks for it, or has added a change, for which the loop below starts another run.
+        """
         nonlocal is_ended_by_timeline
         change_count = len(line.changes)
         run_begin = line.now
@@ -395,7 +399,7 @@ def run_timed(cell: Timed, references: Mapping[str, ReferenceLike], duration: fl
                 reference={robot: later(reference, elapsed) for robot, reference in made_references.items()},
                 duration=part,
                 start=state,
-                commands=line.hands(station),
+                commands=line.walk_drivers(station),
                 ticks=Ticks(line.grid or part, at_moment),
                 on_step=cell.on_step,
             )

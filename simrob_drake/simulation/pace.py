@@ -89,6 +89,7 @@ class Slow:
     def cause(self) -> str:
         """Find what makes the run slow. Returns the cause and the remedy, in words."""
         solver = controlled_by(self.config)
+        # Steps of a fixed length, or long ones: the run is slow because each step takes long.
         if solver is None or self.step > _SHORT * solver.max_step:
             return f"each step of {self.step:.2g} s takes {self.cost:.2g} s{self._largest_expense(solver)}"
         # The steps are short: either a contact or a stiff spring forces the solver to take them.
@@ -166,7 +167,7 @@ class Slow:
         return remedy.text
 
     def _largest_expense(self, controlled: ContinuousSolver | None) -> str:
-        """Find what makes each step slow, if the steps are long enough. Returns the end of a sentence, with a remedy.
+        """Find the part that takes most of the time of each step. Returns the end of a sentence, with a remedy.
 
         Args:
             controlled: solver of the station if it chooses the length of its steps; None otherwise.
@@ -176,7 +177,7 @@ class Slow:
             return f", of it {largest.name} {largest.cost:.2g} s; {largest.remedy}"
         # Nothing dominates: only fewer, longer steps help.
         if controlled is not None and self.step < _HALF * controlled.max_step:
-            key = "accuracy"
+            key = "accuracy"  # the steps are shorter than allowed, so the accuracy limits them
         elif isinstance(self.config.solver, FixedSteps):
             key = "time_step"
         else:
@@ -474,6 +475,7 @@ class Flight:
             root: context of the simulator's diagram.
         """
         self._steps += 1
+        # The first call, at the start, is one of those that check.
         if self._steps % _LOOK_EVERY != 1 or not self._shapes_of_bodies:
             return
         is_flying = self._may_fly(root) and self._is_one_free(root)
@@ -489,7 +491,8 @@ class Flight:
     def _may_fly(self, root: Context) -> bool:
         """Whether something may fly: it did at the last check, or its downward speed has grown since then.
 
-        This test is quick, and the test of all shapes is slow.
+        This test is quick, and the test of all shapes is slow. Time and speeds are kept for the next check. The first
+        check, which has none to compare with, always returns True.
         """
         time = root.get_time()
         last_time = self._last_time
@@ -508,7 +511,7 @@ class Flight:
         """
         plant = self._plant
         context = plant.GetMyMutableContextFromRoot(root)
-        if not plant.num_collision_geometries():
+        if not plant.num_collision_geometries():  # nothing can touch
             return True
         if self._steps > 1:
             return self._is_apart(context)

@@ -207,7 +207,8 @@ class Run:
     def _sample(self, sampler: Sampler, outcome: Outcome) -> SignalSamples:
         """Evaluate all signals of the run.
 
-        If a block of the user's own fails, the history of the sampler is shortened to the samples before the failure.
+        If a block of the user's own fails, the history of the sampler is shortened to the samples before the failure,
+        and the signals are evaluated once more. A failure in a run that has failed already is raised.
 
         Args:
             sampler: evaluates the whole diagram.

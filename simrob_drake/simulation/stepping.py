@@ -253,7 +253,7 @@ class Stepper:
         assert self._ticks is not None  # a tick was reached
         moment = Moment(time, self.built, self.simulator.get_context())
         is_ended = recorder.look() or self._ticks.tell(moment)
-        if not is_ended and time < self._edges[-1]:
+        if not is_ended and time < self._edges[-1]:  # the last edge is the end of the run
             self._restart_solver(recorder)
         return is_ended
 

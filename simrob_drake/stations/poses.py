@@ -36,6 +36,7 @@ def add_poses(builder: DiagramBuilder, ports: StationPorts) -> None:
         outputs = [f"{robot.prefix}{output}" for output in frames]
         if robot.tcp:
             outputs.append(f"{robot.prefix}tcp_pose")
+        # The block joins the diagram that is stepped only if another block reads one of these outputs.
         ports.add_report(builder, f"{robot.prefix}poses", poses, ports.state, *outputs)
         ports.draw(f"{robot.prefix}poses", "sensor", "Poses\n" + wrapped(", ".join(["base", *robot.tools])), robot)
 

@@ -275,6 +275,8 @@ def add_prescribed_torque(
     # values for each prescribed joint), then the plant's state.
     motions = builder.GetSubsystemByName(name).get_output_port()
     bus = joined(builder, f"{name}.bus", motions, ports.state)
+    # Solvers that hold joint limits by themselves, discrete ones and cenic, take the reference as it is at the start
+    # of a step.
     rate = _STEPPED_RATE if solver.holds_joint_limits else _CONTINUOUS_RATE
     law = _rotor_law(robot, rotors, rate)
     force = mapped(builder, f"{name}.force", to_plant @ law, bus)

@@ -51,6 +51,8 @@ def step_findings(
 ) -> list[Finding]:
     """Compare the servos and stops of all robots with the steps of the solver.
 
+    A finding also warns if the torques of prescribed joints may be wrong under this solver.
+
     Args:
         config: configuration of the station.
         plant: the station's plant with its robots.
@@ -151,7 +153,7 @@ def _stiff_parts(
     Returns:
         one entry for the stops, and one for the servos.
     """
-    inertias = np.abs(robot.free_inertias(context))
+    inertias = np.abs(robot.free_inertias(context))  # rounding may make a tiny inertia negative
     lower, upper = np.array(robot.model.axis_limits)
     distances = np.minimum(postures - lower, upper - postures).min(axis=0)  # from the limits [rad or m]
     is_near = distances < np.where(robot.model.prismatic, _NEAR_DISTANCE, _NEAR_ANGLE)
@@ -298,7 +300,7 @@ def bound_steps(
         simulator: a simulator with the scheme ``cenic``.
         solver: settings of the scheme.
         longest: longest step, if it is less than that of the settings [s].
-        accuracy: accuracy, if it is less than that of the settings.
+        accuracy: accuracy, if it is finer (a smaller number) than that of the settings.
     """
     integrator = simulator.get_mutable_integrator()
     step = min(longest, solver.max_step)
@@ -306,8 +308,9 @@ def bound_steps(
     if integrator.get_initial_step_size_target() > step:
         # Drake would refuse to continue if the diagram changes.
         integrator.request_initial_step_size_target(step)
-    integrator.set_target_accuracy(min(accuracy, solver.accuracy))
-    _set_iteration(integrator, solver.accuracy, step)
+    step_accuracy = min(accuracy, solver.accuracy)
+    integrator.set_target_accuracy(step_accuracy)
+    _set_iteration(integrator, step_accuracy, step)
 
 
 def _set_iteration(integrator: CenicIntegrator, accuracy: float, step: float) -> None:

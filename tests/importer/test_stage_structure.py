@@ -151,6 +151,12 @@ def test_elements_of_drake_stay(tmp_path):
     assert done.plant.num_force_elements() == 2  # gravity is the other
 
 
+def test_a_dropped_frame_leaves_its_name_to_another_one(tmp_path):
+    done = Repaired(with_defect(END, f'<frame name="f" link="none"/><frame name="f" link="tip"/>{END}'), tmp_path)
+    assert len(done.told("dropped")) == 1
+    assert done.plant.HasFrameNamed("f")
+
+
 def test_a_world_link_becomes_a_root_of_another_name(tmp_path):
     text = with_defect(
         END, '<link name="world"/>' + joint("stand", "world", "base", inside='<origin xyz="1 2 3"/>') + END

@@ -93,11 +93,11 @@ def test_a_command_by_hand_holds_from_after_its_moment_on_whenever_the_run_began
     rows = [[0, 0.1, 0, 10], [0.5, 0.2, 0, 0]]
     line = Timeline(changes=[Change.model_validate({"time": 1.0, "drive": {"commands": rows}})])
     line.now = 0.9
-    hand = line.hands(load_station("roid1_walking"))["walk"]
+    hand = line.walk_drivers(load_station("roid1_walking"))["walk"]
     assert hand(0.1) is None
     assert hand(0.11) == hand(0.6) == pytest.approx((0.1, 0.0, np.deg2rad(10)))
     assert hand(0.61) == (0.2, 0.0, 0.0)
-    assert not Timeline().hands(load_station("roid1_walking"))
+    assert not Timeline().walk_drivers(load_station("roid1_walking"))
 
 
 def test_each_change_does_what_it_says() -> None:

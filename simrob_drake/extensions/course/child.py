@@ -11,6 +11,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from types import ModuleType
@@ -35,7 +36,7 @@ def main() -> None:
         for reply in _measure_points(job):
             replies.write(json.dumps(reply) + "\n")
     except AnswerEnded as end:
-        _end_likewise(end.code)
+        _end_as_answer_did(end.code)
     replies.flush()
     os._exit(0)  # without waiting for threads that are left
 
@@ -97,8 +98,8 @@ def _describe(problem: BaseException) -> str:
     return error_text(problem)
 
 
-def _end_likewise(code: int) -> None:
-    """End this process in the same way as the answer's process has ended.
+def _end_as_answer_did(code: int) -> None:
+    """End this process in the same way as the answer's process has ended: by the same signal or exit code.
 
     The process that has started this one explains to the user how it ended.
 
@@ -106,7 +107,9 @@ def _end_likewise(code: int) -> None:
         code: exit code of the answer's process; if it is negative, the number of the signal that ended that process.
     """
     if code < 0:
-        signal.signal(-code, signal.SIG_DFL)
+        # The signal must not be handled in another way. SIGKILL cannot be handled at all, so that this fails for it.
+        with suppress(OSError):
+            signal.signal(-code, signal.SIG_DFL)
         os.kill(os.getpid(), -code)
     os._exit(code)
 

@@ -26,7 +26,8 @@ def apply_limits(memory: int, seconds: int) -> None:
 
     Args:
         memory: largest size of the address space [bytes].
-        seconds: processor time [s]. The process may take one second more.
+        seconds: processor time [s]. The system ends the process one second later, so that the program that has started
+            the measurement, and waits as long, ends it first and says why.
     """
     limits = {
         resource.RLIMIT_AS: memory,
@@ -48,6 +49,8 @@ def take_over_output() -> TextIO:
 
 def load_module(file: Path, name: str) -> ModuleType:
     """Load a Python file as a module of a given name, and let it import modules from its folder.
+
+    An error that the code of the file raises is passed on.
 
     Raises:
         ImportError: the file's name is not that of a Python file.

@@ -65,6 +65,7 @@ class RemoteAnswer(ModuleType):
         Raises:
             AttributeError: the answer has no such name.
         """
+        # Python itself asks modules for names such as `__path__`: these are not looked up in the answer.
         if name.startswith("__") or name not in self._is_callable:
             raise AttributeError(name)
         if self._is_callable[name]:
@@ -75,7 +76,7 @@ class RemoteAnswer(ModuleType):
         """Make a function that calls the answer's function of this name, with positional arguments."""
 
         def call(*arguments: Any) -> Any:
-            """Call the function in the answer's process, and return its value or a block like the one it returns."""
+            """Call the function in the answer's process. Returns its value, or a block that stands for its block."""
             reply = self.request({"do": "call", "name": name, "arguments": encode(list(arguments))})
             if "block" in reply:
                 return RemoteBlock(self, decode(reply["block"]))

@@ -112,7 +112,7 @@ def _safe_path(name: str) -> Path:
     Raises:
         InvalidParameter: no file can have the name: it is too long, in too many folders, or no Unicode text.
     """
-    # Parts such as "..", and the "/" of an absolute path, are left out.
+    # Parts such as "..", and the "/" of an absolute path, are left out. If nothing is left, the file is called "file".
     parts = [part for part in PurePosixPath(name.replace("\\", "/")).parts if part.strip("./ ")] or ["file"]
     try:
         lengths = [len(part.encode()) for part in parts]

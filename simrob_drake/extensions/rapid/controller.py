@@ -262,7 +262,9 @@ class Controller:
     def posture(self, call: Call, target: RecordValue, pose: Vector) -> Vector:
         """Find the posture (n,) [rad or m] of the arm for a target of a call.
 
-        A target states a configuration: the quadrants of some axes, which select one of the postures that reach it.
+        A target states a configuration: the quadrants of some axes, which select one of the postures that reach it. It
+        counts if the program has not switched configurations off (ConfJ), and the robot has axes with quadrants.
+        Otherwise the posture that is nearest to the start of the move is taken.
 
         Args:
             call: the call, which gets remarks.
@@ -286,6 +288,7 @@ class Controller:
             if other_configurations:
                 listed = ", ".join(other_configurations)
                 raise LeftOut(f"a target with configuration {desired}, which has only {listed}")
+            # No posture at all reaches the target: below, the solver raises the error that says how near it came.
         elif self.configured["j"]:
             call.remark("configurations mean nothing to this robot: the nearest posture is taken", lost=False)
         try:
@@ -318,7 +321,7 @@ class Controller:
         self.finish()
         does = self.signals.put(name, value)
         if does is None:
-            self._name(call, f"nothing is known of the output {name}", lost=False)
+            self._remark_unnamed_signal(call, f"nothing is known of the output {name}", lost=False)
         for move in does or ():
             self._do(move)
 
@@ -330,12 +333,12 @@ class Controller:
             self.wait(10 * SHORTEST)
             value = self.signals.value(name, self.time, self.seen)
         if value is None:
-            self._name(call, f"nothing is known of the input {name}, it is taken as 0", lost=True)
+            self._remark_unnamed_signal(call, f"nothing is known of the input {name}, it is taken as 0", lost=True)
             return 0.0
         return value
 
-    def _name(self, call: Call, problem: str, *, lost: bool) -> None:
-        """Remark once that a signal has no name in a table, and where to name it.
+    def _remark_unnamed_signal(self, call: Call, problem: str, *, lost: bool) -> None:
+        """Remark, once for each signal, that the user's table (option --io) does not name it, and where to name it.
 
         Args:
             call: the call that uses the signal.

@@ -76,11 +76,12 @@ class Call:
         return self.arguments[index]
 
     def value(self, index: int, kind: str = "") -> Any:
-        """Evaluate an argument, and report the quaternions in it whose norm is not 1 if a type is named.
+        """Evaluate an argument. If a type is named, report the quaternions in the value whose norm is not 1.
 
         Args:
             index: index of the argument.
-            kind: name of the type that the value must have. If it is empty, a value of any type is returned.
+            kind: name of the type that the value must have. If it is empty, a value of any type is returned, without a
+                report.
 
         Raises:
             WrongType: the argument is missing, or has another type.
@@ -242,7 +243,7 @@ class Expressions:
         return text if "did you mean" in text else ""
 
     def value(self, node: Node) -> Value:
-        """Return what an expression is."""
+        """Evaluate an expression of any kind: by its function in _VALUES, or by a method ``_value_<kind>``."""
         if node.data in ("component_of", "element"):
             return self.place(node).get()
         if node.data in _VALUES:

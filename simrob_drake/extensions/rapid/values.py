@@ -201,7 +201,8 @@ def _faults_of_quaternion(orient: RecordValue, name: str) -> list[OrientFault]:
     deviation = abs(norm - 1.0)
     if deviation <= _ROUNDED_NORM:
         return []
-    # `rotation_of` refuses a quaternion of zeros. But nothing turns by the axes of a load's inertia, `aom`.
+    # A quaternion of zeros is refused when something is turned by it, in `rotation_of`, so it is not reported here.
+    # Only the axes of a load's inertia, `aom`, turn nothing: their zeros are reported.
     is_of_load = name.endswith("aom")
     if norm == 0 and not is_of_load:
         return []

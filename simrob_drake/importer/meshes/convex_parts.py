@@ -84,6 +84,8 @@ class _Part:
     def planes(self, cuts: tuple[float, ...]) -> Iterator[tuple[int, float]]:
         """Yield the planes to try: index of the axis normal to the plane, and position on this axis [m].
 
+        A plane that would make a half thinner than _LEAST_THICKNESS is left out.
+
         Args:
             cuts: positions of the planes as fractions of the part's size.
         """
@@ -143,7 +145,7 @@ class _Part:
         """The cut through the middle that removes most volume together with the next cuts of its halves.
 
         A single cut of a ring removes hardly any volume, since the hulls of the two halves
-        still fill the hole. Cuts of these halves do.
+        still fill the hole. Cuts of these halves do. If no plane can be tried, the result is _NO_CUT.
         """
         cuts = []
         for axis, level in self.planes((0.5,)):

@@ -215,6 +215,7 @@ class DriveWriter:
         constant, slope, *higher = np.asarray(model.eq_data[index][:_POLYNOMIAL_NUMBERS]).tolist()
         follower_zero = float(model.qpos0[model.jnt_qposadr[ends[0]]])
         if ends[1] < 0:
+            # A mimic must name a leader. With a multiplier of 0 it does not matter which: the joint names itself.
             position = written(follower_zero + constant)
             ET.SubElement(follower, "mimic", joint=name_of(follower), multiplier="0", offset=position)
             return

@@ -198,7 +198,8 @@ def _check_replicates(root: ET.Element, report: ImportReport) -> None:
     Raises:
         InvalidModel: they make more than can be imported in a few seconds.
     """
-    total = 0  # count of the elements that were visited, with all their copies
+    # Count of all copies of replicated elements visited so far. Elements that are not replicated do not count.
+    total = 0
     elements_left = [_CopiedElement(root, 1)]
     while elements_left:
         element, own_copies = elements_left.pop()
@@ -206,6 +207,8 @@ def _check_replicates(root: ET.Element, report: ImportReport) -> None:
             total += own_copies
         is_replicate = element.tag == "replicate"
         child_copies = own_copies * _copies_by(element) if is_replicate else own_copies
+        # The copies of the content are checked before the content is visited, so that the message names the replicate,
+        # and an empty one is refused, too.
         if total > _MOST_COPIES or child_copies > _MOST_COPIES:
             where = f"<replicate count='{shortened(element.get('count', ''))}'>" if is_replicate else ""
             raise report.refusal(where, f"more than {_MOST_COPIES} elements with all that is replicated")
@@ -222,7 +225,7 @@ class _CopiedElement(NamedTuple):
 def _copies_by(replicate: ET.Element) -> int:
     """Count of copies that a ``replicate`` element makes of its content.
 
-    It is 1 if the element has no valid count, which MuJoCo refuses later.
+    It is 1 if the element has no valid count, or a count below 1: MuJoCo refuses these later.
     """
     numbers = numbers_in(replicate.get("count", "")) or ()
     if len(numbers) != 1 or not np.isfinite(numbers[0]):

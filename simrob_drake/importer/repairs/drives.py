@@ -176,7 +176,7 @@ def _repair_gears(actuator: ET.Element, where: str, report: ImportReport) -> Non
         report: report of the import.
     """
     for gear in list(actuator):
-        tag = gear.tag.removeprefix(DRAKE)
+        tag = gear.tag.removeprefix(DRAKE)  # Drake's own elements have its prefix, and their number is an attribute
         if tag not in _LEAST_GEAR_VALUES:
             continue
         text = gear.text if tag == "mechanicalReduction" else gear.get("value")
@@ -284,7 +284,8 @@ def _repair_efforts(
 def _rotor_inertias(robot: ET.Element) -> Mapping[str, float]:
     """Inertia of each motor's rotor as its joint feels it, by the name of the joint [kg m² or kg].
 
-    A joint feels J n², with the inertia J of the rotor and the gear ratio n. It is 0 if the file gives no inertia.
+    A joint feels J n², with the inertia J of the rotor and the gear ratio n. An inertia that is missing is 0, and a
+    gear ratio that is missing is 1.
     """
     rotors = dict.fromkeys(movable_joints(robot), 0.0)
     for drive in robot.iterfind("transmission"):
@@ -350,6 +351,8 @@ def _estimate_effort(joint: ET.Element, load: _Load, rotor: float, floating_mass
     - SAFETY times the effort that holds the load against gravity;
     - the effort that holds the load and accelerates load and rotor by REVOLUTE_ACCELERATION or PRISMATIC_ACCELERATION;
     - for a robot that floats, such as one on legs: the effort that carries the rest of the robot on the far end.
+
+    It is UNKNOWN_EFFORT if neither the mass of the load nor the inertia of the rotor is known.
 
     Args:
         joint: the joint.

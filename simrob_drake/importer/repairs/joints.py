@@ -107,7 +107,7 @@ def _replace_floating_joint(robot: ET.Element, report: ImportReport) -> None:
     """
     child_links = {link_of(joint, "child") for joint in robot.iterfind("joint")}
     roots = [link for link in robot.iterfind("link") if name_of(link) not in child_links]
-    if not roots:
+    if not roots:  # the joints form a loop, which a later stage refuses
         return
     root = roots[0]
     joints = joints_at(robot)[name_of(root)]
@@ -248,7 +248,7 @@ def _widen_followers(robot: ET.Element, report: ImportReport) -> None:
         if name in finished or follows is None:
             return
         finished.add(name)
-        leader = joints[follows.get("joint", "")]
+        leader = joints[follows.get("joint", "")]  # it moves: followers of other joints were made fixed before
         widen_after_leader(name_of(leader))
         _widen_follower(joint, leader, report)
 
@@ -273,8 +273,8 @@ def _widen_follower(joint: ET.Element, leader: ET.Element, report: ImportReport)
         limit.set("lower", f"{lower:.12g}")
         limit.set("upper", f"{upper:.12g}")
         report.add("repaired", where, f"{problem}; [{lower:.4g}, {upper:.4g}]")
+    # Otherwise the leader has no limits. A prismatic follower keeps its own, since it must have some.
     elif joint.get("type") == "revolute":
-        # The leader has no limits, so the follower turns without end.
         _set_range(joint, None, None)
         joint.set("type", "continuous")
         report.add("repaired", where, f"{problem}; continuous instead of revolute")

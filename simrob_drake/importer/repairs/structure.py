@@ -87,7 +87,7 @@ def mend_numbers(robot: ET.Element, report: ImportReport) -> None:
             if _XACRO_EXPRESSION.search(value):
                 problem = f'{key}="{shortened(value)}" is an expression of xacro; import the xacro file itself'
                 raise report.refusal(place.words, problem)
-        is_checked = place.words.startswith(_CHECKED)
+        is_checked = place.words.startswith(_CHECKED)  # the words begin with the tag of the link, joint or material
         for key in list(element.attrib):
             rule = _RULES.get((element.tag, key))
             if rule is None and is_checked:
@@ -148,7 +148,7 @@ def _repair_numbers(element: ET.Element, key: str, rule: _NumberRule, where: str
     if numbers is not None:
         element.set(key, " ".join(numbers))
         report.add("repaired", where, f'{value} written as "{element.get(key)}"')
-    elif rule.is_required and text.strip():
+    elif rule.is_required and text.strip():  # an empty text counts as missing, and a later stage gives the default
         raise report.refusal(where, problem)
     elif rule.default is not None:
         element.set(key, rule.default)
@@ -172,7 +172,7 @@ def _understand_numbers(text: str, counts: tuple[int, ...], unit: str) -> list[s
         unit: unit that may follow a number.
 
     Returns:
-        the numbers as they were written; None if the text cannot be understood.
+        the numbers as they were written, very small ones as 0; None if the text cannot be understood.
     """
     plain = text.replace("\N{MINUS SIGN}", "-").strip("()[]{} \t\r\n")
     spaced = re.sub(r"[,;]\s+|;", " ", plain)
@@ -276,7 +276,7 @@ def _closings_of_second_parents(
         first = next(other for other in robot.iterfind("joint") if link_of(other, "child") == child)
         where = f"link '{child}'"
         problem = f"is the child of two joints, '{name_of(first)}' and '{name_of(joint)}'; a URDF is a tree"
-        joins_two_links = link_of(joint, "parent") != child
+        joins_two_links = link_of(joint, "parent") != child  # no coupling holds a link to itself
         closing = closing_of_joint(joint) if joins_two_links else None
         if closing is not None and options.couple:
             robot.remove(joint)
@@ -303,7 +303,7 @@ def _take_out_loops(robot: ET.Element, options: ImportOptions, report: ImportRep
     for element in [element for element in robot if element.tag in _LOOP_TAGS]:
         where = f"<{element.tag.removeprefix(DRAKE)}> '{name_of(element)}'"
         problem = "is no part of a tree of motored joints, which a station's robot is"
-        coupling = element.find(CLOSING)
+        coupling = element.find(CLOSING)  # added by the reader of the file, if a coupling can replace the element
         line = "" if coupling is None else LoopCoupling.of_element(coupling).line
         if coupling is not None and options.couple:
             robot.remove(element)
@@ -395,7 +395,8 @@ def drop_lost_frames(robot: ET.Element, report: ImportReport) -> None:
         if not name or name in taken_names or frame.get("link") not in links:
             robot.remove(frame)
             report.add("dropped", f"frame '{name}'", "its link is not there, or its name is missing or taken")
-        taken_names.add(name)
+        else:
+            taken_names.add(name)
     _drop_lost_groups(robot, links, taken_names, report)
     for bushing in list(robot.iterfind(f"{DRAKE}linear_bushing_rpy")):
         # A bushing names its two frames in <bushing_frameA> and <bushing_frameC>.
@@ -417,6 +418,7 @@ def _drop_lost_groups(robot: ET.Element, links: set[str], taken_names: set[str],
     welded_links = {link_of(joint, "child") for joint in robot.iterfind("joint") if joint.get("type") == "fixed"}
     for group in list(robot.iterfind(f"{DRAKE}collision_filter_group")):
         members = {member.get("link", "") for member in group.iterfind(f"{DRAKE}member")}
+        # The words before the name let a group have the name of a link or frame.
         name = f"collision filter group '{name_of(group)}'"
         has_free_name = bool(name_of(group)) and name not in taken_names
         # A link that is welded to another one may be merged with it later in the import.

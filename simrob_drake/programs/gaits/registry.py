@@ -53,7 +53,10 @@ def gait_kinds() -> tuple[type[Gait], ...]:
 
 @cache
 def gaits_model() -> type[Strict]:
-    """Make the pydantic model of a file `gaits.yaml`: one section for each kind of gait."""
+    """Make the pydantic model of a file `gaits.yaml`: the keys of `_Gaits`, and one section for each kind of gait.
+
+    A section contains the gaits of its kind by name.
+    """
     sections: dict[str, Any] = {}
     for kind in gait_kinds():
         described: Any = Field(default_factory=dict, description=f"{kind.__doc__} By name.")
@@ -74,7 +77,17 @@ def load_gaits(robot: str | RobotModel) -> Any:
 
 
 def gaits_of(robot: str | RobotModel, *, steps: bool) -> dict[str, Gait]:
-    """Return a robot's gaits that go steps, or others; raises InvalidParameter: none; InvalidConfig: a wrong entry."""
+    """Find the gaits of a robot by name: those that consist of steps, or all others.
+
+    Args:
+        robot: name or model of the robot.
+        steps: whether to return the gaits with steps, such as walks, or those without, such as postures.
+
+    Raises:
+        UnknownName: there is no such robot.
+        InvalidParameter: the robot has no gaits at all.
+        InvalidConfig: its file of gaits has a wrong entry.
+    """
     gaits = load_gaits(robot)
     found: dict[str, Gait] = {}
     for kind in gait_kinds():

@@ -96,7 +96,7 @@ class _AnyMoveField:
     """Annotation of a field that holds a move of any kind; which kinds there are is asked when a move is read."""
 
     def __get_pydantic_core_schema__(self, _source: Any, _handler: Any) -> CoreSchema:
-        """Check a move by its kind, and write it as a program's file has it."""
+        """Tell pydantic to check a move by its kind, and to write it as a program's file has it."""
         return core_schema.no_info_plain_validator_function(
             _validate_move,
             serialization=core_schema.plain_serializer_function_ser_schema(Move.entry),

@@ -244,6 +244,7 @@ def _posture_goal(planning: Planning, joints: npt.ArrayLike | str) -> Vector:
     """
     postures = planning.postures(joints, "joints")
     hint = degrees_hint(planning.chain, postures)
+    # A target has no time: the zeros are needed for the call only.
     check_limits(planning.chain, np.zeros(len(postures)), postures, lambda _: PathPoint(1, "the target"), hint)
     _check_single(postures)
     return postures

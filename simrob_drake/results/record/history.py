@@ -82,6 +82,8 @@ class Recorder:
     def attach(self, simulator: Simulator, pace: Callable[[Context], None] | None = None) -> None:
         """Continue the record with another simulator, beginning with its present state.
 
+        A run calls this where the diagram that is stepped changes, and where the solver is initialized again.
+
         Args:
             simulator: a simulator whose context has the same states, in the same order, as that of the former one.
             pace: as in the constructor.
@@ -137,7 +139,7 @@ class Recorder:
             self._abstract.append(values)
 
     def _drop_last(self) -> None:
-        """Remove the last record."""
+        """Remove the last record, which another one of the same time replaces."""
         del self.times[-1:]
         del self._abstract[-1:]
         del self._continuous[len(self._continuous) - self._continuous_size :]

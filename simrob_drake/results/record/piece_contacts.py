@@ -73,6 +73,8 @@ def sample_piece_contacts(
 def _evaluated_samples(times: Vector) -> Indices:
     """Indices of the samples at which contacts are evaluated: every k-th sample, beginning with the first.
 
+    The rate is at most EVALUATION_RATE, and the count at most MOST_EVALUATIONS.
+
     Args:
         times: times of all samples, shape (m,) [s].
     """

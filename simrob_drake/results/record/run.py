@@ -199,7 +199,7 @@ class RecordedRun:
 
     @cached_property
     def piece_contacts(self) -> dict[str, list[ContactSample]]:
-        """Contacts of each free piece at some samples, by the name of the piece.
+        """Contacts of each free piece, by its name, at the samples chosen by `sample_piece_contacts`.
 
         Empty if the station has no contact, or no free pieces.
         """
@@ -357,6 +357,6 @@ def _events_apart(everything: list[Event], gap: float) -> list[Event]:
         is_hand_over = " to " in text
         if not events or time - events[-1][0] > gap:
             events.append((time, text))
-        elif time == end or (is_hand_over and len(events) > 1):  # the start of the run is never replaced
+        elif time == end or (is_hand_over and len(events) > 1):  # a hand-over does not replace the start of the run
             events[-1] = (time, text)
     return events

@@ -183,7 +183,10 @@ class Sampler:
         return self._context
 
     def cut(self, time: float) -> None:
-        """Remove the states after a time [s] from the history, and make the sampler tolerant."""
+        """Remove the states after a time [s] from the history, and make the sampler tolerant.
+
+        This is for a run in which a block failed: from then on, its values become NaN instead of the same error.
+        """
         end = self._at(np.array([time]))
         self.history = self._history.joined(end)
         self._tolerant = True
@@ -236,15 +239,15 @@ def _recorded_groups(diagram: Diagram, root: Context) -> dict[OutputPort, int]:
         for each such port the index of the group among the discrete groups of the diagram.
     """
     found = dict[OutputPort, int]()
-    first_group = (
-        0  # index of the first group of the system; the groups of a diagram are those of its systems, in order
-    )
+    # Index of the first group of each system: the groups of a diagram are those of its systems, in order.
+    first_group = 0
     for system in diagram.GetSystems():
         own = dict[OutputPort, int]()
         if isinstance(system, Diagram):
             own = _recorded_groups(system, root)
         if isinstance(system, SampledBlock) or system.get_name() == "plant":
-            # The attribute has the group of each output by its name. Drake's own plant has no such attribute.
+            # Sampled blocks, and another engine in place of Drake's plant, have an attribute with the group of each
+            # output by its name. Drake's own plant has no such attribute.
             group_of_output: dict[str, int] = getattr(system, "outputs", {})
             own = {system.GetOutputPort(name): group for name, group in group_of_output.items()}
         for port, group in own.items():

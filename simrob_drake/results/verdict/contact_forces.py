@@ -226,7 +226,7 @@ def _steady_contact(contacts: list[ContactSample]) -> SteadyContact | None:
         return None
     mean_normal = np.mean([contact.normal for contact in contacts], axis=0)
     length = float(np.linalg.norm(mean_normal))
-    if length == 0.0:
+    if length == 0.0:  # normals that are opposite, as of a piece in a slot
         return None
     # The normal of a sample is at most 1 long, so that this bounds its angle to the mean.
     if any(contact.normal @ mean_normal < STEADY_NORMAL * length for contact in contacts):

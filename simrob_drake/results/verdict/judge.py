@@ -58,6 +58,7 @@ def _of_each_robot(measure: MeasureOfRobot) -> MeasureOfRun:
     """Decorator: extend a measure of one robot to all robots of a run. The subjects are the axes of all robots."""
 
     def of_run(run: RecordedRun) -> Measured | None:
+        """Measure all robots, and join the values of their axes. Returns None if no robot has anything to measure."""
         names = list[str]()
         values = []
         times = []
@@ -124,12 +125,12 @@ def _errors(run: RecordedRun, robot: StationRobot) -> Vector | None:
 def _without_error(run: RecordedRun, robot: StationRobot) -> dict[int, str]:
     """Axes of a robot that are not expected at their reference, by index, each with the reason.
 
-    These are fingers, and axes without a motor.
+    These are fingers, and axes without a motor: their servo has no gain, and they had no torque at all in the run.
     """
     left_out = _fingers(robot)
     has_torque = run.axes("tau", robot.name).any(axis=0)
     idle = (robot.gains.kp == 0) & ~has_torque
-    if not idle.all():  # a robot without any motor is judged as a whole
+    if not idle.all():  # in a robot without any motor, all axes are judged
         left_out |= dict.fromkeys(np.flatnonzero(idle).tolist(), _IDLE)
     return left_out
 
@@ -226,7 +227,7 @@ def _speed_time(run: RecordedRun, robot: StationRobot) -> AxisValues:
 
 
 def _payload(run: RecordedRun) -> Measured | None:
-    """Measure the mass that each robot carries, as a share of its rated payload."""
+    """Measure the mass that each robot carries, as a share of its rated payload. Robots without one are left out."""
     names = []
     loads = []
     rated_payloads = []
@@ -242,9 +243,12 @@ def _payload(run: RecordedRun) -> Measured | None:
 
 
 def _tcp_speed(run: RecordedRun) -> Measured | None:
-    """Measure the largest speed of each robot's tool centre point, as a share of its rated speed."""
+    """Measure the largest speed of each robot's tool centre point, as a share of its rated speed.
+
+    Robots without a tool or a rated speed are left out.
+    """
     robots = [robot for robot in run.plant.robots.values() if robot.tcp and robot.model.tcp_speed is not None]
-    if not robots or len(run.times) < 2:
+    if not robots or len(run.times) < 2:  # a speed is the difference of two samples
         return None
     speeds = []
     for robot in robots:
@@ -279,6 +283,7 @@ def _heat(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
         return None
     load = (run.axes("tau", robot.name) / rated) ** 2
     steps = np.diff(run.times, prepend=run.times[0])
+    # An axis without a motor has any time constant: its load is 0.
     time_constants = np.array([1.0 if motor is None else motor.thermal_time for motor in robot.motors])
     heat = np.zeros_like(load)
     for row in range(1, len(load)):
@@ -340,7 +345,7 @@ def _below_floor(run: RecordedRun) -> Measured | None:
 
 def _distance(run: RecordedRun) -> Measured | None:
     """Measure the smallest distance that each distance sensor measured [m]."""
-    columns = set(run.names)
+    columns = set(run.names)  # the signals that were recorded
     signals = [signal for signal in run.signals if signal.role == "distance" and columns.issuperset(signal.names)]
     if not signals:
         return None
@@ -381,6 +386,7 @@ def _shortened_steps(run: RecordedRun) -> Measured | None:
 
 def _coupling_gap(run: RecordedRun) -> Measured | None:
     """Measure the largest gap of each coupling between two bodies, at some times of the run [m or rad]."""
+    # Springs are no constraints: they may be stretched.
     all_couplings = run.config.couplings.items()
     couplings = {name: one for name, one in all_couplings if one.constrains and isinstance(one, Between)}
     if not couplings:
@@ -426,5 +432,5 @@ def verdict_of(run: RecordedRun) -> Verdict:
         measure = criterion.of(run)
         if measure is not None:
             measures.append(measure)
-    has_touched = run.touch.depths or run.touch.slides
+    has_touched = run.touch.depths or run.touch.slides  # otherwise the rate of contacts is of no interest
     return Verdict(tuple(measures), run.config.sample_rate, run.touch.rate if has_touched else None)

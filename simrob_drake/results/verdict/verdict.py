@@ -129,7 +129,7 @@ class Criterion:
             return None
         return float(np.deg2rad(bound) if ending == "_deg" else bound)
 
-    def passes(self, entry: MeasuredValue) -> bool:
+    def is_violated_by(self, entry: MeasuredValue) -> bool:
         """Whether a value violates its bound."""
         if entry.bound is None:
             return False
@@ -171,7 +171,7 @@ class Measure:
     @cached_property
     def warning(self) -> str:
         """A sentence about the worst entry, if it violates its bound; otherwise an empty text."""
-        violations = sum(map(self.criterion.passes, self.entries))
+        violations = sum(map(self.criterion.is_violated_by, self.entries))
         if not violations:
             return ""
         worst = self.worst
@@ -196,7 +196,7 @@ class Measure:
         Values count as multiples of their bounds if these are not zero, since the axes of a robot may have bounds in
         different units. If smaller values are worse, the negative value counts.
         """
-        is_violation = self.criterion.passes(entry)
+        is_violation = self.criterion.is_violated_by(entry)
         if self.criterion.least:
             return Severity(is_violation, -entry.value)
         if entry.bound:
@@ -322,7 +322,9 @@ def join_verdicts(verdicts: Sequence[Verdict], durations: Sequence[float]) -> Ve
 def _combine(
     measure: Measure, known: MeasuredValue | None, new: MeasuredValue, duration: float, total_time: float
 ) -> MeasuredValue:
-    """Combine the entry of a subject in one run with its entry in the runs before.
+    """Combine the entry of a subject in one run with its entry in the runs before: the worse of the two.
+
+    Shares of the time are added instead, each in proportion to the duration of its run.
 
     Args:
         measure: the measure that contains the new entry.

@@ -65,8 +65,8 @@ def shape_of(value: Any) -> MatrixShape:
 
 
 def _elementwise(shapes: Sequence[MatrixShape]) -> CallSize:
-    """Bound a function of each element. A row and a column are repeated to a matrix, as in their sum."""
-    # The longest sides would not show that the result is empty.
+    """Bound a function that acts element by element. A row and a column are repeated to a matrix, as in their sum."""
+    # Without this, the longest sides below would hide that the result is empty.
     if any(shape.size == 0 for shape in shapes):
         return CallSize(0)
     rows = max(shape.rows for shape in shapes)
@@ -136,11 +136,11 @@ def check_growth(name: str, values: Sequence[Any]) -> int:
     Raises:
         NotUnderstood: the call exceeds a bound; the message gives the counts.
     """
-    # The bound on the products stops calls whose result is small but takes long, such as an inverse.
     rule = _RULES.get(name, _elementwise)
     call_size = rule([shape_of(value) for value in values] or [MatrixShape(1, 1)])
     if call_size.elements > LARGEST:
         raise NotUnderstood(f"makes {call_size.elements:.3g} elements by '{name}'; at most {LARGEST} can be")
+    # A result can be small and still take long, such as an inverse.
     if call_size.products > MOST_PRODUCTS:
         raise NotUnderstood(f"takes {call_size.products:.3g} products by '{name}'; at most {MOST_PRODUCTS:.3g} can be")
     return call_size.elements
@@ -187,7 +187,7 @@ class Budget:
         self._elements_left = MOST_ELEMENTS
 
     def spend(self, elements: int) -> None:
-        """Subtract the elements of a result from the budget.
+        """Subtract the elements of a call's result from the budget.
 
         Raises:
             NotUnderstood: the budget is exceeded.
