@@ -42,7 +42,7 @@ class Semantics:
 
     Attributes:
         states: named postures [rad or m].
-        hands: names of the joints of all end effectors.
+        hands: names of the joints in the groups of all end effectors. A group may name joints that the robot lacks.
         carriers: names of the links that carry an end effector.
         pairs: pairs of links whose collisions do not count.
     """
@@ -72,7 +72,7 @@ def srdf_of(source: Path) -> Path | None:
 
 
 def read_semantics(source: Path, robot: ET.Element, options: ImportOptions, report: ImportReport) -> Semantics:
-    """Read the SRDF of a robot and add an entry about it to the report.
+    """Read the SRDF of a robot. If there is one, an entry about it is added to the report.
 
     Args:
         source: file of the robot.
@@ -90,6 +90,8 @@ def read_semantics(source: Path, robot: ET.Element, options: ImportOptions, repo
     if file is None:
         return NOTHING
     try:
+        # With a report of its own: read_source reports on the file that it is given, and the robot's report is about
+        # the robot's file. What matters of the SRDF is reported below.
         tree = read_source(file, ImportReport(file), options)
     except InvalidModel as problem:
         if options.srdf is not None:
@@ -107,11 +109,13 @@ def read_semantics(source: Path, robot: ET.Element, options: ImportOptions, repo
         parent_link = end_effector.get("parent_link", "")
         if parent_link in links:
             hand_carriers.append(parent_link)
+    # Links that are joined by fixed joints count as one body: the name of the link that carries it, by link.
+    carrier_of_link = carriers(robot)
     semantics = Semantics(
         states=_read_states(tree, joints.keys(), report),
         hands=frozenset(hand_joints),
         carriers=tuple(hand_carriers),
-        pairs=frozenset(_ignored_pairs(tree, carriers(robot))),
+        pairs=frozenset(_ignored_pairs(tree, carrier_of_link)),
     )
     pairs = f"{len(semantics.pairs)} pairs of links that do not mind each other"
     report.add("read", f"SRDF {file.name}", f"postures {', '.join(semantics.states) or 'none'}; {pairs}")

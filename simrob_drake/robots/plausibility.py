@@ -197,8 +197,9 @@ def payload_doubt(payload: float, mass: float) -> str:
 def moving_mass(robot: ET.Element) -> float:
     """Compute the mass of the links that joints move [kg], with which :func:`payload_doubt` compares a payload."""
     root = root_link(robot)
-    carrier = carriers(robot)
-    return sum(mass_of(link) for link in robot.iterfind("link") if carrier[name_of(link)] != root)
+    # Links that fixed joints connect to the root have the root as their carrier: no joint moves them.
+    carrier_of_link = carriers(robot)
+    return sum(mass_of(link) for link in robot.iterfind("link") if carrier_of_link[name_of(link)] != root)
 
 
 def _joint_doubts(robot: ET.Element) -> Iterator[Doubt]:

@@ -302,8 +302,9 @@ def with_friction(
     """Add the torques that overcome Coulomb friction to computed torques that lack them.
 
     The sum is what the motors give: the signal ``torque`` of the robot in the results. Torques lack friction if they
-    come from the inverse dynamics of a kinematic station, from the actuators of a discrete solver (their sum for each
-    joint has friction in it, with a minus), or from the reaction forces of joints.
+    come from the inverse dynamics of a kinematic station, from the actuators of a discrete solver, or from the
+    reaction forces of joints. With a discrete solver, friction is one more actuator of each joint (see
+    :func:`wire_friction`), so the sum over a joint's actuators is the motor's torque minus friction.
 
     Args:
         builder: builder of the station's diagram, to which blocks are added.
@@ -317,17 +318,17 @@ def with_friction(
         output port with the sum, shape (n,) [N·m or N]; the given port if none of these axes has friction.
     """
     count = len(robot.axes)
-    is_added = np.ones(count)
+    weights = np.ones(count)  # 1 for axes whose friction is added, else 0
     if axes is not None:
-        is_added = np.zeros(count)
-        is_added[list(axes)] = 1.0
-    if not (is_added * robot.model.friction).any():
+        weights = np.zeros(count)
+        weights[list(axes)] = 1.0
+    if not (weights * robot.model.friction).any():
         return torque
     speeds = np.full(count, robot.model.drives.friction_speed)
     friction = _sliding(builder, ports, robot, speeds)
-    if not is_added.all():
+    if not weights.all():
         # A diagonal matrix of ones and zeros drops the friction of the other axes.
-        friction = mapped(builder, f"{robot.prefix}friction.counted", np.diag(is_added), friction)
+        friction = mapped(builder, f"{robot.prefix}friction.counted", np.diag(weights), friction)
     return summed(builder, f"{robot.prefix}friction.torque", torque, friction)
 
 

@@ -199,7 +199,8 @@ def _are_rows_sane(states: Vector) -> Mask:
 def _is_sane(values: Vector) -> Mask:
     """Whether each value has a size that is possible for a robot.
 
-    NaN and values of RUNAWAY or more are not sane. Infinity is: a monitor stores it for "the condition is not met".
+    NaN and values of RUNAWAY or more are not sane. Infinity is: blocks store it for "not yet", such as a
+    monitor whose condition is not met, or the delay of a sampled block before the first sample.
     """
     return np.asarray(np.isinf(values) | (np.abs(values) < RUNAWAY))
 
