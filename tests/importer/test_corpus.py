@@ -144,6 +144,7 @@ UPSETTING = [
 ]
 
 
+@pytest.mark.probe
 @pytest.mark.parametrize(("good", "bad", "words"), UPSETTING)
 def test_the_probe_names_what_upsets_drake(one_joint_urdf, write_urdf, good, bad, words):
     assert good in one_joint_urdf
@@ -156,6 +157,7 @@ def test_the_probe_names_what_upsets_drake(one_joint_urdf, write_urdf, good, bad
     assert [path.name for path in file.parent.iterdir()] == [file.name]
 
 
+@pytest.mark.probe
 @pytest.mark.parametrize("name", ["scale mirrors", "box of size zero"])
 def test_what_is_mended_stands_the_probe(tmp_path, name):
     defect = next(defect for defect in DEFECTS if defect.name == name)
