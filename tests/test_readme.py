@@ -37,6 +37,7 @@ LONG = (
     "docs/legged_robots.md 2",  # as tests/programs/test_automatic.py
     "docs/arms.md 8",  # as tests/programs/test_grip.py
     "docs/standing.md 2",  # as tests/test_loop_stations.py
+    "docs/legged_robots.md 1",  # as tests/programs/test_legged_robot.py
 )
 """Blocks that take seconds, and do what other tests do."""
 
