@@ -18,6 +18,7 @@ from simrob_drake.base.files import models_root
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.urdf import with_absolute_meshes
+from tests import probing
 
 ONE_JOINT_URDF = """<robot name="arm">
   <link name="base">
@@ -66,6 +67,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
         _module = item.path
         gc.collect()
         gc.freeze()  # else a third of the time goes into looking through the imported libraries, again and again
+        gc.set_threshold(50_000)  # objects; by the interpreter's 2000 it looks again after each figure and station
 
 
 def pytest_unconfigure() -> None:
@@ -88,17 +90,30 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.flaky(reruns=1))  # said in the last line as "rerun"
 
 
-def pytest_configure() -> None:
+def pytest_configure(config: pytest.Config) -> None:
     """Let commands that tests start hear Ctrl-C: what a script starts in the background would ignore it."""
+    config.addinivalue_line("markers", "probe: imported robots are parsed by the importer's own process")
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(autouse=True)
+def _quick_probe(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let imports be parsed in processes that need not load Drake, but where a test is marked ``probe``."""
+    if request.node.get_closest_marker("probe") is None:
+        monkeypatch.setattr("simrob_drake.importer.probe._complaint", probing.complaint)
 
 
 @pytest.fixture
 def no_plots(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Save results without plots, which take most of its time, but where a test is marked ``plots``."""
+    """Save results without plots and with small film strips, but where a test is marked ``plots``.
+
+    Plots and rendered frames take most of the time of saving.
+    """
     if request.node.get_closest_marker("plots") is None:
         monkeypatch.setattr("simrob_drake.results.files._save_plots", lambda *_: None)
         monkeypatch.setattr("simrob_drake.results.files.in_background", lambda _: nullcontext())
+        for size, pixels in (("_HEIGHT", 60), ("_LOW", 40), ("_SHADOW_MAP", 64)):
+            monkeypatch.setattr(f"simrob_drake.results.animation.pictures.{size}", pixels)
 
 
 @pytest.fixture

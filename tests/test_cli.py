@@ -40,7 +40,7 @@ def test_a_run_leaves_a_whole_result(tmp_path, capsys):
 
 
 def test_options_of_output_do_not_change_the_signals(tmp_path):
-    command = ["run", "irb120_dynamic", "--duration", "0.6"]
+    command = ["run", "irb120_dynamic", "--duration", "0.2"]
     run_command([*command, "--out", "plain", "--no-recording"])
     run_command([*command, "--out", "live", "--no-recording", "--live"])
     run_command([*command, "--out", "recorded"])
@@ -328,7 +328,12 @@ main()
 
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="counts threads as Linux tells them")
 @pytest.mark.parametrize(
-    ("told", "threads"), [({}, 1), ({"OPENBLAS_NUM_THREADS": "2"}, 2), ({"OMP_NUM_THREADS": "2"}, 2)]
+    ("told", "threads"),
+    [
+        ({}, 1),
+        ({"OPENBLAS_NUM_THREADS": "2"}, 2),
+        pytest.param({"OMP_NUM_THREADS": "2"}, 2, marks=pytest.mark.long),
+    ],
 )
 def test_one_thread_works_unless_the_environment_says_otherwise(told, threads):
     command = [sys.executable, "-c", THREADS]

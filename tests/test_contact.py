@@ -203,6 +203,7 @@ def touched():
 
 
 class TestForceStop:
+    @pytest.mark.usefixtures("no_plots")
     def test_the_run_ends_where_the_ball_touches(self, touched, tmp_path):
         assert (touched.ending, touched.stopped_by) == ("monitor", "stop")
         assert touched.message == f"tip and floor touch, at {touched.stop_time:.4g} s"

@@ -30,8 +30,16 @@ READMES = sorted(ROOT.glob("README*.md"))
 TEXTS = [*READMES, ROOT / "CONTRIBUTING.md", *sorted(ROOT.glob("docs/**/*.md"))]
 PAGES = {str(page.relative_to(ROOT)): page.read_text() for page in TEXTS}
 
-LONG = ("README.md 2",)
-"""The command line in one block, half a minute of it."""
+LONG = (
+    "README.md 2",  # the command line in one block, half a minute of it
+    "docs/walking.md 2",  # climbs stairs as tests/programs/gaits/test_climb.py does
+    "docs/parts.md 5",
+    "docs/legged_robots.md 2",  # as tests/programs/test_automatic.py
+    "docs/arms.md 8",  # as tests/programs/test_grip.py
+    "docs/standing.md 2",  # as tests/test_loop_stations.py
+    "docs/legged_robots.md 1",  # as tests/programs/test_legged_robot.py
+)
+"""Blocks that take seconds, and do what other tests do."""
 
 each_page = pytest.mark.parametrize("page", PAGES)
 each_readme = pytest.mark.parametrize("page", [page.name for page in READMES])
@@ -52,11 +60,17 @@ def marks_of(name):
     return [pytest.mark.long] if name.startswith(("README.es", "docs/es/")) or name in LONG else []
 
 
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    """A folder of imports for all blocks: each names files of its own."""
+    return tmp_path_factory.mktemp("cache")
+
+
 @pytest.fixture
-def folder(tmp_path, monkeypatch, one_joint_urdf):
+def folder(tmp_path, cache, monkeypatch, one_joint_urdf):
     """Go to an empty folder, but for a URDF with a defect."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
+    monkeypatch.setenv(CACHE_VARIABLE, str(cache))
     (tmp_path / "downloads").mkdir()
     without_motor = re.sub(r"<transmission.*</transmission>", "", one_joint_urdf, flags=re.DOTALL)
     (tmp_path / "downloads" / "arm.urdf").write_text(without_motor)

@@ -139,7 +139,13 @@ def test_two_defects_are_mended_or_refused(tmp_path, pair):
 
 
 UPSETTING = [
-    pytest.param('size="0.1 0.1 0.2"', 'size="0 0 0"', "link 'base' <collision>: Drake", id="box of size zero"),
+    pytest.param(
+        'size="0.1 0.1 0.2"',
+        'size="0 0 0"',
+        "link 'base' <collision>: Drake",
+        id="box of size zero",
+        marks=pytest.mark.probe,
+    ),
     pytest.param('lower="-1" upper="2"', 'lower="2" upper="-1"', "joint 'shoulder' <limit>: Drake", id="limits"),
 ]
 
@@ -156,6 +162,7 @@ def test_the_probe_names_what_upsets_drake(one_joint_urdf, write_urdf, good, bad
     assert [path.name for path in file.parent.iterdir()] == [file.name]
 
 
+@pytest.mark.probe
 @pytest.mark.parametrize("name", ["scale mirrors", "box of size zero"])
 def test_what_is_mended_stands_the_probe(tmp_path, name):
     defect = next(defect for defect in DEFECTS if defect.name == name)

@@ -180,8 +180,9 @@ def test_nothing_is_read_outside_of_the_folders_of_meshes(tmp_path, reading):
     secret.write_text(f"{HEAD}<link name='secret'/></robot>")
     path = alone(tmp_path, reading.replace("SECRET", str(secret)))
     os.symlink(secret, path.parent / "link.xacro")
-    assert "lies outside of the allowed folders" in refusal(path)
-    assert f"allow it with --mesh-path {tmp_path}" in refusal(path)
+    told = refusal(path)
+    assert "lies outside of the allowed folders" in told
+    assert f"allow it with --mesh-path {tmp_path}" in told
 
 
 @installed
@@ -264,8 +265,9 @@ def test_arguments_are_told_with_what_is_known_of_them(tmp_path):
         "<link name='l${f.length}'/>"
     )
     path = alone(tmp_path, body)
-    assert "kinds/short/figures.yaml: No such file or directory; arguments" in refusal(path)
-    assert "kind:=short (known: long); hand:=none (known: none, three, two)" in refusal(path)
+    told = refusal(path)
+    assert "kinds/short/figures.yaml: No such file or directory; arguments" in told
+    assert "kind:=short (known: long); hand:=none (known: none, three, two)" in told
     robot = read_source(path, report := ImportReport(path), ImportOptions(xacro_arg=("kind:=long",)))
     assert [link.get("name") for link in robot] == ["base", "tip", "l2"]
     assert "hand:=none (known: none, three, two)" in report.of("read")[0].text

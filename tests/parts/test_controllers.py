@@ -43,7 +43,7 @@ def test_a_sequencer_lets_slow_servos_take_their_time_and_skips_no_cell():
     for part in (1.0, 0.25):
         gains = {"servo.kp": 1000 * part, "servo.kd": 20 / part}
         config = load_station("irb120_dynamic", {**STILL, **gains, "controllers": {"sequence": sequence(speed_deg=1)}})
-        result = simulate(config, duration=6)
+        result = simulate(config, duration=4.5)
         cell, done = result["sequence.cell"], result["sequence.done"]
         assert sorted(set(cell)) == [0, 1]
         assert (np.diff(cell) >= 0).all()

@@ -183,7 +183,9 @@ class TestFiles:
         for name in ("signals.csv", "events.csv", "program.yaml", "start.json"):
             assert (other / name).read_bytes() == (folder / name).read_bytes(), name
 
-    @pytest.mark.parametrize("form", [as_transform, lambda pose: as_transform(pose).GetAsMatrix4()])
+    @pytest.mark.parametrize(
+        "form", [pytest.param(as_transform, marks=pytest.mark.long), lambda pose: as_transform(pose).GetAsMatrix4()]
+    )
     def test_transforms_are_told_as_pose_vectors(self, kinematic, form):
         whole = everything(kinematic, form)
         again = Workcell(load_station("irb120_kinematic", BARE)).perform(_program(whole.program))

@@ -251,7 +251,10 @@ class TestEveryRobot:
         ):
             robot.walk(2, gait="walk")
 
-    @pytest.mark.parametrize(("name", "least"), [("roid1", 0.06), ("zjudancer", 0.1), ("humanoid", 0.06)])
+    @pytest.mark.parametrize(
+        ("name", "least"),
+        [pytest.param("roid1", 0.06, marks=pytest.mark.long), ("zjudancer", 0.1), ("humanoid", 0.06)],
+    )
     def test_feet_as_large_carry_a_gait_that_is_made_for_others(self, name, least):
         """Soles under what is planned for spheres; the humanoid's, 15 % narrower than those of `real_sole`, too."""
         soles = {"robot.feet": "soles", "contact.model": "hydroelastic_with_fallback"}

@@ -50,6 +50,33 @@ def arm(station):
     return Arm(station)
 
 
+@pytest.fixture(scope="module")
+def to_left(station):
+    """The plan of a move from the start to the left, which several tests begin with."""
+    return Arm(station).plan.move_free(LEFT)
+
+
+@pytest.fixture
+def beside(arm, to_left):
+    """The arm with its hand in the left of the compartment."""
+    arm.cell.run(to_left)
+    return arm
+
+
+@pytest.fixture(scope="module")
+def to_right(station, to_left):
+    """The plan of the move from there to the right."""
+    arm = Arm(station)
+    arm.cell.run(to_left)
+    return arm.plan.move_free(RIGHT)
+
+
+@pytest.fixture
+def optimised_briefly(monkeypatch):
+    """Let the optimisation take a few steps of its many: for tests that do not ask how good its result is."""
+    monkeypatch.setattr(smooth_path, "_ITERATIONS", 5)
+
+
 def check_free(cell, result):
     """Look at 1000 postures of a run by the check of other moves, which knows nothing of the search."""
     rows = {robot: positions_between(result, 1000, robot) for robot in cell.config.robots}
@@ -59,18 +86,18 @@ def check_free(cell, result):
 
 
 class TestTheWay:
-    def test_it_leads_around_what_a_straight_move_runs_into(self, arm):
-        arm.move_free(LEFT)
+    def test_it_leads_around_what_a_straight_move_runs_into(self, beside):
         with pytest.raises(PathCollision):
-            arm.plan.move_j(RIGHT, check="collision")
-        result = arm.move_free(RIGHT)
-        check_free(arm.cell, result)
-        np.testing.assert_allclose(arm.tool_pose().GetAsMatrix4(), as_transform(RIGHT).GetAsMatrix4(), atol=1e-6)
+            beside.plan.move_j(RIGHT, check="collision")
+        result = beside.move_free(RIGHT)
+        check_free(beside.cell, result)
+        np.testing.assert_allclose(beside.tool_pose().GetAsMatrix4(), as_transform(RIGHT).GetAsMatrix4(), atol=1e-6)
 
-    def test_the_same_seed_finds_the_same(self, arm):
-        arm.move_free(LEFT)
-        one, again, other = (arm.plan.move_free(RIGHT, seed=seed) for seed in (0, 0, 1))
-        np.testing.assert_array_equal(one.stretches[0].postures, again.stretches[0].postures)
+    def test_the_same_seed_finds_the_same(self, beside, to_right, monkeypatch):
+        again = beside.plan.move_free(RIGHT, seed=0)
+        np.testing.assert_array_equal(to_right.stretches[0].postures, again.stretches[0].postures)
+        monkeypatch.setattr(move_free, "find_faster_path", lambda *_: None)  # what differs is the search
+        one, other = (beside.plan.move_free(RIGHT, seed=seed) for seed in (0, 1))
         assert one.duration != other.duration
 
     def test_a_free_turn_and_a_frame_of_a_piece_will_do(self, arm):
@@ -89,13 +116,15 @@ class TestTheWay:
         low = Arm(station).joint([0.38, 0.2, 0.3, *AHEAD])
         check_free(loaded.cell, loaded.move_free(joints=low))
 
-    def test_a_recording_shows_what_the_search_tried_where_that_is_asked_for(self, station, tmp_path):
+    def test_a_recording_shows_what_the_search_tried_where_that_is_asked_for(
+        self, station, to_left, to_right, tmp_path
+    ):
         cell = Arm(station).cell
         cell.record()
         arm = cell.arm()
-        arm.move_free(LEFT)
+        cell.run(to_left)
         begin = arm.pose()[:3]
-        plain, shown = (arm.plan.move_free(RIGHT, **how) for how in ({}, {"show_search": True}))
+        plain, shown = to_right, arm.plan.move_free(RIGHT, show_search=True)
         assert plain.search.shape == (0, 2, 3)
         ends = shown.search.reshape(-1, 3)
         assert len(ends) > 10
@@ -111,6 +140,7 @@ class TestTheWay:
     def test_a_move_to_where_it_is(self, arm):
         assert arm.move_free(joints=HOME).message
 
+    @pytest.mark.usefixtures("optimised_briefly")
     def test_a_file_says_the_same(self, arm, station):
         arm.record()
         arm.move_free(LEFT, speed=0.3)
@@ -189,8 +219,8 @@ class TestHeldByFingers:
 
 
 class TestShort:
-    def test_what_is_optimised_takes_less_time_and_is_free(self, arm, monkeypatch):
-        arm.move_free(LEFT)
+    def test_what_is_optimised_takes_less_time_and_is_free(self, beside, monkeypatch):
+        arm = beside
         short = arm.plan.move_free(RIGHT, profile="time_optimal")
         monkeypatch.setattr(move_free, "find_faster_path", lambda *_: None)
         rounded = arm.plan.move_free(RIGHT, profile="time_optimal")
@@ -198,13 +228,12 @@ class TestShort:
         np.testing.assert_allclose(short.end, rounded.end)
         check_free(arm.cell, arm.cell.run(short))
 
-    def test_what_ends_in_a_hit_is_not_taken(self, arm, monkeypatch):
-        arm.move_free(LEFT)
+    def test_what_ends_in_a_hit_is_not_taken(self, beside, monkeypatch):
         monkeypatch.setattr(smooth_path, "_ROUNDS", 1)
         monkeypatch.setattr(smooth_path, "_EVERY", 10.0)  # too far apart to see the shelf
-        plan = arm.plan.move_free(RIGHT)
+        plan = beside.plan.move_free(RIGHT)
         monkeypatch.setattr(move_free, "find_faster_path", lambda *_: None)
-        assert plan.duration == arm.plan.move_free(RIGHT).duration
+        assert plan.duration == beside.plan.move_free(RIGHT).duration
 
     def test_the_station_that_is_optimised_in_is_as_it_is_now(self, holding):
         """The bar hangs on a finger, the other pieces where they are; nothing is free any more, and the floor a box."""
@@ -262,10 +291,9 @@ class TestWhyNot:
         with pytest.raises(StartInCollision, match=r"the start: .* is .* mm deep in shelf; go out of it by"):
             arm.move_free(joints=HOME)
 
-    def test_no_way_within_the_time(self, arm):
-        arm.move_free(LEFT)
+    def test_no_way_within_the_time(self, beside):
         with pytest.raises(NoFreePath, match=r"no free way .* in 1e-06 s: .* is nearest, .* m left; in the way: shelf"):
-            arm.move_free(RIGHT, planning_time=1e-6)
+            beside.move_free(RIGHT, planning_time=1e-6)
 
     @pytest.mark.parametrize(
         ("goal", "how", "kind", "text"),
@@ -290,11 +318,10 @@ class TestWhyNot:
         with pytest.raises(InvalidConfig, match="where to is given by one of targets"):
             arm.do({"move_free": {"piece": "shelf", "joints": HOME}})
 
-    def test_a_missing_package(self, arm, monkeypatch):
-        arm.move_free(LEFT)
+    def test_a_missing_package(self, beside, monkeypatch):
         monkeypatch.setitem(sys.modules, "ompl", None)
         with pytest.raises(SimrobError, match="move_free needs the extra plan: pip install"):
-            arm.move_free(RIGHT)
+            beside.move_free(RIGHT)
 
 
 def test_goals_reach_the_pose_by_different_postures(arm):

@@ -37,7 +37,9 @@ def test_a_station_runs_in_both_modes(name, mode):
 
 
 class TestWorkcell:
-    cell = Workcell("irb120_workcell")
+    @pytest.fixture(scope="class", autouse=True)
+    def _cell(self, request):
+        request.cls.cell = Workcell("irb120_workcell")
 
     def test_pieces_stand_where_the_exercises_have_them(self):
         places = {"half_sphere": (0, -0.35, 0), "cylinder": (0, 0.3, 0.9), "board": (0, 0.2, 0.1)}

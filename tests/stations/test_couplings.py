@@ -94,7 +94,7 @@ def test_rods_and_welds_hold(tmp_path):
                  "length": float(np.hypot(0.3, 1.0))},
         "shaft": {"kind": "weld", "body": "wheel", "other": "twin", "other_pose": [0, -0.5, 0, 0, 0, 0]},
     }  # fmt: skip
-    result = simulate(station(tmp_path, parts, couplings=held), progress=False)
+    result = simulate(station(tmp_path, parts, couplings=held, duration=0.6), progress=False)
     angle, height = result["q.wheel_joint"], 1 + result["q.slider_joint"]
     assert np.ptp(angle) > 0.5
     ends = np.column_stack([0.3 * np.cos(angle), -0.3 * np.sin(angle)])

@@ -100,7 +100,7 @@ def test_the_humanoid_keeps_its_balance_in_postures(name):
     assert np.hypot(found.ahead, found.drift) < 0.01
 
 
-@pytest.mark.parametrize("steps", [1, 2, 4])
+@pytest.mark.parametrize("steps", [1, pytest.param(2, marks=pytest.mark.long), 4])
 @pytest.mark.parametrize("plan", [partial(walk, "humanoid"), partial(trot, "yobotics")], ids=["humanoid", "trot"])
 def test_so_many_steps_are_so_many_step_lengths(plan, steps):
     motion, length = plan(steps), {"humanoid": 0.10, "yobotics": 0.15}[plan.args[0]]
