@@ -24,14 +24,14 @@ def forget():
 @pytest.mark.parametrize(
     ("former", "present"),
     [
-        ("simrob_drake.base.errors", "simrob_drake.base.errors"),
-        ("simrob_drake.base.frames", "simrob_drake.base.frames"),
-        ("simrob_drake.extensions.linear", "simrob_drake.extensions.linear"),
-        ("simrob_drake.extensions.linear.model", "simrob_drake.extensions.linear.model"),
-        ("simrob_drake.extensions.tuning.study", "simrob_drake.extensions.tuning.study"),
-        ("simrob_drake.extensions.mujoco.runner", "simrob_drake.extensions.mujoco.runner"),
-        ("simrob_drake.extensions.learning.task", "simrob_drake.extensions.learning.task"),
-        ("simrob_drake.extensions.pendant.session", "simrob_drake.extensions.pendant.session"),
+        ("simrob_drake.errors", "simrob_drake.base.errors"),
+        ("simrob_drake.frames", "simrob_drake.base.frames"),
+        ("simrob_drake.linear", "simrob_drake.extensions.linear"),
+        ("simrob_drake.linear.model", "simrob_drake.extensions.linear.model"),
+        ("simrob_drake.tuning.study", "simrob_drake.extensions.tuning.study"),
+        ("simrob_drake.mujoco.runner", "simrob_drake.extensions.mujoco.runner"),
+        ("simrob_drake.learning.task", "simrob_drake.extensions.learning.task"),
+        ("simrob_drake.teach.session", "simrob_drake.extensions.pendant.session"),
     ],
 )
 def test_a_former_name_is_the_module_itself(former, present):
@@ -43,8 +43,8 @@ def test_a_former_name_is_the_module_itself(former, present):
 
 @pytest.mark.usefixtures("forget")
 def test_an_error_is_caught_by_its_former_name():
-    with pytest.warns(DeprecationWarning, match="simrob_drake.base.errors is now"):
-        from simrob_drake.base.errors import SimrobError as Former
+    with pytest.warns(DeprecationWarning, match="simrob_drake.errors is now"):
+        from simrob_drake.errors import SimrobError as Former
     assert Former is SimrobError
 
 
@@ -62,7 +62,7 @@ def test_other_names_are_left_to_python():
 
 def test_the_warning_names_the_line_of_the_import(tmp_path):
     script = tmp_path / "script.py"
-    script.write_text("\n\nfrom simrob_drake.base.errors import SimrobError\n")
+    script.write_text("\n\nfrom simrob_drake.errors import SimrobError\n")
     command = [sys.executable, "-W", "always", str(script)]
     shown = subprocess.run(command, capture_output=True, text=True, check=True).stderr
-    assert "script.py:3: DeprecationWarning: simrob_drake.base.errors is now simrob_drake.base.errors" in shown
+    assert "script.py:3: DeprecationWarning: simrob_drake.errors is now simrob_drake.base.errors" in shown
