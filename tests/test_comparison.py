@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from simrob_drake.base import extras, load_station, simulate
+from simrob_drake import load_station, simulate
+from simrob_drake.base import extras
 from simrob_drake.cli.app import run_command
 from simrob_drake.extensions.comparison.engines import (
     Account,

@@ -397,7 +397,7 @@ async def test_a_new_kind_of_motion_is_offered_and_shown_by_its_title():
 
     session = ArmSession()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(KINDS, MoveSpiral.key, MoveSpiral)
+        patch.setitem(KINDS._all, MoveSpiral.key, MoveSpiral)
         async with opened(session) as user:
             session.arm.teach_target()
             await settled()

@@ -658,7 +658,7 @@ class HopMove(Move):
 
 
 def test_a_new_kind_of_move_is_offered_by_its_title_its_form_and_its_caption(monkeypatch):
-    monkeypatch.setitem(KINDS, HopMove.key, HopMove)
+    monkeypatch.setitem(KINDS._all, HopMove.key, HopMove)
     hop = {"hop": {"height": 0.1, "tool": "left_hand", "both": True}}
 
     async def script(user, session):
