@@ -200,6 +200,7 @@ def test_touchdown_crosses_steps_straight_on(changed):
     assert abs(np.rad2deg(found.yaw)) < 10
 
 
+@long
 def test_without_touchdown_the_same_steps_turn_it_away():
     found = crossed(0, BLIND, seconds=8.0)
     assert abs(np.rad2deg(found.yaw)) > 20
@@ -229,7 +230,7 @@ def test_a_leg_s_screws_are_those_of_the_plant():
         ("humanoid", [31.7, 0, 0], "right_hip_roll"),  # to the left; upright it withstands 16.7 N, 6.5 N and 16.7 N
         # a leg that came back sooner would set it rocking
         pytest.param("humanoid", [26.7, 0, 0], "right_hip_roll", marks=long),
-        ("roid1", [11.7, 0, 0], "left_hip_pitch"),  # forward
+        pytest.param("roid1", [11.7, 0, 0], "left_hip_pitch", marks=long),  # forward
         pytest.param("zjudancer", [0, 31.7, 0], "left_hip_pitch", marks=long),
     ],
 )

@@ -57,6 +57,10 @@ def asked(config):
     return cases
 
 
+LONG = {"sine": pytest.mark.long}
+"""Whose signals and steps another test of this file compares as well."""
+
+
 def simulated(config, pushes=None, **case):
     forces = {} if pushes is None else {name: {"kind": "push", **push} for name, push in pushes.items()}
     model, overrides = next(each for each in STATIONS.values() if each[0] == config.name and _same(each, config))
@@ -78,7 +82,7 @@ def assert_equal(one, other):
     assert one.final_state.to_json() == other.final_state.to_json()
 
 
-@pytest.mark.parametrize("name", STATIONS)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=LONG.get(name, [])) for name in STATIONS])
 def test_every_run_is_that_of_simulate_in_any_order(name):
     config = station(name)
     cases = asked(config)

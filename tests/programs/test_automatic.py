@@ -51,7 +51,7 @@ def check_visited(result, targets, tolerance):
     return times
 
 
-@pytest.mark.parametrize("part", [1.0, 0.5])
+@pytest.mark.parametrize("part", [pytest.param(1.0, marks=pytest.mark.long), 0.5])
 def test_a_legged_robot_goes_through_its_references_slow_or_not(part):
     robot = standing(**{"servo.kp": 100 * part})
     times = check_visited(robot.simulate(automatic=True), WAVE, 2.0)
@@ -117,7 +117,7 @@ def test_a_station_s_own_sequencer_waits_and_its_other_loops_lie_above():
     assert set(robot.cell.config.controllers) == {"own", "guard"}
 
 
-@pytest.mark.parametrize("part", [1.0, 0.25])
+@pytest.mark.parametrize("part", [pytest.param(1.0, marks=pytest.mark.long), 0.25])
 def test_an_arm_does_the_same(part):
     made = arm(**{"servo.kp": 2000 * part, "servo.kd": 100})
     result = made.simulate(automatic={"speed_deg": 2})

@@ -283,10 +283,10 @@ class TestStep:
         ("name", "way", "feet"),
         [
             ("roid1", 0.07, None),
-            ("zjudancer", 0.1, None),
+            pytest.param("zjudancer", 0.1, None, marks=pytest.mark.long),
             ("yobotics", 0.15, None),
             ("humanoid", 0.06, None),
-            ("humanoid", 0.06, "spheres_B"),
+            pytest.param("humanoid", 0.06, "spheres_B", marks=pytest.mark.long),
         ],
     )
     def test_every_legged_robot_takes_a_step(self, name, way, feet, solver):

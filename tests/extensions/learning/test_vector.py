@@ -31,7 +31,7 @@ def actions(size, steps, scale, seed=0):
         yield action
 
 
-WALKS = [("Walk", STILL, 0.1), ("Walk", ON_MOTORS, 0.1)]
+WALKS = [pytest.param("Walk", STILL, 0.1, marks=pytest.mark.long), ("Walk", ON_MOTORS, 0.1)]
 
 
 @pytest.mark.parametrize(("name", "overrides", "scale"), [("Reach", EXACT, 0.3), *WALKS])

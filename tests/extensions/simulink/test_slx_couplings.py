@@ -264,7 +264,12 @@ def test_a_rod_of_constant_length(tmp_path):
 
 @pytest.mark.parametrize(
     ("kind", "about", "by"),
-    [("Parallel", "+Y", 0), ("Antiparallel", "+X", 180), ("Perpendicular", "+Y", 90), ("General", "+Y", 60)],
+    [
+        pytest.param("Parallel", "+Y", 0, marks=pytest.mark.long),
+        ("Antiparallel", "+X", 180),
+        pytest.param("Perpendicular", "+Y", 90, marks=pytest.mark.long),
+        ("General", "+Y", 60),
+    ],
 )
 def test_a_tray_that_an_angle_keeps_level(tmp_path, kind, about, by):
     """An arm falls with a tray on a ball at its end: kept level, that weighs there as a point, where its mass is."""

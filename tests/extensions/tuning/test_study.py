@@ -139,7 +139,13 @@ def test_a_study_that_cannot_be_is_told_before_any_run(changed, told, tmp_path):
 STUDIES = sorted((Path(__file__).parents[3] / "examples" / "studies").glob("*.yaml"))
 
 
-@pytest.mark.parametrize("file", STUDIES, ids=lambda file: file.stem)
+@pytest.mark.parametrize(
+    "file",
+    [
+        pytest.param(file, id=file.stem, marks=[pytest.mark.long] if file.stem == "roid1_reacting" else [])
+        for file in STUDIES
+    ],
+)
 def test_the_studies_of_the_project_can_be(file):
     study = Study.read(str(file))
     assert study.cases(study.start, study.search)

@@ -219,6 +219,7 @@ def test_each_of_four_feet_finds_even_ground_near_its_place():
     assert over[0].next(over[1]).over == 0.03
 
 
+@pytest.mark.long
 def test_a_robot_on_four_legs_crosses_gaps():
     gaps = {"kind": "gaps", "height": 0.1, "size": 0.25, "gap": 0.06, "length": 0.6, "start": 0.3, "seed": 4}
     robot = LeggedRobot(load_station("yobotics_walking", {"controllers": {}, "floor.terrain": gaps}))
