@@ -7,7 +7,7 @@ violates its bound becomes a warning.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -47,7 +47,7 @@ class Measured:
     slides: Sequence[bool] = ()
     limits: Vector | None = None
     limit_units: Sequence[str] = ()
-    left_out: Mapping[str, str] = NOTHING_LEFT_OUT
+    left_out: Mapping[str, str] = field(default_factory=lambda: NOTHING_LEFT_OUT)
 
 
 class MeasuredValue(NamedTuple):
@@ -155,7 +155,7 @@ class Measure:
 
     criterion: Criterion
     entries: tuple[MeasuredValue, ...]
-    left_out: Mapping[str, str] = NOTHING_LEFT_OUT
+    left_out: Mapping[str, str] = field(default_factory=lambda: NOTHING_LEFT_OUT)
 
     @cached_property
     def worst(self) -> MeasuredValue:
