@@ -13,20 +13,7 @@ import simrob_drake
 from docs import structure
 
 PACKAGE = Path(simrob_drake.__file__).parent
-CORE = [
-    "base",
-    "robots",
-    "importer",
-    "dynamics",
-    "blocks",
-    "walking",
-    "parts",
-    "stations",
-    "results",
-    "simulation",
-    "kinematics",
-    "programs",
-]
+CORE = structure.CORE
 """Packages of the core, in the order of their imports."""
 EXTENSIONS = [
     "mujoco",

@@ -4,14 +4,19 @@ import re
 import sys
 import textwrap
 from importlib.metadata import PathDistribution
+from pathlib import Path
 
 import pytest
 
 from simrob_drake.base import extension as extensions
 from simrob_drake.base.errors import InvalidConfig
 from simrob_drake.base.extension import BrokenExtension, additions, installed_extensions, load_addition
+from simrob_drake.base.files import models_root, robot_files
 from simrob_drake.cli.app import run_command
 from simrob_drake.parts import sensors
+from simrob_drake.programs.gaits import registry as gaits
+from simrob_drake.programs.moves.kinds import check_move
+from simrob_drake.robots.gaits_file import GaitsFile
 from simrob_drake.stations.load import load_station
 
 SENSOR = """
@@ -96,6 +101,9 @@ def test_an_unknown_kind_lists_those_of_extensions_too(install):
         ),
         ("core='>=0', odours={}", "cannot be imported: TypeError: Extension.__init__() got an unexpected keyword"),
         ("1/0", "cannot be imported: ZeroDivisionError"),
+        ("core='>=0', sensors=['warmth']", "TypeError: sensors is ['warmth']; it must be a mapping of names to import"),
+        ("core=1", "TypeError: core is 1; it must be a version specifier"),
+        ("core=exit()", "cannot be imported: SystemExit"),
     ],
 )
 def test_an_extension_that_cannot_be_used_is_left_out_with_the_reason(install, arguments, problem):
@@ -170,3 +178,54 @@ def test_the_command_lists_them_and_checks_what_they_add(install, capsys):
     shown = " ".join(capsys.readouterr().out.split())
     assert "broken: package odd-kit: there is no folder odd_kit:robots" in shown
     assert "broken: package odd-kit: odd_kit.b:B cannot be imported" in shown
+
+
+def test_a_move_and_a_gait_that_cannot_be_imported_are_blamed_on_their_package(install, monkeypatch):
+    install("odd-kit", "core='>=0', moves={'hover': 'odd_kit.gone:Hover'}, gaits={'hovers': 'odd_kit.gone:Hover'}")
+    with pytest.raises(BrokenExtension, match=r"package odd-kit: odd_kit.gone:Hover cannot be imported"):
+        check_move({"hover": {"height": 1}})
+    file = GaitsFile(Path("gaits.yaml"), 0.0, {"facing_deg": 0, "hovers": {"high": {}}})
+    monkeypatch.setattr(gaits, "gaits_file", lambda _: file)
+    with pytest.raises(BrokenExtension, match=r"package odd-kit: odd_kit.gone:Hover cannot be imported"):
+        gaits.load_gaits("roid1")
+
+
+def test_a_move_whose_key_is_not_its_announced_name_is_refused(install):
+    waits = "from simrob_drake.programs.moves.wait import WaitMove as Hover"
+    install("odd-kit", "core='>=0', moves={'hover': 'odd_kit.moves:Hover'}", moves=waits)
+    with pytest.raises(BrokenExtension, match=r"has the key 'wait', and is announced as 'hover'"):
+        check_move({"hover": {"duration": 1}})
+
+
+def test_a_robot_whose_name_is_taken_is_reported_and_the_cores_is_used(install, tmp_path, capsys):
+    install("odd-kit", "core='>=0', robots={'mine': 'odd_kit:robots'}")
+    for name in ("irb120", "irb12000"):
+        folder = tmp_path / "odd_kit" / "robots" / name
+        folder.mkdir(parents=True)
+        (folder / "robot.yaml").write_text("description: mine")
+    assert run_command(["extensions"]) == 0
+    assert "broken: 'irb120' of its robots is hidden by another one of this name" in capsys.readouterr().out
+    assert robot_files()["irb120"].is_relative_to(models_root())
+    assert robot_files()["irb12000"].is_relative_to(tmp_path)
+    assert list(robot_files()) == sorted(robot_files())
+
+
+def test_a_folder_in_a_package_that_is_missing_is_no_folder(install, capsys):
+    install("odd-kit", "core='>=0', stations={'a': 'nothing.like_it:stations'}")
+    assert load_station("box_on_floor").name == "box_on_floor"
+    assert run_command(["extensions", "--check"]) == 2
+    assert "there is no folder nothing.like_it:stations" in " ".join(capsys.readouterr().out.split())
+
+
+def test_two_extensions_of_one_package_have_a_row_each(install, tmp_path, capsys):
+    install("warm-kit", "core='>=0', sensors={'warmth': 'warm_kit.parts:Warmth'}", parts=SENSOR)
+    install("cold-kit", "core='>=99'")
+    for package in ("warm", "cold"):  # both entries as of one distribution
+        file = tmp_path / f"{package}_kit-1.0.dist-info" / "METADATA"
+        file.write_text("Metadata-Version: 2.1\nName: kits\nVersion: 1.0\n")
+    installed_extensions.cache_clear()
+    assert run_command(["extensions"]) == 0
+    shown = capsys.readouterr().out
+    assert shown.count("kits ") == 2
+    assert "sensors: warmth" in shown
+    assert shown.count("left out: it works with simrob_drake >=99") == 1

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points, version
+from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,9 +22,6 @@ from simrob_drake.base.errors import SimrobError, shortened
 
 GROUP = "simrob_drake.extensions"
 """Group of entry points under which packages announce their extensions."""
-
-CORE = "simrob-drake"
-"""Name of the distribution of this package."""
 
 Additions = Mapping[str, str]
 """Things of one kind by name, each as an import string ``package.module:Name``."""
@@ -44,7 +41,7 @@ class Extension:
         references: sections under ``reference``, subclasses of ``ReferenceSection``.
         forces: sections under ``forces``, subclasses of ``ForceSection``.
         couplings: sections under ``couplings``, subclasses of ``CouplingSection``.
-        controllers: sections under ``controllers``, subclasses of ``SampledLoop``.
+        controllers: sections under ``controllers``, subclasses of ``LoopSection``.
         moves: lines of a program, subclasses of ``Move``, by their ``key``.
         gaits: sections of a file ``gaits.yaml``, subclasses of ``Gait``, by their ``section``.
         inverse_kinematics: subclasses of ``Solver``, by the name that ``solver=`` takes.
@@ -69,6 +66,15 @@ class Extension:
     pieces: Additions = field(default_factory=dict)
     stations: Additions = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        """Check the types; raises TypeError if one is wrong. It is reported as a failure of the package's import."""
+        if not isinstance(self.core, str):
+            raise TypeError(f"core is {self.core!r}; it must be a version specifier such as '>=0.1,<0.3'")
+        for point in POINTS:
+            entries = getattr(self, point)
+            if not isinstance(entries, Mapping):
+                raise TypeError(f"{point} is {entries!r}; it must be a mapping of names to import strings")
+
 
 POINTS = {
     "commands": "command",
@@ -87,7 +93,7 @@ POINTS = {
 }
 """The extension points: the field of :class:`Extension`, and the words for one of its entries."""
 
-_FOLDERS = ("robots", "pieces", "stations")
+FOLDERS = ("robots", "pieces", "stations")
 """Extension points whose strings name folders of data instead of Python objects."""
 
 
@@ -111,10 +117,12 @@ class Addition(NamedTuple):
     """One thing that an extension adds.
 
     Attributes:
+        name: name by which users refer to it.
         package: name of the distribution that adds it.
         target: its import string ``package.module:Name``, or ``package:folder``.
     """
 
+    name: str
     package: str
     target: str
 
@@ -130,28 +138,47 @@ def installed_extensions() -> tuple[InstalledExtension, ...]:
     return tuple(_without_conflicts(found))
 
 
-def load_addition_class(addition: Addition, base: Any) -> Any:
-    """Import a class that an extension adds, and check that it is derived from ``base``.
+def load_addition_class(addition: Addition, base: Any, named_by: str = "") -> Any:
+    """Import a class that an extension adds, and check it.
+
+    Args:
+        addition: what to import.
+        base: class that it must be derived from.
+        named_by: attribute of the class that must be the announced name, such as the ``key`` of a move; none if empty.
 
     Raises:
-        BrokenExtension: the class cannot be imported, or is not derived from ``base``. The message names the package.
+        BrokenExtension: the class cannot be imported, has another base, or another name. The message names the package.
     """
     found = load_addition(addition)
     if not (isinstance(found, type) and issubclass(found, base)):
         expected = f"a subclass of {base.__module__}.{base.__name__}"
         raise BrokenExtension(f"package {addition.package}: {addition.target} is {found!r}; it must be {expected}")
+    own_name = getattr(found, named_by, None) if named_by else addition.name
+    if own_name != addition.name:
+        problem = f"has the {named_by} {own_name!r}, and is announced as {addition.name!r}"
+        raise BrokenExtension(f"package {addition.package}: {addition.target} {problem}")
     return found
 
 
-def classes_of_extensions(point: str, base: Any) -> dict[str, Any]:
+def check_usable(point: str, name: str, base: Any, named_by: str = "") -> None:
+    """Raise BrokenExtension if an extension adds a class of this name at a point, and the class cannot be used.
+
+    Registries call it for a name that they do not know, so that the message gives the true cause.
+    """
+    addition = additions(point).get(name)
+    if addition is not None:
+        load_addition_class(addition, base, named_by)
+
+
+def classes_of_extensions(point: str, base: Any, named_by: str = "") -> dict[str, Any]:
     """Import the classes that extensions add at an extension point (a key of POINTS), by name.
 
-    Classes that cannot be used are left out; ``simrob extensions --check`` reports why.
+    Classes that cannot be used are left out: :func:`check_usable` raises the reason when one is used.
     """
     found = {}
     for name, addition in additions(point).items():
         try:
-            found[name] = load_addition_class(addition, base)
+            found[name] = load_addition_class(addition, base, named_by)
         except BrokenExtension:
             continue
     return found
@@ -170,7 +197,7 @@ def additions(point: str) -> dict[str, Addition]:
         entries: Additions = getattr(installed.extension, point)
         for name, target in entries.items():
             if name not in taken:
-                found[name] = Addition(package=installed.package, target=target)
+                found[name] = Addition(name=name, package=installed.package, target=target)
     return found
 
 
@@ -183,7 +210,7 @@ def load_addition(addition: Addition) -> Any:
     module_name, _, name = addition.target.partition(":")
     try:
         return getattr(import_module(module_name), name)
-    except Exception as problem:
+    except (Exception, SystemExit) as problem:  # a module of somebody else may raise anything
         reason = shortened(f"{type(problem).__name__}: {problem}", 200)
         raise BrokenExtension(
             f"package {addition.package}: {addition.target} cannot be imported ({reason})"
@@ -196,7 +223,10 @@ def addition_folder(addition: Addition) -> Path | None:
     Returns None if there is no such folder.
     """
     package, _, folder = addition.target.partition(":")
-    spec = find_spec(package)
+    try:
+        spec = find_spec(package)
+    except (ImportError, ValueError):  # of a package in a package that is missing, or of an empty name
+        return None
     if spec is None or not spec.submodule_search_locations:
         return None
     path = Path(next(iter(spec.submodule_search_locations)), folder)
@@ -205,7 +235,7 @@ def addition_folder(addition: Addition) -> Path | None:
 
 def check_addition(point: str, addition: Addition) -> None:
     """Check that a thing of an extension can be imported, or that its folder exists; raises BrokenExtension if not."""
-    if point not in _FOLDERS:
+    if point not in FOLDERS:
         load_addition(addition)
     elif addition_folder(addition) is None:
         raise BrokenExtension(f"package {addition.package}: there is no folder {addition.target}")
@@ -244,7 +274,7 @@ def _load_extension(entry: EntryPoint) -> InstalledExtension:
     package_version = entry.dist.version if entry.dist else ""
     try:
         extension = entry.load()
-    except Exception as problem:  # a broken package of somebody else must not stop anything here
+    except (Exception, SystemExit) as problem:  # a broken package of somebody else must not stop anything here
         reason = shortened(f"{entry.value} cannot be imported: {type(problem).__name__}: {problem}", 300)
         return InstalledExtension(package, package_version, None, reason)
     reason = _problem_of(extension, entry.value)
@@ -255,14 +285,16 @@ def _problem_of(extension: object, where: str) -> str:
     """Find the reason why an object cannot be used as an extension; empty if it can be used."""
     from packaging.specifiers import InvalidSpecifier, SpecifierSet  # 0.1 s, only where there is an extension
 
+    from simrob_drake import __version__
+
     if not isinstance(extension, Extension):
         return f"{where} is of type {type(extension).__name__}; it must be a simrob_drake.Extension"
     try:
-        fits = SpecifierSet(extension.core).contains(version(CORE), prereleases=True)
+        fits = SpecifierSet(extension.core).contains(__version__, prereleases=True)
     except InvalidSpecifier:
         return f"core is {extension.core!r}; it must be a version specifier such as '>=0.1,<0.3'"
     if not fits:
-        return f"it works with simrob_drake {extension.core}, and this is {version(CORE)}"
+        return f"it works with simrob_drake {extension.core}, and this is {__version__}"
     return _malformed_addition(extension)
 
 
@@ -287,7 +319,7 @@ def _without_conflicts(found: list[InstalledExtension]) -> Iterator[InstalledExt
             yield installed
             continue
         # Names of folders are the extension's own business: nobody refers to them.
-        points = [point for point in POINTS if point not in _FOLDERS]
+        points = [point for point in POINTS if point not in FOLDERS]
         own = {(point, name) for point in points for name in getattr(installed.extension, point)}
         taken = sorted(own & owners.keys())
         if taken:

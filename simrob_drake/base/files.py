@@ -6,7 +6,7 @@ import math
 import os
 import stat
 from array import array
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path
@@ -197,35 +197,55 @@ def diagrams_root() -> Path:
 
 def station_files() -> dict[str, Path]:
     """Return the files of the stations that come with the package and with extensions, by name."""
-    return _named_files(diagrams_root(), "stations", "*.yaml", lambda file: file.stem)
+    return _model_files("stations")
 
 
 def robot_files() -> dict[str, Path]:
     """Return the files of the robots that come with the package and with extensions, by name."""
-    return _named_files(models_root(), "robots", f"*/{ROBOT_FILE}", lambda file: file.parent.name)
+    return _model_files("robots")
 
 
 def piece_files() -> dict[str, Path]:
     """Return the files of the pieces that come with the package and with extensions, by name."""
-    return _named_files(models_root() / "pieces", "pieces", f"*/{PIECE_FILE}", lambda file: file.parent.name)
+    return _model_files("pieces")
 
 
-def _named_files(own: Path, point: str, pattern: str, name_of: Callable[[Path], str]) -> dict[str, Path]:
-    """Find files of one kind, by name, in a folder of this package and in the folders that extensions add.
-
-    Of several files with the same name the first is taken: this package's own file, if it has one.
+def hidden_models(point: str, folder: Path) -> list[str]:
+    """Find the models in an extension's folder that cannot be used, since their name means another file.
 
     Args:
-        own: folder of this package.
-        point: extension point at which extensions add further folders, such as ``robots``.
-        pattern: pattern of the files' paths within a folder.
-        name_of: gives the name of a file.
+        point: extension point: ``stations``, ``robots`` or ``pieces``.
+        folder: a folder that an extension adds there.
+
+    Returns:
+        names that this package, or an extension before, has too.
     """
+    files_in_use = _model_files(point)
+    own_files = _files_by_name(point, folder)
+    return [name for name, file in own_files.items() if files_in_use[name] != file]
+
+
+def _model_files(point: str) -> dict[str, Path]:
+    """Find the files of all stations, robots or pieces by name, in this package's folder and in those of extensions.
+
+    Of several files with the same name the first is taken: this package's own file, if it has one.
+    """
+    own_folders = {"stations": diagrams_root(), "robots": models_root(), "pieces": models_root() / "pieces"}
     found: dict[str, Path] = {}
-    for folder in (own, *addition_folders(point)):
-        for file in sorted(folder.glob(pattern)):
-            found.setdefault(name_of(file), file)
-    return found
+    for folder in (own_folders[point], *addition_folders(point)):
+        found = _files_by_name(point, folder) | found  # the name of an earlier folder stays
+    return dict(sorted(found.items()))
+
+
+def _files_by_name(point: str, folder: Path) -> dict[str, Path]:
+    """Find the files of stations, robots or pieces in one folder, by name.
+
+    A station has the name of its file, a robot or a piece that of the folder of its file.
+    """
+    if point == "stations":
+        return {file.stem: file for file in sorted(folder.glob("*.yaml"))}
+    description = ROBOT_FILE if point == "robots" else PIECE_FILE
+    return {file.parent.name: file for file in sorted(folder.glob(f"*/{description}"))}
 
 
 def exercise_files() -> list[Path]:

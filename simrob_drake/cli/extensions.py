@@ -9,15 +9,18 @@ import typer
 from rich.text import Text
 
 from simrob_drake.base.extension import (
+    FOLDERS,
     POINTS,
     Addition,
     BrokenExtension,
     Extension,
     InstalledExtension,
+    addition_folder,
     check_addition,
     core_names,
     installed_extensions,
 )
+from simrob_drake.base.files import hidden_models
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.screen import console, table
 
@@ -46,11 +49,12 @@ def extensions(
     if not installed:
         console.print("no extensions are installed")
         return ExitCode.DONE
-    problems = {entry.package: _problems(entry, is_thorough=check) for entry in installed}
-    rows = [_row(entry, problems[entry.package]) for entry in installed]
+    # A list in the order of the extensions: one package may announce several of them.
+    problems = [_problems(entry, is_thorough=check) for entry in installed]
+    rows = [_row(entry, found) for entry, found in zip(installed, problems, strict=True)]
     console.print(table(("package", "version", "adds"), *rows, numbers=False))
     # Without --check problems are only shown: the other extensions work in spite of them.
-    return ExitCode.BAD_INPUT if check and any(problems.values()) else ExitCode.DONE
+    return ExitCode.BAD_INPUT if check and any(problems) else ExitCode.DONE
 
 
 def schema() -> None:
@@ -65,13 +69,13 @@ def _problems(entry: InstalledExtension, *, is_thorough: bool) -> list[str]:
     """Find the reasons why an extension, or a part of it, cannot be used. A thorough search imports all parts."""
     if entry.extension is None:
         return [entry.problem]
-    problems = _shadowed_names(entry.extension)
+    problems = _shadowed_names(entry.extension) + _hidden_models(entry)
     if not is_thorough:
         return problems
     for point in POINTS:
-        for target in getattr(entry.extension, point).values():
+        for name, target in getattr(entry.extension, point).items():
             try:
-                check_addition(point, Addition(entry.package, target))
+                check_addition(point, Addition(name, entry.package, target))
             except BrokenExtension as problem:
                 problems.append(str(problem))
     return problems
@@ -90,6 +94,17 @@ def _shadowed_names(extension: Extension) -> list[str]:
             problems += [
                 f"the {described} {name!r} is one of simrob-drake already; choose another name" for name in shadowed
             ]
+    return problems
+
+
+def _hidden_models(entry: InstalledExtension) -> list[str]:
+    """Find the robots, pieces and stations of an extension that nobody can use, since others have their names."""
+    problems = []
+    for point in FOLDERS:
+        for name, target in getattr(entry.extension, point).items():
+            folder = addition_folder(Addition(name, entry.package, target))
+            hidden = [] if folder is None else hidden_models(point, folder)
+            problems += [f"{model!r} of its {point} is hidden by another one of this name" for model in hidden]
     return problems
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field, create_model
 
 from simrob_drake.base.errors import InvalidParameter
-from simrob_drake.base.extension import classes_of_extensions, register_core_names
+from simrob_drake.base.extension import check_usable, classes_of_extensions, register_core_names
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.sections import Number, Strict, validated
 from simrob_drake.programs.gaits.biped import BipedWalk, Kick
@@ -48,7 +48,7 @@ class _Gaits(Strict):
 @cache
 def gait_kinds() -> tuple[type[Gait], ...]:
     """Return all kinds of gaits that are planned before they begin, those of installed extensions last."""
-    return (*_CORE, *classes_of_extensions(_POINT, Gait).values())
+    return (*_CORE, *classes_of_extensions(_POINT, Gait, named_by="section").values())
 
 
 @cache
@@ -71,8 +71,12 @@ def load_gaits(robot: str | RobotModel) -> Any:
         UnknownName: no such robot; proposes the nearest.
         InvalidParameter: a robot without gaits.
         InvalidConfig: its file has a wrong entry.
+        BrokenExtension: its file has a section of a kind that an extension adds, and that cannot be used.
     """
     found = gaits_file(robot)
+    for section in found.sections:
+        if section not in gaits_model().model_fields:
+            check_usable(_POINT, section, Gait, named_by="section")
     return validated(gaits_model(), dict(found.content), found.file)
 
 

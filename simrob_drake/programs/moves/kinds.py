@@ -13,7 +13,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter, nearest, quoted
-from simrob_drake.base.extension import classes_of_extensions, register_core_names
+from simrob_drake.base.extension import check_usable, classes_of_extensions, register_core_names
 from simrob_drake.programs.moves.attach import AttachMove, ReleaseMove
 from simrob_drake.programs.moves.climb import ClimbMove
 from simrob_drake.programs.moves.get_up import GetUpMove
@@ -59,7 +59,7 @@ class MoveKinds(Mapping[str, type[Move]]):
 
     @cached_property
     def _all(self) -> dict[str, type[Move]]:
-        return {kind.key: kind for kind in _CORE} | classes_of_extensions(_POINT, Move)
+        return {kind.key: kind for kind in _CORE} | classes_of_extensions(_POINT, Move, named_by="key")
 
     @cached_property
     def adapter(self) -> TypeAdapter[Any]:
@@ -144,12 +144,14 @@ def check_move(entry: Any, where: str = "the move", kinds: Mapping[str, type[Mov
     Raises:
         InvalidConfig: the entry is no mapping, is of no known kind, or has a wrong key or value. The message begins
             with ``where``.
+        BrokenExtension: the entry is of a kind that an extension adds, and that cannot be used.
     """
     if not isinstance(entry, Mapping):
         raise InvalidConfig(where, "", f"must be a mapping of keys to values (it is {quoted(entry)})")
     kind = kind_of(entry, kinds.values())
     strange = next((name for name in entry if name not in JointMove.model_fields), None)
     if kind is None and strange is not None:
+        check_usable(_POINT, str(strange), Move, named_by="key")
         known = [*kinds, *JointMove.model_fields]
         raise InvalidConfig(where, str(strange), f"unknown key{nearest(str(strange), known)}")
     return read_move(kind or JointMove, entry, where)
