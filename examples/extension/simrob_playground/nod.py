@@ -19,18 +19,18 @@ class NodMove(Move):
 
     key: ClassVar[str] = "nod"
     title: ClassVar[str] = "Nod"
-    says: ClassVar[str] = "nod {it.times} times with {it.axis}"
+    says: ClassVar[str] = "nod {it.times} times"
     of_legs: ClassVar[bool] = False
-    form: ClassVar[Mapping[str, str | float | None]] = {"axis": "axes", "angle_deg": 20.0, "duration": 1.0}
+    form: ClassVar[Mapping[str, str | float | None]] = {"angle_deg": 20.0, "duration": 2.0}  # fields on the pendant
 
-    axis: str
-    """Name of the axis."""
+    axis: str | None = None
+    """Name of the axis; the last but one unless given, which bends the wrist of many arms."""
     angle_deg: Number = 20.0
     """Angle by which the axis turns [deg]."""
     times: Integer = Field(default=2, ge=1, le=100)
     """Number of nods."""
-    duration: Duration = 1.0
-    """Time of one nod, there and back [s]."""
+    duration: Duration = 2.0
+    """Time of all nods [s]."""
     robot: str | None = None
     """Robot that nods; the robot of the program unless given."""
 
@@ -47,8 +47,8 @@ class NodMove(Move):
             JointLimitExceeded: the turned posture is beyond a limit of the axis.
         """
         model = planning.model
-        index = model.axis_index(self.axis, "axis")
+        index = len(model.axes) - 2 if self.axis is None else model.axis_index(self.axis, "axis")
         turned = np.array(planning.start)
         turned[index] += np.deg2rad(self.angle_deg)
         postures = [turned, planning.start] * self.times
-        return plan_move_abs_j(planning, postures, stop=True, duration=self.times * self.duration)
+        return plan_move_abs_j(planning, postures, stop=True, duration=self.duration)
