@@ -210,6 +210,15 @@ def piece_files() -> dict[str, Path]:
     return _model_files("pieces")
 
 
+def model_file(point: str, name: str) -> Path | None:
+    """Find the file of one station, robot or piece by its name; None if there is none of that name.
+
+    It is quicker than a look at all files: extensions, which take a while to find, are asked for unknown names only.
+    """
+    own = _files_by_name(point, _own_folder(point)).get(name)
+    return own if own is not None else _model_files(point).get(name)
+
+
 def hidden_models(point: str, folder: Path) -> list[str]:
     """Find the models in an extension's folder that cannot be used, since their name means another file.
 
@@ -230,11 +239,15 @@ def _model_files(point: str) -> dict[str, Path]:
 
     Of several files with the same name the first is taken: this package's own file, if it has one.
     """
-    own_folders = {"stations": diagrams_root(), "robots": models_root(), "pieces": models_root() / "pieces"}
     found: dict[str, Path] = {}
-    for folder in (own_folders[point], *addition_folders(point)):
+    for folder in (_own_folder(point), *addition_folders(point)):
         found = _files_by_name(point, folder) | found  # the name of an earlier folder stays
     return dict(sorted(found.items()))
+
+
+def _own_folder(point: str) -> Path:
+    """Return this package's own folder of stations, robots or pieces."""
+    return {"stations": diagrams_root(), "robots": models_root(), "pieces": models_root() / "pieces"}[point]
 
 
 def _files_by_name(point: str, folder: Path) -> dict[str, Path]:

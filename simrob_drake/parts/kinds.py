@@ -79,8 +79,8 @@ class Kinds:
                 return entries
             completed = {}
             for name, entry in entries.items():
-                can_lack_kind = isinstance(entry, dict | None) and name in self
-                completed[name] = {"kind": name, **(entry or {})} if can_lack_kind else entry
+                lacks_kind = entry is None or (isinstance(entry, dict) and "kind" not in entry)
+                completed[name] = {"kind": name, **(entry or {})} if lacks_kind and name in self else entry
             return completed
 
         return BeforeValidator(with_kinds)

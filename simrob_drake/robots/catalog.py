@@ -17,7 +17,7 @@ from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import InvalidParameter, UnknownName, one_of
-from simrob_drake.base.files import ROBOT_FILE, robot_files
+from simrob_drake.base.files import ROBOT_FILE, model_file, robot_files
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.sections import FileName, Number, Positive, Strict, default_of, is_file_name, validated
 from simrob_drake.base.yaml_files import read_yaml
@@ -400,7 +400,8 @@ def load_robot(name: str) -> RobotModel:
         UnknownName: no such robot.
         InvalidConfig: its ``robot.yaml`` has a wrong entry.
     """
-    return load_robot_file(robot_files()[one_of("robot", name, robot_names())])
+    file = model_file("robots", name) if isinstance(name, str) else None
+    return load_robot_file(file or robot_files()[one_of("robot", name, robot_names())])
 
 
 def load_robot_file(file: Path | str) -> RobotModel:

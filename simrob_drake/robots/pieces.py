@@ -16,7 +16,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.tree import CalcSpatialInertia, SpatialInertia
 
 from simrob_drake.base.errors import InvalidModel, one_of
-from simrob_drake.base.files import piece_files
+from simrob_drake.base.files import model_file, piece_files
 from simrob_drake.base.frames import Vector, pose_from_transform, transform_from_pose
 from simrob_drake.base.sections import (
     ORIGIN,
@@ -248,7 +248,7 @@ def piece_names() -> list[str]:
 
 def piece_file(name: str) -> Path:
     """Return the file of a piece of the package; raises UnknownName: no such piece."""
-    return piece_files()[one_of("piece", name, piece_names())]
+    return model_file("pieces", name) or piece_files()[one_of("piece", name, piece_names())]
 
 
 def described_piece(file: Path) -> PieceModel:

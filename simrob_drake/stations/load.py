@@ -22,7 +22,7 @@ import yaml
 from simrob_drake.base.arguments import as_path, instance
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName, quoted
 from simrob_drake.base.extension import installed_extensions
-from simrob_drake.base.files import station_files
+from simrob_drake.base.files import model_file, station_files
 from simrob_drake.base.sections import validated
 from simrob_drake.base.yaml_files import YAML_SUFFIXES, place_of, read_yaml
 from simrob_drake.importer.packages import Border, is_robot_file
@@ -271,8 +271,8 @@ def _check_extensions(content: Content, where: Path | str) -> None:
     It is checked before the parts: an unknown kind of part would only be a consequence.
     """
     needed = content.get("extensions", ())
-    if not isinstance(needed, list | tuple) or not all(isinstance(package, str) for package in needed):
-        return  # the validation refuses it
+    if not needed or not isinstance(needed, list | tuple) or not all(isinstance(package, str) for package in needed):
+        return  # none are needed, or the validation refuses the value
     known = {extension.package: extension for extension in installed_extensions()}
     for package in needed:
         if package not in known:
@@ -333,8 +333,9 @@ def _station_file(name_or_path: str | Path) -> Path:
     if not isinstance(name_or_path, (str, Path)):
         raise InvalidParameter("station", quoted(name_or_path), "a name of `simrob list`, or a YAML file")
     path = Path(name_or_path)
-    if str(name_or_path) in station_names():
-        return station_files()[str(name_or_path)]
+    named = model_file("stations", str(name_or_path))
+    if named is not None:
+        return named
     if isdir(path):
         inside = path / "station.yaml"
         hint = f"; did you mean {inside}?" if isfile(inside) else ""

@@ -20,7 +20,7 @@ from simrob_drake.results.block_diagram.reading import COLOURS, TITLES, WIRE, do
 from simrob_drake.results.block_diagram.routing import Lines, Point, Routing
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.load import load_station, station_names
+from simrob_drake.stations.load import load_station
 from simrob_drake.stations.resolve import resolve
 
 _FONT = "Helvetica, Arial, 'DejaVu Sans', sans-serif"
@@ -266,8 +266,8 @@ def save_block_picture(config: StationConfig, file: Path | str) -> Path:
 
 
 def main(folder: Path | None = None) -> None:
-    """Write ``<station>.svg`` for the package's stations, beside their files unless told."""
-    for name in station_names():
+    """Write ``<station>.svg`` for this package's own stations, next to their files if no folder is given."""
+    for name in sorted(file.stem for file in diagrams_root().glob("*.yaml")):
         print(save_block_picture(load_station(name), (folder or diagrams_root()) / f"{name}.svg"))
 
 
