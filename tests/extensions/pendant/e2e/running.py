@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Thread
@@ -141,3 +141,28 @@ def running(subject: str | Path, folder: Path, *options: str) -> Iterator[Runnin
         yield pendant
     finally:
         pendant.stop()
+
+
+def choose_option(page, menu: str, option: str, *, within: str = "body") -> None:
+    """Choose an option of a menu, and see it chosen.
+
+    A menu of a page that is still laid out may close at once: a user clicks again, and so does this.
+
+    Args:
+        menu: the menu's name.
+        option: the option's whole name.
+        within: the CSS selector of the part of the page where the menu shows what is chosen.
+    """
+    from playwright.sync_api import TimeoutError as NotShown
+    from playwright.sync_api import expect
+
+    chosen = page.locator(within).get_by_text(option, exact=True)
+    for _ in range(8):
+        if chosen.count():  # a test before has left it so, or the click was taken
+            break
+        page.get_by_role("combobox", name=menu, exact=True).click()
+        with suppress(NotShown):
+            page.get_by_role("option", name=option, exact=True).click(timeout=5_000)
+            expect(page.get_by_role("listbox")).to_be_hidden()
+            expect(chosen).to_be_visible()
+    expect(chosen).to_be_visible()

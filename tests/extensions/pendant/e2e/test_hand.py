@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 from playwright.sync_api import expect
-from running import running
+from running import choose_option, running
 
 _NAMED = "let found; viewer.scene.traverse((one) => { if (one.isMesh && one.name === name) found = one; });"
 _ON_SCREEN = """
@@ -42,9 +42,7 @@ class Hand:
         return box["x"] + place[0], box["y"] + place[1]
 
     def by_steps(self, name):
-        self.page.get_by_role("combobox", name="Steps").click()
-        self.page.get_by_role("option", name=name).click()
-        expect(self.page.get_by_role("listbox")).to_be_hidden()
+        choose_option(self.page, "Steps", name, within=".pendant-grip")
 
     def choose(self, handle):
         """Click a dot; return where its gizmo is, and how long an arrow [m]."""

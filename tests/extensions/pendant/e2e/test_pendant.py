@@ -4,14 +4,12 @@ import os
 import re
 import subprocess
 import sys
-from contextlib import suppress
 
 import numpy as np
 import pytest
 import yaml
-from playwright.sync_api import TimeoutError as NotShown
 from playwright.sync_api import expect
-from running import ROOT, running
+from running import ROOT, choose_option, running
 
 from simrob_drake.extensions.pendant.server import leading_to
 
@@ -24,15 +22,7 @@ def opened(page, pendant, pace="fastest"):
     if stop.is_enabled():
         stop.click()
     expect(play).to_be_enabled()
-    bar, option = page.locator(".pendant-run"), page.get_by_role("option", name=pace, exact=True)
-    for _ in range(8):
-        if bar.get_by_text(pace, exact=True).count():  # as the test before has left it
-            break
-        page.get_by_role("combobox", name="Speed", exact=True).click()
-        with suppress(NotShown):  # a menu of a page that is still laid out may not show: as a user, click again
-            option.click(timeout=5_000)
-            expect(bar.get_by_text(pace, exact=True)).to_be_visible()
-    expect(bar.get_by_text(pace, exact=True)).to_be_visible()
+    choose_option(page, "Speed", pace, within=".pendant-run")
 
 
 def button(page, name):
@@ -220,8 +210,7 @@ def test_a_run_is_pushed_tuned_gone_back_in_and_taken_away(page, humanoid, tmp_p
     page.get_by_role("button", name="push along +x").click()
     keyed(gain, "ArrowRight", 3)
     expect(page.locator(".simrob-plot").first).to_be_visible()
-    page.get_by_role("combobox", name="Speed", exact=True).click()
-    page.get_by_role("option", name="fastest").click()
+    choose_option(page, "Speed", "fastest", within=".pendant-run")
     button(page, "Play").click()
     expect(page.locator(".pendant-time")).to_have_text(re.compile(r"^([1-9]\d*\.\d+) of \1 s$"))  # its end
     ran(page)
