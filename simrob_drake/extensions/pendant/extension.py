@@ -1,0 +1,5 @@
+"""What this extension adds to the toolbox. The core finds it by the entry points of pyproject.toml."""
+
+from simrob_drake.base.extension import Extension
+
+EXTENSION = Extension(core=">=0.1")
