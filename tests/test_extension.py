@@ -6,18 +6,29 @@ import textwrap
 from importlib.metadata import PathDistribution
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from simrob_drake import simulate
 from simrob_drake.base import extension as extensions
 from simrob_drake.base.errors import InvalidConfig
-from simrob_drake.base.extension import BrokenExtension, additions, installed_extensions, load_addition
+from simrob_drake.base.extension import (
+    BrokenExtension,
+    ExtensionWarning,
+    additions,
+    installed_extensions,
+    load_addition,
+)
 from simrob_drake.base.files import models_root, robot_files
+from simrob_drake.base.sections import _schema_of
 from simrob_drake.cli.app import run_command
 from simrob_drake.parts import sensors
 from simrob_drake.programs.gaits import registry as gaits
 from simrob_drake.programs.moves.kinds import check_move
+from simrob_drake.results.plots.own import save_plots
 from simrob_drake.robots.gaits_file import GaitsFile
-from simrob_drake.stations.load import load_station
+from simrob_drake.stations.load import load_station, station_yaml
+from simrob_drake.stations.schema import station_schema
 
 SENSOR = """
 from typing import Literal
@@ -28,6 +39,13 @@ class Warmth(Sensor):
         pass
 """
 PARTS = "simrob_drake.parts.sensors.sensor.Sensor"
+
+
+def forget_extensions():
+    """Forget all that was found out about installed extensions, as a new process has."""
+    installed_extensions.cache_clear()
+    sensors.KINDS.forget_extensions()
+    _schema_of.cache_clear()
 
 
 @pytest.fixture
@@ -44,7 +62,8 @@ def install(tmp_path, monkeypatch):
 
     def install_one(name, arguments, **modules):
         module = name.replace("-", "_")
-        monkeypatch.delitem(sys.modules, module, raising=False)
+        for loaded in (module, *(f"{module}.{file}" for file in modules)):
+            monkeypatch.delitem(sys.modules, loaded, raising=False)
         text = f"from simrob_drake import Extension\nEXTENSION = Extension({arguments})\n"
         package = tmp_path / module
         package.mkdir()
@@ -57,12 +76,10 @@ def install(tmp_path, monkeypatch):
         entry = f"[simrob_drake.extensions]\n{module} = {module}:EXTENSION\n"
         (information / "entry_points.txt").write_text(entry)
         distributions.append(PathDistribution(information))
-        installed_extensions.cache_clear()
-        sensors.KINDS.forget_extensions()
+        forget_extensions()
 
     yield install_one
-    installed_extensions.cache_clear()
-    sensors.KINDS.forget_extensions()
+    forget_extensions()
 
 
 def problem_of(package):
@@ -229,3 +246,90 @@ def test_two_extensions_of_one_package_have_a_row_each(install, tmp_path, capsys
     assert shown.count("kits ") == 2
     assert "sensors: warmth" in shown
     assert shown.count("left out: it works with simrob_drake >=99") == 1
+
+
+WOBBLE = """
+import numpy as np
+from simrob_drake.results.verdict.verdict import Criterion, Measured
+def _wobble(run):
+    heights = run["piece.box.z"] if "piece.box.z" in run.names else None
+    if heights is None:
+        return None
+    return Measured(["box"], np.array([np.ptp(heights)]))
+WOBBLE = Criterion("wobble", "m", "wobble", "{of} wobbled by {value}", _wobble, default_bound=1e-9)
+"""
+
+
+def test_a_measure_of_an_extension_is_judged_by_its_own_bound_or_that_of_the_station(install):
+    install("wobble-kit", "core='>=0', measures={'wobble': 'wobble_kit.verdict:WOBBLE'}", verdict=WOBBLE)
+    station = load_station("box_on_floor", {"duration": 0.1})
+    measure = simulate(station, progress=False).verdict["wobble"]
+    assert measure.worst.subject == "box"
+    assert measure.worst.bound == 1e-9
+    bounded = simulate(load_station("box_on_floor", {"duration": 0.1, "verdict.wobble": 0.05}), progress=False)
+    assert bounded.verdict["wobble"].worst.bound == 0.05
+    assert bounded.verdict["wobble"].worst.value == np.ptp(bounded["piece.box.z"])
+    assert "wobble: 0.05" in station_yaml(bounded.config)
+    assert "wobble" in station_schema()["$defs"]["VerdictConfig"]["properties"]
+    with pytest.raises(InvalidConfig, match=r"verdict.woble: unknown key; did you mean 'wobble'"):
+        load_station("box_on_floor", {"verdict": {"woble": 1.0}})
+
+
+def test_without_the_extension_the_bound_of_its_measure_is_an_unknown_key():
+    with pytest.raises(InvalidConfig, match=r"verdict.wobble: unknown key"):
+        load_station("box_on_floor", {"verdict": {"wobble": 1.0}})
+
+
+@pytest.mark.parametrize(
+    ("content", "warning"),
+    [
+        ("WOBBLE = 3", "package wobble-kit: wobble_kit.verdict:WOBBLE is 3; it must be an instance of"),
+        (WOBBLE.replace('"wobble", "m"', '"wabble", "m"'), "has the name 'wabble', and is announced as 'wobble'"),
+        (WOBBLE.replace("np.ptp(heights)", "1 / 0"), "the run is not judged by wobble: ZeroDivisionError"),
+    ],
+)
+def test_a_broken_measure_warns_and_the_others_judge(install, content, warning):
+    install("wobble-kit", "core='>=0', measures={'wobble': 'wobble_kit.verdict:WOBBLE'}", verdict=content)
+    with pytest.warns(ExtensionWarning, match=re.escape(warning)):
+        verdict = simulate(load_station("box_on_floor", {"duration": 0.1}), progress=False).verdict
+    assert "penetration" in {measure.criterion.name for measure in verdict.measures}
+    assert "wobble" not in {measure.criterion.name for measure in verdict.measures}
+
+
+PLOTS = """
+from simrob_drake.results.plots.own import panels
+def height(run):
+    figure, frames = panels("height of the box", size=(4, 3))
+    frames[0, 0].plot(run.times, run["piece.box.z"], label="z [m]")
+    return figure
+def nothing(run):
+    return None
+def broken(run):
+    return run["no such column"]
+"""
+
+
+def test_plots_of_an_extension_are_saved_with_those_of_the_run(install, tmp_path):
+    added = "{'height': 'plot_kit.plots:height', 'nothing': 'plot_kit.plots:nothing'}"
+    install("plot-kit", f"core='>=0', plots={added}", plots=PLOTS)
+    result = simulate(load_station("box_on_floor", {"duration": 0.1}), progress=False)
+    written = [file.name for file in save_plots(result, tmp_path / "plots", "svg")]
+    assert written[-1] == "height.svg"
+    assert "nothing.svg" not in written
+    assert "height of the box" in (tmp_path / "plots/height.svg").read_text()
+
+
+@pytest.mark.parametrize(
+    ("name", "target", "warning"),
+    [
+        ("height", "plot_kit.plots:broken", "the plot height of an extension is left out"),
+        ("height", "plot_kit.plots:missing", "package plot-kit: plot_kit.plots:missing cannot be imported"),
+        ("piece_box", "plot_kit.plots:height", "the run has a plot of this name already: piece_box.svg"),
+    ],
+)
+def test_a_broken_plot_warns_and_the_others_are_saved(install, tmp_path, name, target, warning):
+    install("plot-kit", f"core='>=0', plots={{'{name}': '{target}'}}", plots=PLOTS)
+    result = simulate(load_station("box_on_floor", {"duration": 0.1}), progress=False)
+    with pytest.warns(ExtensionWarning, match=re.escape(warning)):
+        written = save_plots(result, tmp_path / "plots", "svg")
+    assert [file.name for file in written] == ["piece_box.svg", "sensors.svg"]
