@@ -51,7 +51,7 @@ class Extension:
             the run has nothing for it.
         measures: instances of :class:`~simrob_drake.results.verdict.verdict.Criterion`, by their ``name``. The verdict
             on each run has them, and the section ``verdict`` of a station file takes their bounds.
-        panels: tabs of the pendant's page, instances of its class ``Panel``, by any name.
+        panels: tabs of the pendant's page, instances of its class ``PendantPanel``, by any name.
         robots: folders with one folder for each robot (``robot.yaml``, URDF, meshes), by any name; here the string is
             ``package:folder``.
         pieces: folders with one folder for each piece (``piece.yaml``), likewise.

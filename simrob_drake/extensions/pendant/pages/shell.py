@@ -14,7 +14,7 @@ from simrob_drake.extensions.pendant.pages.elements import KEYS, allow, follow, 
 from simrob_drake.extensions.pendant.pages.move_list import ProgramTimeline
 from simrob_drake.extensions.pendant.pages.tour import Lessons
 from simrob_drake.extensions.pendant.pages.words import Words, languages, words
-from simrob_drake.extensions.pendant.panel import Panel
+from simrob_drake.extensions.pendant.pendant_panel import PendantPanel
 from simrob_drake.extensions.pendant.pendant import Pendant
 from simrob_drake.extensions.pendant.session import Session
 
@@ -179,7 +179,7 @@ def _tabs(session: Session, t: Words, language: str) -> None:
     A tab that does not serve the kind of robot that is taught is hidden.
     """
     panels = _own_panels(t)
-    for name, panel in usable_objects("panels", Panel).items():
+    for name, panel in usable_objects("panels", PendantPanel).items():
         panels[f"extension_{name}"] = panel  # so that no name of ours is replaced
     with ui.tabs().classes("w-full") as tabs:
         heads = {name: ui.tab(name, label=panel.title(language)) for name, panel in panels.items()}
@@ -205,17 +205,17 @@ def _tabs(session: Session, t: Words, language: str) -> None:
     follow(session, show, "description")
 
 
-def _own_panels(t: Words) -> dict[str, Panel]:
+def _own_panels(t: Words) -> dict[str, PendantPanel]:
     """Describe the tabs of this page as panels, by name, with their titles in the language of the page."""
     panels = {}
     for name, build_tab in TABS.items():
         title = t(f"shell.{name}_tab")
         robots = () if name == _ALWAYS else (name,)
-        panels[name] = Panel(titles={"en": title}, build=build_tab, robots=robots)
+        panels[name] = PendantPanel(titles={"en": title}, build=build_tab, robots=robots)
     return panels
 
 
-def _build_panel(name: str, panel: Panel, session: Session, t: Words) -> None:
+def _build_panel(name: str, panel: PendantPanel, session: Session, t: Words) -> None:
     """Build the content of a tab. If a panel of an extension fails, its tab shows the reason."""
     if name in TABS:
         panel.build(session, t)

@@ -10,7 +10,7 @@ if TYPE_CHECKING:  # these import NiceGUI
 
 
 @dataclass(frozen=True, kw_only=True)
-class Panel:
+class PendantPanel:
     """A tab of the pendant's page, beside those of the robot and of the station.
 
     Attributes:
