@@ -14,8 +14,8 @@ from simrob_drake.extensions.pendant.pages.elements import KEYS, allow, follow, 
 from simrob_drake.extensions.pendant.pages.move_list import ProgramTimeline
 from simrob_drake.extensions.pendant.pages.tour import Lessons
 from simrob_drake.extensions.pendant.pages.words import Words, languages, words
-from simrob_drake.extensions.pendant.pendant_panel import PendantPanel
 from simrob_drake.extensions.pendant.pendant import Pendant
+from simrob_drake.extensions.pendant.pendant_panel import PendantPanel
 from simrob_drake.extensions.pendant.session import Session
 
 TABS: dict[str, Callable[[Session, Words], None]] = {"legs": legs.build, "arm": arm.build, "station": station.build}
