@@ -5,7 +5,7 @@ from os.path import isdir, isfile  # which are false for names that no file can 
 from pathlib import Path
 from typing import Any
 
-from simrob_drake.base.errors import InvalidConfig, InvalidParameter, OutputError
+from simrob_drake.base.errors import InvalidConfig, InvalidParameter, OutputError, Unsuitable
 from simrob_drake.base.yaml_files import YAML_SUFFIXES, parse_yaml, read_yaml
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.packages import Border
@@ -42,7 +42,7 @@ def changes_of(texts: list[str] | None, option: str, *, others: Mapping[str, str
     for one in texts or []:
         for key, value in _changes(one, option):
             if key in called:
-                raise InvalidParameter(f"{option} {one}", f"given beside {called[key]}", "left out, or the only one")
+                raise Unsuitable(f"{option} {one}", f"{called[key]} gives this key already", "leave out one of the two")
             found[key], called[key] = value, f"{option} {key}"
     return found
 

@@ -241,7 +241,7 @@ WRONG = [
         "{mesh: box.stl, mass: 1, frame: q}",
         r"no tool or link of robot for pieces\.part\.frame 'q'",
     ),
-    ("{mesh: box.stl, parent: world, frame: tip}", r"pieces\.part\.frame is tip; .* left out: it hangs on the world"),
+    ("{mesh: box.stl, parent: world, frame: tip}", r"pieces\.part\.frame: the piece hangs on the world, which has no frames; leave it out"),
 ]
 
 
