@@ -241,7 +241,10 @@ WRONG = [
         "{mesh: box.stl, mass: 1, frame: q}",
         r"no tool or link of robot for pieces\.part\.frame 'q'",
     ),
-    ("{mesh: box.stl, parent: world, frame: tip}", r"pieces\.part\.frame: the piece hangs on the world, which has no frames; leave it out"),
+    (
+        "{mesh: box.stl, parent: world, frame: tip}",
+        r"pieces\.part\.frame: the piece hangs on the world, which has no frames; leave it out",
+    ),
 ]
 
 
