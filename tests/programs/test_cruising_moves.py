@@ -165,7 +165,7 @@ def test_wrong_ways_of_doing_it(arm, how, message):
 def test_what_one_call_cannot_do(arm):
     with pytest.raises(SimrobError, match="zone is z10; it must be with several targets in one call"):
         arm.plan.move_l(CORNERS[1], wobj="table", zone="z10")
-    with pytest.raises(SimrobError, match="stop: .* zone.*; give one of the two"):
+    with pytest.raises(SimrobError, match=r"stop: .* zone.*; give one of the two"):
         arm.plan.move_abs_j(ROWS, zone="z10", stop=True)
     with pytest.raises(SimrobError, match="profile is given; it must be given with stop=True or a zone"):
         arm.plan.move_abs_j(ROWS, profile="s_curve")

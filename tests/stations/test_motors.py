@@ -284,16 +284,12 @@ def test_a_bus_takes_the_resolution_of_the_motors_and_no_accelerations(joint: Pa
     rounds = {"servo.bus": {}, "servo.motor": {**FIGURES, "resolution_deg": 2.0}, "gravity": 0}
     result = simulate(load_station(joint, {**rounds, "reference.target_deg": 7.3, "solver": RADAU}))
     assert result.axes("q")[-1, 0] == pytest.approx(np.deg2rad(8.0), abs=1e-3)
-    with pytest.raises(
-        SimrobError, match=r"servo\.bus: a bus brings positions and speeds alone, not reference_acceleration"
-    ):
+    with pytest.raises(SimrobError, match=r"servo\.bus: a bus brings .* alone, not reference_acceleration"):
         simulate(load_station(joint, {"servo.bus": {}, "servo.feedforward": "inverse_dynamics", "solver": RADAU}))
 
 
 def test_a_bus_is_drawn_and_not_exported(joint: Path) -> None:
     station = load_station(joint, {"servo.bus": {"latency": 0.02}, "servo.realization": "implicit"})
     assert "20 ms late" in station_dot(station)
-    with pytest.raises(
-        SimrobError, match=r"servo\.bus: the servos of MJCF get their commands without delay; leave it out"
-    ):
+    with pytest.raises(SimrobError, match=r"servo\.bus: .* commands without delay; leave it out"):
         check_sayable(station, resolve(station).robots)

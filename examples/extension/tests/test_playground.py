@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from simrob_playground.power_plot import power_plot
 
 from simrob_drake import Arm, LeggedRobot, load_station, simulate
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.results.plots.own import save_plots
-from simrob_playground.power_plot import power_plot
 
 
 def test_the_power_is_torque_times_speed():
