@@ -406,11 +406,12 @@ def _without_missing_needs(found: list[InstalledExtension]) -> list[InstalledExt
     for installed in found:
         needs = installed.extension.needs if installed.extension is not None else ()
         missing = next((name for name in needs if name not in usable), None)
-        if missing is not None:
-            is_installed = any(other.name == missing for other in found)
-            state = "is left out" if is_installed else "is not installed"
-            installed = installed.left_out(f"it needs the extension {missing}, which {state}")
-        checked.append(installed)
+        if missing is None:
+            checked.append(installed)
+            continue
+        is_installed = any(other.name == missing for other in found)
+        state = "is left out" if is_installed else "is not installed"
+        checked.append(installed.left_out(f"it needs the extension {missing}, which {state}"))
     # One that has just been left out may be needed by another.
     return checked if checked == found else _without_missing_needs(checked)
 

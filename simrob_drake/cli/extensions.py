@@ -24,7 +24,7 @@ from simrob_drake.cli import ExitCode
 from simrob_drake.cli.screen import console, table
 
 _REGISTRIES = {
-    "commands": "simrob_drake.cli.app",
+    "commands": "simrob_drake.cli.command_table",
     "sensors": "simrob_drake.parts.sensors",
     "monitors": "simrob_drake.parts.monitors",
     "references": "simrob_drake.parts.references",

@@ -21,6 +21,7 @@ from scipy.interpolate import CubicSpline
 
 from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.extension import needed_extension
 from simrob_drake.base.extras import require
 from simrob_drake.base.folders import filled_at_once
 from simrob_drake.base.frames import Vector
@@ -266,7 +267,8 @@ def _of_motion(name: str, config: StationConfig) -> Account:
 
 def _in_mujoco(name: str, config: StationConfig) -> Account:
     require("it", "mujoco", "mujoco")
-    from simrob_drake.extensions.mujoco.runner import MujocoRunner, inverse_run
+    with needed_extension("mujoco", "it"):
+        from simrob_drake.extensions.mujoco.runner import MujocoRunner, inverse_run
 
     if config.mode == "kinematic":
         if config.program is not None:

@@ -20,6 +20,7 @@ import yaml
 from pydrake.trajectories import Trajectory
 
 from simrob_drake.base.errors import InvalidConfig, UnknownName, one_of
+from simrob_drake.base.extension import needed_extension
 from simrob_drake.base.extras import needed
 from simrob_drake.base.files import ROBOT_FILE
 from simrob_drake.base.folders import writing, written_at_once
@@ -144,7 +145,7 @@ class Scene:
             return perform(Workcell(config), self.program)
         if self.engine == DRAKE or decides:
             return run(config, self.reference)
-        with needed("MuJoCo", MUJOCO):
+        with needed("MuJoCo", MUJOCO), needed_extension(MUJOCO, "engine: mujoco"):
             from simrob_drake.extensions.mujoco.runner import MujocoRunner
         return MujocoRunner(self.config).run(reference=self.reference)
 
