@@ -9,4 +9,5 @@ EXTENSION = Extension(
         "fmu": "simrob_drake.extensions.simulink.commands:fmu",
         "serve": "simrob_drake.extensions.simulink.commands:serve",
     },
+    other_files={"simulink": "simrob_drake.extensions.simulink:other_files.yaml"},
 )
