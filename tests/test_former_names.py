@@ -32,6 +32,7 @@ def forget():
         ("simrob_drake.mujoco.runner", "simrob_drake.extensions.mujoco.runner"),
         ("simrob_drake.learning.task", "simrob_drake.extensions.learning.task"),
         ("simrob_drake.teach.session", "simrob_drake.extensions.pendant.session"),
+        ("simrob_drake.parts.controllers.policy", "simrob_drake.extensions.learning.policy"),
     ],
 )
 def test_a_former_name_is_the_module_itself(former, present):

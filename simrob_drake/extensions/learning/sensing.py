@@ -10,7 +10,7 @@ from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.extras import needed
 from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.command_bus import rounded
-from simrob_drake.parts.controllers.policy import Policy
+from simrob_drake.extensions.learning.policy import Policy
 from simrob_drake.parts.sensors.frames import Imu
 from simrob_drake.parts.sensors.joints import Encoders
 from simrob_drake.parts.site import StationRobot
