@@ -36,6 +36,7 @@ _REGISTRIES = {
     "moves": "simrob_drake.programs.moves.kinds",
     "gaits": "simrob_drake.programs.gaits.registry",
     "inverse_kinematics": "simrob_drake.kinematics.registry",
+    "measures": "simrob_drake.results.verdict.judge",
 }
 """Modules that register the core's names at the extension points. They are imported only if an extension uses them."""
 
