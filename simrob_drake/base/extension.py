@@ -45,6 +45,11 @@ class Extension:
         moves: lines of a program, subclasses of ``Move``, by their ``key``.
         gaits: sections of a file ``gaits.yaml``, subclasses of ``Gait``, by their ``section``.
         inverse_kinematics: subclasses of ``Solver``, by the name that ``solver=`` takes.
+        engines: sections ``solver`` by their kind, subclasses of ``OtherEngine``: a station moves without Drake's plant.
+        importers: subclasses of ``Importer``, by a suffix of files such as ``.slx``, or for XML files of any suffix by
+            the outermost element such as ``<mujoco>``.
+        exporters: subclasses of ``StationExporter`` or ``ProgramExporter``, by the name of the format, which is an
+            option of ``simrob export``.
         robots: folders with one folder for each robot (``robot.yaml``, URDF, meshes), by any name; here the string is
             ``package:folder``.
         pieces: folders with one folder for each piece (``piece.yaml``), likewise.
@@ -62,6 +67,9 @@ class Extension:
     moves: Additions = field(default_factory=dict)
     gaits: Additions = field(default_factory=dict)
     inverse_kinematics: Additions = field(default_factory=dict)
+    engines: Additions = field(default_factory=dict)
+    importers: Additions = field(default_factory=dict)
+    exporters: Additions = field(default_factory=dict)
     robots: Additions = field(default_factory=dict)
     pieces: Additions = field(default_factory=dict)
     stations: Additions = field(default_factory=dict)
@@ -87,6 +95,9 @@ POINTS = {
     "moves": "kind of move",
     "gaits": "kind of gait",
     "inverse_kinematics": "solver of inverse kinematics",
+    "engines": "engine",
+    "importers": "importer of",
+    "exporters": "exporter to",
     "robots": "folder of robots",
     "pieces": "folder of pieces",
     "stations": "folder of stations",
@@ -153,6 +164,10 @@ def load_addition_class(addition: Addition, base: Any, named_by: str = "") -> An
     if not (isinstance(found, type) and issubclass(found, base)):
         expected = f"a subclass of {base.__module__}.{base.__name__}"
         raise BrokenExtension(f"package {addition.package}: {addition.target} is {found!r}; it must be {expected}")
+    abstract = sorted(getattr(found, "__abstractmethods__", ()))
+    if abstract:
+        lacking = ", ".join(abstract)
+        raise BrokenExtension(f"package {addition.package}: {addition.target} lacks {lacking}, see {base.__name__}")
     own_name = getattr(found, named_by, None) if named_by else addition.name
     if own_name != addition.name:
         problem = f"has the {named_by} {own_name!r}, and is announced as {addition.name!r}"

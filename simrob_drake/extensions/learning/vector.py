@@ -26,12 +26,12 @@ from simrob_drake.extensions.learning.rewards import Origin, RewardSample, rewar
 from simrob_drake.extensions.learning.sensing import Places, PolicySensors, spaces
 from simrob_drake.extensions.learning.task import Curriculum, beginning, load_task
 from simrob_drake.extensions.mujoco.built import BuiltStation, controls, force_values
+from simrob_drake.extensions.mujoco.model import STEP
 from simrob_drake.parts.controllers.policy import TURNED, observed_of_turn
 from simrob_drake.results.animation.pictures import Still
 from simrob_drake.results.record.walks import headings
 from simrob_drake.stations.closed import station_references
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.mujoco.model import STEP
 
 _HELD = ("contact", "floor", "gravity", "joint_stops", "pieces", "servo", "robot", "robots")
 """Sections of a station that a model of MuJoCo holds."""
