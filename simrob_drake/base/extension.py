@@ -45,7 +45,7 @@ class Extension:
         moves: lines of a program, subclasses of ``Move``, by their ``key``.
         gaits: sections of a file ``gaits.yaml``, subclasses of ``Gait``, by their ``section``.
         inverse_kinematics: subclasses of ``Solver``, by the name that ``solver=`` takes.
-        engines: sections ``solver`` by their kind, subclasses of ``OtherEngine``: a station moves without Drake's plant.
+        engines: sections ``solver`` by their kind, subclasses of ``OtherEngine``, in place of Drake's plant.
         importers: subclasses of ``Importer``, by a suffix of files such as ``.slx``, or for XML files of any suffix by
             the outermost element such as ``<mujoco>``.
         exporters: subclasses of ``StationExporter`` or ``ProgramExporter``, by the name of the format, which is an

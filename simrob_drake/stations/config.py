@@ -352,10 +352,9 @@ def check_effort(config: StationConfig) -> None:
     if duration * rate > MOST_SAMPLES:
         longest = f"at most {MOST_SAMPLES / rate:g} s at a sample_rate of {rate:g} Hz: {MOST_SAMPLES:g} samples"
         raise InvalidParameter("duration", f"{duration:g} s", longest)
-    if config.engine.moves_by_forces:
-        if duration > MOST_STEPS * solver.step:
-            shortest = f"at least {duration / MOST_STEPS:g} s for a duration of {duration:g} s: {MOST_STEPS:g} steps"
-            raise InvalidParameter(f"solver.{solver.step_key}", f"{solver.step:g} s", shortest)
+    if config.engine.moves_by_forces and duration > MOST_STEPS * solver.step:
+        shortest = f"at least {duration / MOST_STEPS:g} s for a duration of {duration:g} s: {MOST_STEPS:g} steps"
+        raise InvalidParameter(f"solver.{solver.step_key}", f"{solver.step:g} s", shortest)
     for name, sensor in config.sensors.items():
         often = getattr(sensor, "rate", None) or 0.0
         if duration * often > MOST_STEPS:

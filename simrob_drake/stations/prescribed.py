@@ -262,7 +262,6 @@ def add_prescribed_torque(
         and the caller adds it.
     """
     plant = ports.plant.plant
-    solver = ports.config.solver
     name = f"{robot.prefix}prescribed"
     axes = list(robot.prescribed)
     motors = [_motor(plant, robot.joints[axis]) for axis in axes]

@@ -276,8 +276,8 @@ def apply_solver(simulator: Simulator, config: StationConfig) -> None:
     has_plant = isinstance(system, Diagram) and system.HasSubsystemNamed("plant")
     if solver.engine.needs_plant_as_direct_child and not has_plant:
         raise UnsupportedSolver(
-            f"solver.scheme is {solver.scheme!r}, which needs the plant as a direct part of the simulated diagram: add the "
-            "station with add_station() to the root's builder, or choose another scheme such as 'radau3'"
+            f"solver.scheme is {solver.scheme!r}, which needs the plant as a direct part of the simulated diagram: add "
+            "the station with add_station() to the root's builder, or choose another scheme such as 'radau3'"
         )
     settings = SimulatorConfig(
         integration_scheme=solver.scheme,
