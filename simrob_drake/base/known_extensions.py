@@ -3,8 +3,7 @@
 The core imports no extension. This table only lets it say which one a file needs: it decides nothing.
 """
 
-from simrob_drake.base.errors import SimrobError
-from simrob_drake.base.extension import additions, installed_extensions
+from simrob_drake.base.extension import additions, needed_extension
 
 _PROVIDERS = {
     "engines": {"mujoco": "mujoco"},
@@ -19,22 +18,18 @@ _PROVIDERS = {
 """Name of the extension of simrob-drake that adds a name, by extension point and name."""
 
 
-class MissingExtension(SimrobError):
-    """Raised when something is used whose extension is not installed, or left out."""
+def check_provided(point: str, name: str, purpose: str) -> None:
+    """Check that a name is not one of a missing extension of this project.
 
+    Args:
+        point: extension point at which the name is looked for, a key of ``POINTS``.
+        name: the name, which nothing here provides.
+        purpose: what needs it, the subject of the message, such as ``solver.kind mujoco``.
 
-def missing_provider(point: str, name: str) -> str:
-    """Say which extension of this project provides a name that nobody provides here, and why it does not.
-
-    Returns:
-        the end of a sentence such as "it needs the extension mujoco of simrob-drake, which is not installed". It is
-        empty if the name is available, or if no extension of this project provides it.
+    Raises:
+        MissingExtension: an extension of this project provides the name, and is not installed or left out.
     """
     provider = _PROVIDERS.get(point, {}).get(name)
-    if provider is None or name in additions(point):
-        return ""
-    needs = f"it needs the extension {provider} of simrob-drake, which is"
-    for installed in installed_extensions():
-        if installed.name == provider and installed.problem:
-            return f"{needs} left out: {installed.problem}"
-    return f"{needs} not installed"
+    if provider is not None and name not in additions(point):
+        with needed_extension(provider, purpose):
+            pass

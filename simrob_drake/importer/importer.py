@@ -16,7 +16,7 @@ from xml.parsers import expat
 from simrob_drake.base.errors import InvalidConfig
 from simrob_drake.base.extension import BrokenExtension, additions, load_addition_class, register_core_names
 from simrob_drake.base.files import NotRead, opened
-from simrob_drake.base.known_extensions import MissingExtension, missing_provider
+from simrob_drake.base.known_extensions import check_provided
 from simrob_drake.importer.options import ImportOptions, ImportReport
 
 CORE_SUFFIXES = (".urdf", ".xacro", ".xml", ".sdf", ".world")
@@ -154,13 +154,12 @@ def load_importer(key: str) -> Importer | None:
     """
     addition = additions("importers").get(key)
     if addition is None:
-        if missing := missing_provider("importers", key):
-            raise MissingExtension(f"{key} is no format of the core: {missing}")
+        check_provided("importers", key, f"a file with {key}")
         return None
     importer_class = load_addition_class(addition, Importer)
     if not issubclass(importer_class, RobotImporter | FileImporter):
         expected = "a subclass of RobotImporter or FileImporter"
-        raise BrokenExtension(f"package {addition.package}: {addition.target} must be {expected}")
+        raise BrokenExtension(f"{addition.owner}: {addition.target} must be {expected}")
     importer: Importer = importer_class()
     return importer
 

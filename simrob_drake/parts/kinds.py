@@ -15,7 +15,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, SchemaValidator, core_schema
 
 from simrob_drake.base.extension import additions, classes_of_extensions, load_addition_class, register_core_names
-from simrob_drake.base.known_extensions import MissingExtension, missing_provider
+from simrob_drake.base.known_extensions import check_provided
 
 
 class Kinds:
@@ -117,8 +117,8 @@ class Kinds:
     def _check(self, section: Any) -> Any:
         """Return a section as an object of the class of its kind; pydantic reports what is wrong with it."""
         kind = section.get("kind") if isinstance(section, dict) else getattr(section, "kind", None)
-        if isinstance(kind, str) and kind not in self and (missing := missing_provider(self._point, kind)):
-            raise MissingExtension(f"kind {kind}: {missing}")
+        if isinstance(kind, str) and kind not in self:
+            check_provided(self._point, kind, f"the kind {kind}")
         return self._validator(kind if kind in self else None).validate_python(section)
 
     def _make_validator(self, kind: str | None) -> SchemaValidator:

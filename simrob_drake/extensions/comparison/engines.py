@@ -21,6 +21,7 @@ from scipy.interpolate import CubicSpline
 
 from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.extension import needed_extension
 from simrob_drake.base.extras import require
 from simrob_drake.base.folders import filled_at_once
 from simrob_drake.base.frames import Vector
@@ -265,8 +266,9 @@ def _of_motion(name: str, config: StationConfig) -> Account:
 
 def _in_mujoco(name: str, config: StationConfig) -> Account:
     require("it", "mujoco", "mujoco")
-    from simrob_drake.extensions.mujoco.engine import MujocoEngine
-    from simrob_drake.extensions.mujoco.runner import MujocoRunner, inverse_run
+    with needed_extension("mujoco", "it"):
+        from simrob_drake.extensions.mujoco.engine import MujocoEngine
+        from simrob_drake.extensions.mujoco.runner import MujocoRunner, inverse_run
 
     if not config.engine.moves_by_forces:
         if config.program is not None:

@@ -5,8 +5,7 @@ import xml.etree.ElementTree as ET
 from collections import Counter
 from pathlib import Path
 
-from simrob_drake.base.extension import BrokenExtension
-from simrob_drake.base.known_extensions import MissingExtension
+from simrob_drake.base.extension import BrokenExtension, MissingExtension
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.importer.importer import RobotImporter, load_importer
 from simrob_drake.importer.options import ImportOptions, ImportReport
