@@ -300,6 +300,27 @@ def load_addition(addition: Addition) -> Any:
         raise BrokenExtension(f"{addition.owner}: {addition.target} cannot be imported ({reason})") from problem
 
 
+@contextmanager
+def code_of_extension(owner: str, name: str) -> Iterator[None]:
+    """Context manager around code of an extension, which blames the extension for errors that no user causes.
+
+    Args:
+        owner: package and extension, see `Addition.owner`.
+        name: what the code is, such as ``the exporter csv``.
+
+    Raises:
+        SimrobError: the code raises one, which is passed on.
+        BrokenExtension: the code raises anything else. The message names the package.
+    """
+    try:
+        yield
+    except SimrobError:
+        raise
+    except Exception as problem:  # code of somebody else may raise anything
+        reason = shortened(f"{type(problem).__name__}: {problem}", 200)
+        raise BrokenExtension(f"{owner}: {name} fails ({reason})") from problem
+
+
 def addition_folder(addition: Addition) -> Path | None:
     """Find the folder of data that an extension adds, without importing the package.
 

@@ -11,6 +11,7 @@ _PROVIDERS = {
         **dict.fromkeys((".mjcf", "<mujoco>"), "mujoco"),
         **dict.fromkeys((".slx", ".mdl", ".slxp", ".mdlp"), "simulink"),
         **dict.fromkeys(("<SimscapeMultibodyImportXML>", "<PhysicalModelingXMLFile>"), "simulink"),
+        "<SimMechanicsImportXML>": "simulink",
         **dict.fromkeys((".mod", ".modx", ".prg", ".sys", ".sysx", ".pgf"), "rapid"),
     },
     "exporters": {"mjcf": "mujoco", "rapid": "rapid", "urscript": "rapid"},

@@ -26,7 +26,7 @@ _TITLES = {
     "stations": "Stations",
     "legged": "Stations",
     "robots": "Robots",
-    "engines": "Exchange and other engines",
+    "exporting": "Exchange and other engines",
     "extensions": _LAST_TITLE,
 }
 """Modules of this package with commands, and the title under which the help lists their commands, in this order.

@@ -9,39 +9,33 @@ import typer
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import check_file, is_program_file, refuse, refuse_import, station_from
+from simrob_drake.cli.importers import examine_with, importer_request, other_importer, with_importer_options
 from simrob_drake.cli.options import (
     AllowCode,
+    ChosenOptions,
     Force,
-    RapidOptions,
+    LanguageOptions,
     Saving,
     Settings,
     StationArgument,
     completed_station,
     with_import_options,
+    with_language,
     with_mesh_path,
-    with_rapid,
     with_saving,
 )
 from simrob_drake.cli.programs import (
     check_program,
-    is_rapid_file,
-    module_program,
+    is_language_file,
+    language_program,
     own_program,
     program_from,
-    refuse_rapid,
+    refuse_language,
     run_program,
 )
 from simrob_drake.cli.robots import examine_file, show_robot
 from simrob_drake.cli.saving import Frames, exit_code, prepared_folder, saved, wait_for_watcher
 from simrob_drake.cli.screen import console, say
-from simrob_drake.cli.simulink import (
-    ModelReading,
-    examine_model,
-    is_model_file,
-    model_options,
-    refuse_model,
-    with_model_reading,
-)
 from simrob_drake.cli.tables import convergence_table, findings_table
 from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.packages import is_robot_file
@@ -55,7 +49,7 @@ from simrob_drake.stations.config import StationConfig
 
 @with_mesh_path
 @with_saving
-@with_rapid
+@with_language
 def run(
     *,
     station: Annotated[
@@ -76,7 +70,7 @@ def run(
         bool, typer.Option("--converge", help="Run again ten times tighter and print the difference.")
     ] = False,
     allow_code: AllowCode = False,
-    rapid: RapidOptions,
+    language: LanguageOptions,
 ) -> int:
     """Run a station, or a program on the station that it names, and save signals, plots and a recording.
 
@@ -91,11 +85,11 @@ def run(
         simrob run Module.mod --robot irb120
     """
     shown = _frames(frames)
-    if is_rapid_file(station):
+    if is_language_file(station):
         refuse("left out with a program", duration=duration, converge=converge, allow_code=allow_code)
-        program, config, lines = module_program(Path(station), rapid, set_)
+        program, config, lines = language_program(Path(station), language, set_)
         return run_program(program, config, saving, shown, lines=lines)
-    refuse_rapid(rapid)
+    refuse_language(language)
     if is_program_file(station):
         refuse("left out with a program", duration=duration, converge=converge, allow_code=allow_code)
         program, config = program_from(station, set_)
@@ -124,7 +118,7 @@ def demo(
     return saved(_simulated(config, live=False), folder, saving)
 
 
-@with_model_reading
+@with_importer_options("reading_class")
 @with_import_options("mesh_path", "estimate_inertia", "xacro_arg", "drop_loops")
 def check(
     *,
@@ -138,13 +132,15 @@ def check(
     set_: Settings = None,
     options: ImportOptions | None,
     allow_code: AllowCode = False,
-    reading: ModelReading,
+    importer_options: ChosenOptions,
 ) -> None:
     """Say before any run what will go wrong in a station, what a robot can carry, or what an import would do."""
-    if is_model_file(station):
-        examine_model(Path(station), model_options(options, reading, set_))
+    importer = other_importer(station)
+    if importer is not None:
+        request = importer_request(importer, "reading_class", importer_options, options, set_)
+        examine_with(importer, Path(station), request)
         return
-    refuse_model(reading)
+    importer_options.refuse_all_but([])
     choices = options and options.model_copy(update={"mesh_path": ()})
     if is_program_file(station):
         refuse_import("left out with a program: it goes with a robot's file", choices)
