@@ -177,7 +177,8 @@ def test_help_keeps_its_units(capsys, command, unit):
 def test_help_has_its_commands_under_titles_and_flags_without_a_type(capsys, asked):
     assert run_command([asked]) == 0
     shown = capsys.readouterr().out
-    titles = ["Stations", "Robots", "Many runs", "Exchange and other engines", "Teaching", "Extensions"]
+    # Those of the core, with commands of extensions among them; those of extensions alone; and the last one.
+    titles = ["Stations", "Robots", "Exchange and other engines", "Teaching", "Many runs", "Extensions"]
     assert re.findall(r"^╭─ ([\w ]+) ─", shown, re.MULTILINE) == ["Options", *titles]
     assert run_command(["run", asked]) == 0
     assert "<bool>" not in shown + capsys.readouterr().out

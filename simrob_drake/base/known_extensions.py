@@ -6,6 +6,7 @@ The core imports no extension. This table only lets it say which one a file need
 from simrob_drake.base.extension import additions, needed_extension
 
 _PROVIDERS = {
+    "controllers": {"policy": "learning"},
     "engines": {"mujoco": "mujoco"},
     "importers": {
         **dict.fromkeys((".mjcf", "<mujoco>"), "mujoco"),

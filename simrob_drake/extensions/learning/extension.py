@@ -5,4 +5,5 @@ from simrob_drake.base.extension import Extension
 EXTENSION = Extension(
     core=">=0.1",
     uses=("mujoco",),
+    other_files={"learning": "simrob_drake.extensions.learning:other_files.yaml"},
 )

@@ -17,4 +17,5 @@ EXTENSION = Extension(
         "serve": "simrob_drake.extensions.simulink.commands:serve",
     },
     importers=dict.fromkeys(_FILES, _IMPORTER),
+    other_files={"simulink": "simrob_drake.extensions.simulink:other_files.yaml"},
 )
