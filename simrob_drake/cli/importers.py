@@ -124,7 +124,9 @@ def _code_of(importer: FileImporter, file: Path) -> AbstractContextManager[None]
 
 
 def _show(outcome: ImportOutcome) -> None:
-    """Show names that are not defined, the report and the lines of an import."""
+    """Show the headline, names that are not defined, the report and the lines of an import."""
+    if outcome.headline:
+        say(outcome.headline)
     if outcome.unknowns:
         rows = []
         for name, places in outcome.unknowns.items():

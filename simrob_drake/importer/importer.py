@@ -94,6 +94,7 @@ class ImportOutcome:
     """What an import has made, for the screen.
 
     Attributes:
+        headline: the most important thing about the result, shown first; empty if there is none.
         lines: what was written, and the command to go on with; one line each.
         report: all that was changed or lost, shown as a table before the lines; None if there is no report.
         losses: parts of the file without which the result behaves differently; one line each.
@@ -103,6 +104,7 @@ class ImportOutcome:
     """
 
     lines: tuple[str, ...]
+    headline: str = ""
     report: ImportReport | None = None
     losses: tuple[str, ...] = ()
     unknowns: Mapping[str, Sequence[str]] = field(default_factory=dict)

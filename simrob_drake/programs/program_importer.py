@@ -4,15 +4,20 @@ An extension announces a subclass of :class:`ProgramImporter` at the extension p
 files. ``simrob run FILE`` then runs the program, and ``simrob import FILE`` writes it as YAML.
 """
 
+from __future__ import annotations
+
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from simrob_drake.importer.importer import Importer
-from simrob_drake.programs.plan import CHECKED, Check
-from simrob_drake.programs.program import Program
-from simrob_drake.stations.config import StationConfig
+
+if TYPE_CHECKING:  # options of commands need this module, and programs load scipy
+    from simrob_drake.programs.plan import Check
+    from simrob_drake.programs.program import Program
+    from simrob_drake.stations.config import StationConfig
 
 
 @dataclass(frozen=True)
@@ -28,10 +33,10 @@ class ProgramRequest:
     """
 
     config: StationConfig
-    robot: str | None = None
-    signals: Path | None = None
-    cycles: int = 1
-    check: Check = CHECKED
+    robot: str | None
+    signals: Path | None
+    cycles: int
+    check: Check
 
 
 @dataclass(frozen=True)

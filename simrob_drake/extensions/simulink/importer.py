@@ -75,7 +75,7 @@ class SimulinkImporter(FileImporter):
 
         folder = request.out or Path(f"{file.stem}_imported")
         imported = import_simulink(file, folder, force=request.force, **reading_arguments(request))
-        lines = [_summary(imported.model), imported.fidelity]
+        lines = [_summary(imported.model)]
         for name, robot in imported.files.robots.items():
             joints = ", ".join(robot.axes.values())
             lines.append(f"robot   {name}: {joints}")
@@ -86,7 +86,9 @@ class SimulinkImporter(FileImporter):
             lines += [f"station {imported.station}", f"next    simrob run {imported.station}"]
         lost = lost_mechanics(imported.outcomes)
         losses = tuple(f"{outcome.path}: {outcome.text or outcome.noun}" for outcome in lost)
-        return ImportOutcome(lines=tuple(lines), report=imported.model.report, losses=losses)
+        return ImportOutcome(
+            headline=imported.fidelity, lines=tuple(lines), report=imported.model.report, losses=losses
+        )
 
     def examine(self, file: Path, request: ImportRequest) -> ImportOutcome:
         """Report what would become of a model's blocks, and which variables it lacks.
