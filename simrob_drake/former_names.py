@@ -20,7 +20,9 @@ _MOVED_PACKAGES = {
     "simulink": "extensions.simulink",
     "teach": "extensions.pendant",
     "tuning": "extensions.tuning",
+    "importer.mjcf": "extensions.mujoco.mjcf",
     "parts.controllers.policy": "extensions.learning.policy",
+    "stations.mujoco": "extensions.mujoco",
 }
 _MOVED_MODULES = (
     "arguments",

@@ -29,13 +29,14 @@ from simrob_drake.base.sections import _schema_of
 from simrob_drake.cli.app import load as load_command
 from simrob_drake.cli.app import run_command
 from simrob_drake.cli.command_table import all_commands
-from simrob_drake.parts import sensors
+from simrob_drake.parts import controllers, couplings, forces, monitors, references, sensors
 from simrob_drake.programs.gaits import registry as gaits
 from simrob_drake.programs.moves.kinds import check_move
 from simrob_drake.results.plots.own import save_plots
 from simrob_drake.robots.gaits_file import GaitsFile
 from simrob_drake.stations.load import load_station, station_yaml
 from simrob_drake.stations.schema import station_schema
+from simrob_drake.stations.solver_config import SOLVERS
 
 SENSOR = """
 from typing import Literal
@@ -48,10 +49,16 @@ class Warmth(Sensor):
 PARTS = "simrob_drake.parts.sensors.sensor.Sensor"
 
 
+FAMILIES = (sensors, monitors, references, forces, couplings, controllers)
+
+
 def forget_extensions():
-    """Forget all that was found out about installed extensions, as a new process has."""
+    """Look for extensions anew, and forget all that was made of those found before."""
     installed_extensions.cache_clear()
-    sensors.KINDS.forget_extensions()
+    all_commands.cache_clear()
+    for family in FAMILIES:
+        family.KINDS.forget_extensions()
+    SOLVERS.forget_extensions()
     _schema_of.cache_clear()
 
 
@@ -436,15 +443,6 @@ def test_a_wrong_announcement_is_left_out_with_the_reason(install, arguments, pr
     assert problem in problem_of("odd-kit")
 
 
-@pytest.fixture
-def forget_commands():
-    """Look for commands anew before and after the test."""
-    all_commands.cache_clear()
-    yield
-    all_commands.cache_clear()
-
-
-@pytest.mark.usefixtures("forget_commands")
 def test_an_extension_has_commands_below_a_command_under_a_title_of_its_own(install, capsys):
     commands = '''
     def kit():
@@ -468,7 +466,6 @@ def test_an_extension_has_commands_below_a_command_under_a_title_of_its_own(inst
     assert "No such command 'hide'" in capsys.readouterr().err
 
 
-@pytest.mark.usefixtures("forget_commands")
 def test_a_command_that_cannot_be_imported_is_blamed_on_its_extension(install, capsys):
     install("odd-kit", "core='>=0', commands={'warm': 'odd_kit.gone:warm'}")
     load_command(["warm"])  # the problem is reported when the command is run
@@ -479,7 +476,6 @@ def test_a_command_that_cannot_be_imported_is_blamed_on_its_extension(install, c
     assert "A command of odd-kit, which cannot be read" in capsys.readouterr().out
 
 
-@pytest.mark.usefixtures("forget_commands")
 def test_an_unknown_command_may_be_one_of_an_extension_that_is_left_out(install, capsys):
     install("odd-kit", "core='>=99', commands={'warm': 'odd_kit.commands:warm'}")
     assert run_command(["warm"]) == 2

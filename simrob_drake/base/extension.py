@@ -60,6 +60,11 @@ class Extension:
         measures: instances of :class:`~simrob_drake.results.verdict.verdict.Criterion`, by their ``name``. The verdict
             on each run has them, and the section ``verdict`` of a station file takes their bounds.
         panels: tabs of the pendant's page, instances of its class ``PendantPanel``, by any name.
+        engines: sections ``solver`` by their kind, subclasses of ``OtherEngine``, in place of Drake's plant.
+        importers: subclasses of ``Importer``, by a suffix of files such as ``.slx``, or for XML files of any suffix by
+            the outermost element such as ``<mujoco>``.
+        exporters: subclasses of ``StationExporter`` or ``ProgramExporter``, by the name of the format, which is an
+            option of ``simrob export``.
         robots: folders with one folder for each robot (``robot.yaml``, URDF, meshes), by any name; here the string is
             ``package:folder``.
         pieces: folders with one folder for each piece (``piece.yaml``), likewise.
@@ -85,6 +90,9 @@ class Extension:
     plots: Additions = field(default_factory=dict)
     measures: Additions = field(default_factory=dict)
     panels: Additions = field(default_factory=dict)
+    engines: Additions = field(default_factory=dict)
+    importers: Additions = field(default_factory=dict)
+    exporters: Additions = field(default_factory=dict)
     robots: Additions = field(default_factory=dict)
     pieces: Additions = field(default_factory=dict)
     stations: Additions = field(default_factory=dict)
@@ -120,6 +128,9 @@ POINTS = {
     "plots": "plot",
     "measures": "measure of the verdict",
     "panels": "panel of the pendant",
+    "engines": "engine",
+    "importers": "importer of",
+    "exporters": "exporter to",
     "robots": "folder of robots",
     "pieces": "folder of pieces",
     "stations": "folder of stations",
@@ -249,6 +260,10 @@ def load_addition_class(addition: Addition, base: Any, named_by: str = "") -> An
     if not (isinstance(found, type) and issubclass(found, base)):
         expected = f"a subclass of {base.__module__}.{base.__name__}"
         raise BrokenExtension(f"{addition.owner}: {addition.target} is {found!r}; it must be {expected}")
+    abstract = sorted(getattr(found, "__abstractmethods__", ()))
+    if abstract:
+        lacking = ", ".join(abstract)
+        raise BrokenExtension(f"{addition.owner}: {addition.target} lacks {lacking}, see {base.__name__}")
     if named_by:
         _check_name(addition, found, named_by)
     return found
@@ -343,6 +358,27 @@ def load_addition(addition: Addition) -> Any:
     except (Exception, SystemExit) as problem:  # a module of somebody else may raise anything
         reason = shortened(f"{type(problem).__name__}: {problem}", 200)
         raise BrokenExtension(f"{addition.owner}: {addition.target} cannot be imported ({reason})") from problem
+
+
+@contextmanager
+def code_of_extension(owner: str, name: str) -> Iterator[None]:
+    """Context manager around code of an extension, which blames the extension for errors that no user causes.
+
+    Args:
+        owner: package and extension, see `Addition.owner`.
+        name: what the code is, such as ``the exporter csv``.
+
+    Raises:
+        SimrobError: the code raises one, which is passed on.
+        BrokenExtension: the code raises anything else. The message names the package.
+    """
+    try:
+        yield
+    except SimrobError:
+        raise
+    except Exception as problem:  # code of somebody else may raise anything
+        reason = shortened(f"{type(problem).__name__}: {problem}", 200)
+        raise BrokenExtension(f"{owner}: {name} fails ({reason})") from problem
 
 
 def addition_path(addition: Addition) -> Path | None:

@@ -27,7 +27,6 @@ from simrob_drake.results.animation.pictures import Still
 from simrob_drake.results.record.walks import headings
 from simrob_drake.stations.closed import station_references
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.mujoco.model import STEP
 
 with needed("learning", "rl"):
     import gymnasium
@@ -38,6 +37,7 @@ with needed("an environment of many robots", "mujoco"):
     from mujoco.rollout import Rollout
 with needed_extension("mujoco", "an environment of many robots"):
     from simrob_drake.extensions.mujoco.built import BuiltStation, controls, force_values
+    from simrob_drake.extensions.mujoco.model import STEP
 
 _HELD = ("contact", "floor", "gravity", "joint_stops", "pieces", "servo", "robot", "robots")
 """Sections of a station that a model of MuJoCo holds."""

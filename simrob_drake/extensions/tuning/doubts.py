@@ -87,7 +87,7 @@ class _Thought:
 def doubts(scene: Scene, seeds: int) -> dict[str, list[Change]]:
     """Return changes, ``seeds`` of each kind, by kind, under which a scene is to be run again; the first has none."""
     found: dict[str, list[Change]] = {THOUGHT: [{}]}
-    if scene.config.mode == "kinematic":
+    if not scene.config.engine.moves_by_forces:
         return found
     station = add_plant(DiagramBuilder(), resolve(scene.config))
     plant, context = station.plant, station.plant.CreateDefaultContext()

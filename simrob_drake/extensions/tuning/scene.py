@@ -40,7 +40,6 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station, station_yaml
 from simrob_drake.stations.located import carried
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.stations.solver_config import MujocoSolver
 
 _KEPT: deque[Runner] = deque(maxlen=4)  # some megabytes each
 
@@ -169,7 +168,9 @@ class Scene:
 
 def in_mujoco(config: StationConfig) -> StationConfig:
     """Return a station as MuJoCo steps it, at its usual steps."""
-    return config.model_copy(update={"solver": MujocoSolver(kind="mujoco")})
+    with needed_extension(MUJOCO, "engine: mujoco"):
+        from simrob_drake.extensions.mujoco.engine import MujocoEngine
+    return config.model_copy(update={"solver": MujocoEngine(kind="mujoco")})
 
 
 def of_station(overrides: Mapping[str, Any]) -> dict[str, Any]:
