@@ -12,7 +12,6 @@ from simrob_drake.base.extension import BrokenExtension, additions
 from simrob_drake.cli import exporting
 from simrob_drake.cli.app import run_command
 from simrob_drake.importer.importing import import_robot, robot_from_file
-from simrob_drake.stations.solver_config import SOLVERS
 from tests.test_extension import install  # noqa: F401  # a fixture
 
 ENGINE = """
@@ -77,16 +76,14 @@ solver: {kind: falling, time_step: 0.01}
 
 @pytest.fixture
 def announce(install):  # noqa: F811
-    """Install a package, and forget the kinds of engines that were known before."""
+    """Install a package whose modules may have the names of another test's."""
 
     def announce_one(name, arguments, **modules):
         for known in [module for module in sys.modules if module.startswith(f"{name.replace('-', '_')}.")]:
             del sys.modules[known]  # of another test
         install(name, f"core='>=0', {arguments}", **modules)
-        SOLVERS.forget_extensions()
 
-    yield announce_one
-    SOLVERS.forget_extensions()
+    return announce_one
 
 
 @pytest.fixture

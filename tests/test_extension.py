@@ -29,13 +29,14 @@ from simrob_drake.base.sections import _schema_of
 from simrob_drake.cli.app import load as load_command
 from simrob_drake.cli.app import run_command
 from simrob_drake.cli.command_table import all_commands
-from simrob_drake.parts import sensors
+from simrob_drake.parts import controllers, couplings, forces, monitors, references, sensors
 from simrob_drake.programs.gaits import registry as gaits
 from simrob_drake.programs.moves.kinds import check_move
 from simrob_drake.results.plots.own import save_plots
 from simrob_drake.robots.gaits_file import GaitsFile
 from simrob_drake.stations.load import load_station, station_yaml
 from simrob_drake.stations.schema import station_schema
+from simrob_drake.stations.solver_config import SOLVERS
 
 SENSOR = """
 from typing import Literal
@@ -51,7 +52,9 @@ PARTS = "simrob_drake.parts.sensors.sensor.Sensor"
 def forget_extensions():
     """Forget all that was found out about installed extensions, as a new process has."""
     installed_extensions.cache_clear()
-    sensors.KINDS.forget_extensions()
+    for family in (controllers, couplings, forces, monitors, references, sensors):
+        family.KINDS.forget_extensions()
+    SOLVERS.forget_extensions()
     _schema_of.cache_clear()
 
 
