@@ -42,20 +42,27 @@ class PostureList(ProgramImporter):
             name, *words = line.partition("#")[0].split() or [""]
             if not name:
                 continue
-            try:
-                values = [float(word) for word in words]
-            except ValueError:
+            values = _numbers(words)
+            if values is None:
                 remarks.append(ProgramRemark(f"{file.name}: line {number}: {line.strip()} is no posture", is_lost=True))
-                continue
-            if name == "pause" and len(values) == 1:
+            elif name == "pause" and len(values) == 1:
                 moves.append(check_move({"wait": values[0]}))
                 duration += values[0]
-                continue
-            if len(values) != len(robot.axes):
-                expected = f"{name} has {len(values)} angles; {robot.model.name} has {len(robot.axes)} joints"
-                raise InvalidConfig(file, f"line {number}", expected)
-            lines[len(moves)] = f"{file.name}: line {number}"
-            moves.append(check_move({"move_abs_j": {"targets_deg": values, "duration": _MOVE_TIME}}))
-            duration += _MOVE_TIME
+            elif len(values) != len(robot.axes):
+                problem = f"{name} has {len(values)} angles; {robot.model.name} has {len(robot.axes)} joints"
+                raise InvalidConfig(file, f"line {number}", problem)
+            else:
+                # Messages about a run then name the line, not only the number of the move.
+                lines[len(moves)] = f"{file.name}: line {number}"
+                moves.append(check_move({"move_abs_j": {"targets_deg": values, "duration": _MOVE_TIME}}))
+                duration += _MOVE_TIME
         program = Program(description=f"Postures of {file.name}", robot=request.robot, moves=tuple(moves))
         return ImportedProgram(program=program, duration=duration, remarks=tuple(remarks), lines=lines)
+
+
+def _numbers(words: list[str]) -> list[float] | None:
+    """Convert words to numbers. Returns None if one of them is no number."""
+    try:
+        return [float(word) for word in words]
+    except ValueError:
+        return None
