@@ -32,8 +32,6 @@ EXTENSIONS = [
 ORDER = [*CORE, *EXTENSIONS]
 ROOT = {"former_names"}
 """Modules of the top level that import nothing of the package."""
-UNTIL_EXPORTERS = {"cli/engines.py", "cli/programs.py", "cli/simulink.py"}
-"""Modules that import extensions until importers and exporters are announced as commands are."""
 MODULES = sorted(file for file in PACKAGE.rglob("*.py") if file.name != "__init__.py")
 
 
@@ -70,7 +68,7 @@ def module_of(file: Path) -> str:
 
 
 def test_imports_point_to_the_left():
-    names = {module_of(file): file for file in MODULES if str(file.relative_to(PACKAGE)) not in UNTIL_EXPORTERS}
+    names = {module_of(file): file for file in MODULES}
     pairs = [(name, other) for name, file in names.items() for other in imported(file)]
     own = [(name, other) for name, other in pairs if other.startswith("simrob_drake.")]
     assert [f"{name} imports {other}" for name, other in own if place(other) > place(name)] == []
@@ -91,8 +89,6 @@ def test_the_core_imports_no_extension():
     for file in MODULES:
         module = module_of(file)
         if package_of(module) not in CORE or module == "simrob_drake.former_names":
-            continue
-        if str(file.relative_to(PACKAGE)) in UNTIL_EXPORTERS:
             continue
         texts = {node.value for node in ast.walk(parsed(file)) if isinstance(node, ast.Constant)}
         named = {text for text in texts if isinstance(text, str)} | imported(file)

@@ -49,10 +49,14 @@ class Warmth(Sensor):
 PARTS = "simrob_drake.parts.sensors.sensor.Sensor"
 
 
+FAMILIES = (sensors, monitors, references, forces, couplings, controllers)
+
+
 def forget_extensions():
-    """Forget all that was found out about installed extensions, as a new process has."""
+    """Look for extensions anew, and forget all that was made of those found before."""
     installed_extensions.cache_clear()
-    for family in (controllers, couplings, forces, monitors, references, sensors):
+    all_commands.cache_clear()
+    for family in FAMILIES:
         family.KINDS.forget_extensions()
     SOLVERS.forget_extensions()
     _schema_of.cache_clear()
@@ -439,15 +443,6 @@ def test_a_wrong_announcement_is_left_out_with_the_reason(install, arguments, pr
     assert problem in problem_of("odd-kit")
 
 
-@pytest.fixture
-def forget_commands():
-    """Look for commands anew before and after the test."""
-    all_commands.cache_clear()
-    yield
-    all_commands.cache_clear()
-
-
-@pytest.mark.usefixtures("forget_commands")
 def test_an_extension_has_commands_below_a_command_under_a_title_of_its_own(install, capsys):
     commands = '''
     def kit():
@@ -471,7 +466,6 @@ def test_an_extension_has_commands_below_a_command_under_a_title_of_its_own(inst
     assert "No such command 'hide'" in capsys.readouterr().err
 
 
-@pytest.mark.usefixtures("forget_commands")
 def test_a_command_that_cannot_be_imported_is_blamed_on_its_extension(install, capsys):
     install("odd-kit", "core='>=0', commands={'warm': 'odd_kit.gone:warm'}")
     load_command(["warm"])  # the problem is reported when the command is run
@@ -482,7 +476,6 @@ def test_a_command_that_cannot_be_imported_is_blamed_on_its_extension(install, c
     assert "A command of odd-kit, which cannot be read" in capsys.readouterr().out
 
 
-@pytest.mark.usefixtures("forget_commands")
 def test_an_unknown_command_may_be_one_of_an_extension_that_is_left_out(install, capsys):
     install("odd-kit", "core='>=99', commands={'warm': 'odd_kit.commands:warm'}")
     assert run_command(["warm"]) == 2

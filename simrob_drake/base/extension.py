@@ -54,17 +54,17 @@ class Extension:
         moves: lines of a program, subclasses of ``Move``, by their ``key``.
         gaits: sections of a file ``gaits.yaml``, subclasses of ``Gait``, by their ``section``.
         inverse_kinematics: subclasses of ``Solver``, by the name that ``solver=`` takes.
-        engines: sections ``solver`` by their kind, subclasses of ``OtherEngine``, in place of Drake's plant.
-        importers: subclasses of ``Importer``, by a suffix of files such as ``.slx``, or for XML files of any suffix by
-            the outermost element such as ``<mujoco>``.
-        exporters: subclasses of ``StationExporter`` or ``ProgramExporter``, by the name of the format, which is an
-            option of ``simrob export``.
         plots: functions that draw a run, by the stem of the file in the result's folder ``plots``. A function takes the
             run, a :class:`~simrob_drake.results.record.run.RecordedRun`, and returns a matplotlib figure, or None if
             the run has nothing for it.
         measures: instances of :class:`~simrob_drake.results.verdict.verdict.Criterion`, by their ``name``. The verdict
             on each run has them, and the section ``verdict`` of a station file takes their bounds.
         panels: tabs of the pendant's page, instances of its class ``PendantPanel``, by any name.
+        engines: sections ``solver`` by their kind, subclasses of ``OtherEngine``, in place of Drake's plant.
+        importers: subclasses of ``Importer``, by a suffix of files such as ``.slx``, or for XML files of any suffix by
+            the outermost element such as ``<mujoco>``.
+        exporters: subclasses of ``StationExporter`` or ``ProgramExporter``, by the name of the format, which is an
+            option of ``simrob export``.
         robots: folders with one folder for each robot (``robot.yaml``, URDF, meshes), by any name; here the string is
             ``package:folder``.
         pieces: folders with one folder for each piece (``piece.yaml``), likewise.
@@ -87,12 +87,12 @@ class Extension:
     moves: Additions = field(default_factory=dict)
     gaits: Additions = field(default_factory=dict)
     inverse_kinematics: Additions = field(default_factory=dict)
-    engines: Additions = field(default_factory=dict)
-    importers: Additions = field(default_factory=dict)
-    exporters: Additions = field(default_factory=dict)
     plots: Additions = field(default_factory=dict)
     measures: Additions = field(default_factory=dict)
     panels: Additions = field(default_factory=dict)
+    engines: Additions = field(default_factory=dict)
+    importers: Additions = field(default_factory=dict)
+    exporters: Additions = field(default_factory=dict)
     robots: Additions = field(default_factory=dict)
     pieces: Additions = field(default_factory=dict)
     stations: Additions = field(default_factory=dict)
@@ -125,12 +125,12 @@ POINTS = {
     "moves": "kind of move",
     "gaits": "kind of gait",
     "inverse_kinematics": "solver of inverse kinematics",
-    "engines": "engine",
-    "importers": "importer of",
-    "exporters": "exporter to",
     "plots": "plot",
     "measures": "measure of the verdict",
     "panels": "panel of the pendant",
+    "engines": "engine",
+    "importers": "importer of",
+    "exporters": "exporter to",
     "robots": "folder of robots",
     "pieces": "folder of pieces",
     "stations": "folder of stations",

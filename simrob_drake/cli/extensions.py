@@ -36,10 +36,10 @@ _REGISTRIES = {
     "moves": "simrob_drake.programs.moves.kinds",
     "gaits": "simrob_drake.programs.gaits.registry",
     "inverse_kinematics": "simrob_drake.kinematics.registry",
+    "measures": "simrob_drake.results.verdict.judge",
     "engines": "simrob_drake.stations.solver_config",
     "importers": "simrob_drake.importer.importer",
     "exporters": "simrob_drake.programs.exporter",
-    "measures": "simrob_drake.results.verdict.judge",
 }
 """Modules that register the core's names at the extension points. They are imported only if an extension uses them."""
 

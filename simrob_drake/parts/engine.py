@@ -26,7 +26,7 @@ class Engine:
         has_fixed_steps: whether all steps have the same length.
         is_explicit: whether forces are evaluated at the start of a step, so that stiff ones limit its length.
         needs_plant_as_direct_child: whether Drake's plant must be a direct child of the root diagram.
-        steps_drakes_plant: whether Drake's plant is stepped. Otherwise a block of the engine takes its place in the diagram.
+        steps_drakes_plant: whether Drake's plant is stepped. Otherwise a block of the engine takes its place.
         holds_joint_limits: whether joints stop at their limits without springs in the diagram.
         holds_stiff_springs: whether a spring that is as stiff as a constraint leaves the steps long.
         constrains_gears: whether gears between axes are constraints.

@@ -163,7 +163,7 @@ class LearntPolicy(SampledBlock):
     def ask(self, context: Context, **changes: Vector) -> None:
         """Set what the block remembers in its context: the ``action`` of its next sample, or the ``goal``."""
         for name, values in changes.items():
-            context.SetDiscreteState(self._output_memory[name], values)
+            self.set_output(context, name, values)
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return how far the axes are to be moved now; raises BlockFails: the law gives no action."""
