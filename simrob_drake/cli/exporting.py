@@ -83,9 +83,26 @@ def export(
     options.refuse_all_but([exporter.options_class for exporter in exporters.values()])
     if of_programs:
         _export_program(station, set_, targets, of_programs, options, force=force)
-        return
+    else:
+        _export_station(station, set_, targets, of_stations, options, force=force)
+
+
+def _export_station(
+    station: str,
+    set_: list[str] | None,
+    targets: Mapping[str, Path],
+    exporters: Mapping[str, StationExporter],
+    options: ChosenOptions,
+    *,
+    force: bool,
+) -> None:
+    """Write a station in one or several formats, one after the other.
+
+    Raises:
+        SimrobError: there is no such station, a format cannot express it, or a file exists.
+    """
     config = station_from(station, set_)
-    for name, exporter in of_stations.items():
+    for name, exporter in exporters.items():
         check_file(targets[name], force=force)
         with code_of_extension(exporter.owner, f"the exporter {name}"):
             written = exporter.export_station(config, targets[name], options.of(exporter.options_class), force=force)

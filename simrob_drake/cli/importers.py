@@ -60,7 +60,7 @@ def importer_request(
     out: Path | None = None,
     force: bool = False,
 ) -> ImportRequest:
-    """Collect what a user asks of an import, from the options of a command.
+    """Make the request for an import from the options of a command.
 
     Args:
         importer: the importer.
@@ -106,7 +106,7 @@ def import_with(importer: FileImporter, file: Path, request: ImportRequest, *, a
 
 
 def examine_with(importer: FileImporter, file: Path, request: ImportRequest) -> None:
-    """Show what an import of a file would do, without writing anything.
+    """Show the result that an import of a file would have, without writing anything.
 
     Raises:
         SimrobError: nothing can be made of the file; the message says why.

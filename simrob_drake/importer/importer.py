@@ -34,7 +34,7 @@ class NoOptions:
 
 
 class Importer:
-    """What all importers have in common.
+    """Base class of all importers.
 
     Derive from :class:`RobotImporter`, :class:`FileImporter`, or
     :class:`simrob_drake.programs.program_importer.ProgramImporter`.
@@ -62,7 +62,7 @@ class RobotImporter(Importer, ABC):
         Args:
             root: outermost element of the file, which may be changed.
             path: absolute path of the file.
-            options: what the user asks of the import.
+            options: the user's choices for the import.
             report: record of all that is changed or lost.
 
         Raises:
@@ -72,7 +72,7 @@ class RobotImporter(Importer, ABC):
 
 @dataclass(frozen=True)
 class ImportRequest:
-    """What a user asks of an import.
+    """Request of a user for an import.
 
     Attributes:
         options: an object of the importer's `options_class`.
@@ -91,7 +91,7 @@ class ImportRequest:
 
 @dataclass(frozen=True)
 class ImportOutcome:
-    """What an import has made, for the screen.
+    """Result of an import, for the screen.
 
     Attributes:
         headline: the most important thing about the result, shown first; empty if there is none.

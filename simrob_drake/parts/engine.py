@@ -26,7 +26,7 @@ class Engine:
         has_fixed_steps: whether all steps have the same length.
         is_explicit: whether forces are evaluated at the start of a step, so that stiff ones limit its length.
         needs_plant_as_direct_child: whether Drake's plant must be a direct child of the root diagram.
-        steps_drakes_plant: whether Drake's plant is stepped. Otherwise a block stands in for it in the diagram.
+        steps_drakes_plant: whether Drake's plant is stepped. Otherwise a block of the engine takes its place.
         holds_joint_limits: whether joints stop at their limits without springs in the diagram.
         holds_stiff_springs: whether a spring that is as stiff as a constraint leaves the steps long.
         constrains_gears: whether gears between axes are constraints.
@@ -96,7 +96,7 @@ KINEMATIC = Engine(name="", moves_by_forces=False)
 
 
 class PlantBlock(Protocol):
-    """A Drake system that stands in for Drake's plant in the diagram of a station, with the same ports and names.
+    """A Drake system in place of Drake's plant in the diagram of a station, with the same ports and names.
 
     n is the number of positions of the plant (nq) plus that of its velocities (nv). The state of the block is that of
     the plant in Drake's order, so that records of a run mean the same.

@@ -29,7 +29,7 @@ register_core_names("exporters", lambda: COMMAND_OPTIONS)
 
 
 class Exporter:
-    """What all exporters have in common. Derive from :class:`StationExporter` or :class:`ProgramExporter`.
+    """Base class of all exporters. Derive from :class:`StationExporter` or :class:`ProgramExporter`.
 
     Attributes:
         help: what is written, in a sentence, for the help of ``simrob export``.

@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # options of commands need this module, and programs load sci
 
 @dataclass(frozen=True)
 class ProgramRequest:
-    """What a user asks of the import of a program.
+    """Request of a user for the import of a program.
 
     Attributes:
         config: the station on which the program is done.

@@ -185,7 +185,7 @@ class Slow:
     def _expenses(self) -> list[Expense]:
         """Measure the costs of finding contacts, and of each block that samples, such as a camera."""
         expenses = []
-        if self.config.has_contact_forces:
+        if self.config.contact is not None and self.config.engine.moves_by_forces:
             has_surfaces = self.config.contact.model != "point"
             cost = _seconds(partial(self._find_contacts, self.context.Clone(), has_surfaces))
             remedy = "give bodies fewer collision shapes"

@@ -16,7 +16,7 @@ from simrob_drake.stations.solver_config import TIGHTER, SolverSection
 
 
 class OtherEngine(SolverSection):
-    """A section ``solver`` whose engine stands in for Drake's plant in a dynamic station.
+    """A section ``solver`` whose engine takes the place of Drake's plant in a dynamic station.
 
     A subclass has the keys of the section as its fields, ``kind`` among them, and gives `answers`, and implements
     `plant_block`. It is announced at the extension point ``engines`` under the name of its kind. Drake's plant is built
@@ -30,7 +30,7 @@ class OtherEngine(SolverSection):
 
     @abstractmethod
     def plant_block(self, station: ResolvedStation, plant: StationPlant) -> PlantBlock:
-        """Make the Drake system that stands in for the plant.
+        """Make the Drake system that takes the place of the plant.
 
         Args:
             station: the station.
@@ -58,7 +58,7 @@ class OtherEngine(SolverSection):
 
 
 def other_engine(config: StationConfig) -> OtherEngine | None:
-    """Section of the engine that stands in for Drake's plant. None if Drake moves the station, or its reference."""
+    """Section ``solver`` of another engine than Drake. None if Drake's plant or a reference moves the station."""
     solver = config.solver
     return solver if config.engine.moves_by_forces and isinstance(solver, OtherEngine) else None
 
@@ -66,7 +66,7 @@ def other_engine(config: StationConfig) -> OtherEngine | None:
 def add_plant_block(
     builder: DiagramBuilder, engine: OtherEngine, station: ResolvedStation, plant: StationPlant
 ) -> PlantBlock:
-    """Add the block that stands in for Drake's plant to a diagram, and let it pose the plant's shapes.
+    """Add the block of another engine to a diagram, in place of Drake's plant, and pose the plant's shapes by it.
 
     Raises:
         BrokenExtension: the block lacks something that a station needs.

@@ -91,7 +91,7 @@ def _damping_findings(config: StationConfig, robot: StationRobot) -> list[Findin
         text = f"{damping} keeps the explicit scheme {engine.name} below steps of {largest:.2g} s"
         if not engine.has_fixed_steps:  # error control shortens the steps by itself
             return [Finding("note", "steps", text)]
-        if solver.max_step <= largest:
+        if solver.step <= largest:
             return [Finding("ok", "steps", text)]
         text += f", but solver.{solver.step_key} is {solver.step:g} s; take an implicit scheme such as radau3"
         return [Finding("warning", "steps", text)]

@@ -15,7 +15,7 @@ if TYPE_CHECKING:  # the readers load much, and options are needed for the help
 
 @dataclass(frozen=True)
 class ModelReading:
-    """How a Simulink model is read."""
+    """Options for reading a Simulink model."""
 
     library: Annotated[
         list[Path] | None,
@@ -45,7 +45,7 @@ class ModelReading:
 
 @dataclass(frozen=True)
 class ModelImport(ModelReading):
-    """How a Simulink model is read, and what is made of it."""
+    """Options for reading a Simulink model, and for the station that is made of it."""
 
     servos: Annotated[
         bool,
