@@ -87,7 +87,9 @@ def save_result(
         if result.runs:
             _write_program(result, work)
         if result.commanded:
-            text = station_yaml(result.config, only={"controllers": {name: {"commands"} for name in result.commanded}})
+            controllers = result.config.controllers
+            keys = {name: {controllers[name].command_key} for name in result.commanded}
+            text = station_yaml(result.config, only={"controllers": keys})
             (work / COMMANDS).write_text(text, encoding="utf-8")
         config = with_tables(result, work)
         if result.start is not None:
@@ -102,7 +104,7 @@ def save_result(
                 save_film_strip(result, work / "film_strip.png", frames=shown)
             if video:
                 save_video(result, work / "video.mp4")
-            if recording and any(sensor.kind == "camera" for sensor in result.config.sensors.values()):
+            if recording and any(sensor.takes_images for sensor in result.config.sensors.values()):
                 from simrob_drake.results.footage import footage_of, save_footage
 
                 save_footage(footage_of(result), work / "cameras", video=video)

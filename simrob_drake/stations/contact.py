@@ -61,9 +61,9 @@ MODULUS = 1e7  # hydroelastic modulus [Pa] where none is given: stiff rubber
 
 
 def needs_shapes(config: StationConfig) -> bool:
-    """Whether a station's plant needs collision shapes: for contact, or for distance sensors of a kinematic station."""
-    has_distances = any(sensor.kind == "distance" for sensor in config.sensors.values())
-    return config.contact is not None or (config.mode == "kinematic" and has_distances)
+    """Whether a plant needs collision shapes: for contact, or in a kinematic station for sensors that measure them."""
+    measures_shapes = any(sensor.measures_shapes for sensor in config.sensors.values())
+    return config.contact is not None or (config.mode == "kinematic" and measures_shapes)
 
 
 def apply_materials(plant: MultibodyPlant, scene_graph: SceneGraph, station: ResolvedStation) -> None:

@@ -185,7 +185,7 @@ def with_settings(config: StationConfig, settings: Mapping[str, Any], where: str
     """
     if not settings:
         return config
-    has_own_code = any(controller.kind == "own" for controller in config.controllers.values())
+    has_own_code = any(controller.runs_code for controller in config.controllers.values())
     content = station_content(config)
     return _make_config(content, settings, where, allow_code=has_own_code, is_complete=True)
 
@@ -255,7 +255,7 @@ def _validate(content: Content, where: Path | str, allow_code: bool) -> StationC
     except InvalidConfig as problem:
         raise InvalidConfig(where, _in_short_form(problem.key), _in_short_form(problem.problem)) from problem
     for name, controller in config.controllers.items():
-        if controller.kind == "own" and not allow_code:
+        if controller.runs_code and not allow_code:
             expected = f"would run the code {controller.class_}; if you trust it, say allow_code=True, or --allow-code"
             raise InvalidConfig(where, f"controllers.{name}", expected)
     try:

@@ -70,7 +70,7 @@ def test_a_run_reads_each_robot_once(monkeypatch, station, copied_models, tmp_pa
 
 @pytest.fixture
 def copied_models(tmp_path):
-    """Copy the robots of a station, so that no cache of the process has them; returns overrides that name the copies."""
+    """Copy the robots of a station, so that no cache has them. Returns overrides that name the copies."""
 
     def copy(station):
         overrides = {}

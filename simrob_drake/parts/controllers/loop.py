@@ -12,11 +12,12 @@ from pydrake.systems.primitives import Adder, AffineSystem, Multiplexer, Saturat
 
 from simrob_drake.base.errors import InvalidParameter, UnknownName, one_of
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.sections import Integer, Number, Positive, Strict
+from simrob_drake.base.sections import Integer, Number, Positive
 from simrob_drake.blocks.block import mapped
 from simrob_drake.blocks.sampled import SampledBlock
 from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.controllers.own import add_to, declare_output
+from simrob_drake.parts.controllers.section import ControllerSection
 from simrob_drake.parts.sensors.sensor import Sensor
 from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
 
@@ -39,7 +40,7 @@ ASKED = "asked"  # what an input is called that is the reference as it is below 
 Weight = Annotated[Number, Field(gt=0, le=1)]
 
 
-class LoopSection(Strict):
+class LoopSection(ControllerSection):
     """A section of ``controllers`` that is a loop of the package's.
 
     What its block gives tells how it drives axes: ``offset`` (n) is added to the reference [rad or m], ``target`` (n)
@@ -53,7 +54,6 @@ class LoopSection(Strict):
     """What it does at each sample, one after the other, as the block picture shows it."""
     uppermost: ClassVar[bool] = False  # whether it lies above all others, whatever their priorities
 
-    kind: str
     robot: str | None = None
     """Whom it drives; the only robot unless given."""
     rate: Positive = 100.0
@@ -145,8 +145,8 @@ def loops_of(controllers: Mapping[str, Any]) -> dict[str, LoopSection]:
 
 
 def flows_of(controllers: Mapping[str, Any]) -> "dict[str, SignalFlow]":
-    """Return those controllers that are signal flows, by name."""
-    return {name: section for name, section in controllers.items() if section.kind == "signal_flow"}
+    """The controllers that are signal flows, by name."""
+    return {name: section for name, section in controllers.items() if section.is_flow}
 
 
 def readers_of(controllers: Mapping[str, Any]) -> "dict[str, LoopSection | SignalFlow]":

@@ -7,17 +7,17 @@ import sys
 from collections.abc import Collection, Mapping, Sequence
 from os.path import isfile
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import ConfigDict, Field
 from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort, PortDataType
 from pydrake.systems.primitives import PassThrough
 
 from simrob_drake.base.errors import InvalidParameter, one_of, quoted
-from simrob_drake.base.sections import Strict
 from simrob_drake.base.signals import Panel, Signal
 from simrob_drake.blocks.block import summed
 from simrob_drake.parts.captions import wrapped
+from simrob_drake.parts.controllers.section import ControllerSection
 from simrob_drake.parts.site import Site, StationRobot
 
 
@@ -59,7 +59,7 @@ def add_to(builder: DiagramBuilder, site: Site, key: str, added: Sequence[Output
     site.draw_nothing(key)
 
 
-class OwnController(Strict):
+class OwnController(ControllerSection):
     """A block of the user's own, from Python code that is run: only where that is allowed (`--allow-code`).
 
     Inputs that are named as outputs of the station, or of another controller (`<controller>.<output>`), read those,
@@ -69,6 +69,7 @@ class OwnController(Strict):
     """
 
     model_config = ConfigDict(serialize_by_alias=True)
+    runs_code: ClassVar[bool] = True
 
     kind: Literal["own"]
     class_: str = Field(alias="class", pattern=r"^[^:]+:[A-Za-z_][\w.]*$")
@@ -110,8 +111,8 @@ class OwnController(Strict):
 
 
 def own_blocks(controllers: Mapping[str, Any]) -> Mapping[str, LeafSystem]:
-    """Return the blocks of those that are the user's own, made anew, by name."""
-    own = {name: section for name, section in controllers.items() if section.kind == "own"}
+    """Make the blocks of the controllers that run the user's own code, by name."""
+    own = {name: section for name, section in controllers.items() if section.runs_code}
     return {name: section.block(f"controllers.{name}") for name, section in own.items()}
 
 

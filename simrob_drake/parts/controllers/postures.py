@@ -86,6 +86,16 @@ class Sequencer(Pace, LoopSection):
                     raise InvalidParameter(key, f"{violation.value} {violation.unit}", f"within {violation.limits}")
         return robot.axes
 
+    def cell_times(self, groups: Sequence[Vector]) -> list[float | None]:
+        """Times at which each cell was reached, since the start of the sequencer [s]; None for a cell not reached.
+
+        Args:
+            groups: discrete state of the block, one vector for each group.
+        """
+        # The block keeps the times at the end of its last group. They are negative for cells that were not reached.
+        times = groups[-1][-len(self.cells) :].tolist()
+        return [round(time, 9) if time >= 0 else None for time in times]
+
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         model = robot.model
         targets, units = [_targets(cell, model) for cell in self.cells], model.user_units

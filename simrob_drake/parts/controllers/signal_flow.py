@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from graphlib import CycleError
 from itertools import accumulate
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, TypeAdapter
@@ -47,6 +47,7 @@ from simrob_drake.parts.controllers.flow_states import (
     ZeroOrderHold,
 )
 from simrob_drake.parts.controllers.own import add_to, declare_output
+from simrob_drake.parts.controllers.section import ControllerSection
 from simrob_drake.parts.monitors.monitor import add_monitor
 from simrob_drake.parts.site import Site, Surroundings
 from simrob_drake.parts.targets import check_frame, frame_of
@@ -97,13 +98,15 @@ class FlowForce(Strict):
             site.add(output, ports[output], applied_signal(output, unit, title, part=name))
 
 
-class SignalFlow(Strict):
+class SignalFlow(ControllerSection):
     """A control law of blocks that compute, filter and compare, as they are drawn in Simulink.
 
     Blocks read other blocks by their names (`Plant.1` is an element of an output of several), and signals of the
     station by those of its results (`q.joint_1`, `q_ref.joint_1`, `tcp.z`, a sensor's). Each block's output is a
     signal, ``<controller>.<block>``. Outputs are exact in time: blocks with states are part of the station's.
     """
+
+    is_flow: ClassVar[bool] = True
 
     kind: Literal["signal_flow"]
     robot: str | None = None

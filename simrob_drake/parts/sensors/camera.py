@@ -11,7 +11,7 @@ which triangulate does (K. Khoshelham and S. Oude Elberink, Sensors 12, 2012, eq
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -158,6 +158,8 @@ _INSIDE = 1e-3  # m: one on the face of a link is not inside of it
 
 class CameraSensor(Sensor):
     """A camera; its images are taken after the run, and then cost it nothing."""
+
+    takes_images: ClassVar[bool] = True
 
     kind: Literal["camera"]
     frame: str = WORLD

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
@@ -22,6 +22,11 @@ from simrob_drake.parts.targets import check_frame
 
 class Sensor(Strict, ABC):
     """A section of ``sensors``."""
+
+    takes_images: ClassVar[bool] = False
+    """Whether it is a camera, whose images a result can save."""
+    measures_shapes: ClassVar[bool] = False
+    """Whether it measures the collision shapes of robots and pieces, which a kinematic station then has."""
 
     kind: str
 

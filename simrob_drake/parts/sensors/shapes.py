@@ -1,7 +1,7 @@
 """What collision shapes feel: how near another thing is, and the force with which it presses."""
 
 from collections.abc import Collection, Sequence
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +26,8 @@ from simrob_drake.parts.targets import check_body, check_frame, frame_of, shapes
 
 class Distance(ShapeSensor):
     """Signed distance between two things [m]; negative: how deep they are in each other."""
+
+    measures_shapes: ClassVar[bool] = True
 
     kind: Literal["distance"]
     other: str = "floor"

@@ -236,10 +236,9 @@ class RecordedRun:
         found = {}
         for name, section in self.config.controllers.items():
             block = self.final_state.blocks.get(f"controller.{name}")
-            if section.kind == "sequencer" and block is not None:
-                # The block keeps the times at the end of its last discrete group; negative for "not reached".
-                times = block.discrete[-1][-len(section.cells) :].tolist()
-                found[name] = [round(time, 9) if time >= 0 else None for time in times]
+            times = None if block is None else section.cell_times(block.discrete)
+            if times is not None:
+                found[name] = times
         return found
 
     def numbered(self, number: int) -> Self:
