@@ -13,7 +13,6 @@ from simrob_drake.results.animation.live import StationView, Steering
 from simrob_drake.results.animation.window import Board
 from simrob_drake.results.files import save_result
 from simrob_drake.results.record.summary import remarks_of, summary_of
-from simrob_drake.results.verdict.judge import judge
 from tests.test_extension import install  # noqa: F401  # a fixture
 
 SPIN = '''
@@ -93,7 +92,7 @@ def test_commands_of_a_function_move_the_robot_and_stand_in_the_result(spinning,
     assert [speed for _, speed in result.config.controllers["spin"].speeds] == [0.2, 0.0]
     assert times[1] >= 0.3
 
-    folder = save_result(result, judge(result), tmp_path / "result", recording=False)
+    folder = save_result(result, result.verdict, tmp_path / "result", recording=False)
     assert "speeds" in (folder / "commands.yaml").read_text()
     again = simulate(result.config, progress=False)
     np.testing.assert_allclose(again["spin.offset.joint_1"][-1], result["spin.offset.joint_1"][-1], atol=0.005)
@@ -129,7 +128,7 @@ def test_its_remarks_are_in_the_summary(spinning):
     result = simulate(spinning, commands={"spin": lambda time: (0.2 if 0.2 < time < 0.4 else 0.0,)}, progress=False)
     (remark,) = remarks_of(result)
     assert remark.startswith("spin turns faster than 0.1 rad/s: 0.2")
-    assert summary_of(result, judge(result))["remarks"] == [remark]
+    assert summary_of(result, result.verdict)["remarks"] == [remark]
 
 
 def test_a_program_drives_it(spinning):
