@@ -10,7 +10,7 @@ from pydrake.systems.framework import Context, Diagram, LeafSystem
 from simrob_drake.base.arguments import instance
 from simrob_drake.base.errors import InvalidParameter, one_of, quoted
 from simrob_drake.base.frames import numbers
-from simrob_drake.blocks.references import Reference, SineReference, corner_times, hold
+from simrob_drake.blocks.references import Reference, as_reference, corner_times, hold
 from simrob_drake.parts.controllers import readers_of
 from simrob_drake.parts.controllers.loop import sensors_read
 from simrob_drake.parts.controllers.own import driven_inputs
@@ -47,8 +47,11 @@ class StationDiagrams:
         self.references, self.forces = dict(references), dict(station.config.forces)
 
     def fits(self, references: Mapping[str, Reference]) -> bool:
-        """Tell whether these references can be played: those that are sines stay as they are."""
-        return all(_same_kind(self.references[robot], reference) for robot, reference in references.items())
+        """Whether the sources of the diagrams can play these references. A source plays one sine only."""
+        return all(
+            as_reference(self.references[robot]).player_key == as_reference(reference).player_key
+            for robot, reference in references.items()
+        )
 
     def play(self, references: Mapping[str, Reference], forces: Mapping[str, ForceConfig]) -> None:
         """Let all diagrams give other references, and other pushes at the same places."""
@@ -108,17 +111,6 @@ class StationDiagrams:
         made = closed_station(self._station, self.references, sensors=kept, blocks=self._blocks, **leave)
         made.play_forces(self.forces)  # which may be others by now than the station's own
         return made
-
-
-def _same_kind(old: Reference, new: Reference) -> bool:
-    if isinstance(old, SineReference) or isinstance(new, SineReference):
-        return (
-            isinstance(old, SineReference)
-            and isinstance(new, SineReference)
-            and old.frequency == new.frequency
-            and all(np.array_equal(getattr(old, key), getattr(new, key)) for key in ("centre", "amplitude", "phase"))
-        )
-    return True
 
 
 Hands: TypeAlias = Mapping[str, Callable[[float], Sequence[float] | None]]

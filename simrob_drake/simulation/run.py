@@ -20,7 +20,7 @@ from simrob_drake.base.arguments import instance, seconds, truth
 from simrob_drake.base.errors import InvalidParameter, one_of, quoted
 from simrob_drake.base.frames import Vector, numbers
 from simrob_drake.base.progress import note, progress_bar
-from simrob_drake.blocks.references import Reference, Samples, SineReference
+from simrob_drake.blocks.references import Reference, ReferenceSignal, Samples
 from simrob_drake.parts.forces import Push
 from simrob_drake.results.record.history import Recorder, StateHistory
 from simrob_drake.results.record.run import FAILED
@@ -375,7 +375,7 @@ def _trajectory_or_samples(reference: Any) -> Reference | Samples:
     Raises:
         InvalidParameter: the reference has another type or shape.
     """
-    if isinstance(reference, SineReference):
+    if isinstance(reference, ReferenceSignal):
         return reference
     if isinstance(reference, Trajectory):
         empty = isinstance(reference, PiecewisePolynomial) and reference.get_number_of_segments() < 1

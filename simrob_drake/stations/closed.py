@@ -18,6 +18,7 @@ from simrob_drake.blocks.references import (
     ReferenceSource,
     Samples,
     add_reference,
+    as_reference,
     corner_times,
     reference_values,
     table,
@@ -195,9 +196,10 @@ def station_references(
         else:
             linear = not station.config.follows_speed(robot.name)
             reference = _through(own, robot, linear=linear) if isinstance(own, tuple) else own
-        if isinstance(reference, Trajectory) and reference.rows() != len(robot.axes):
+        size = as_reference(reference).size
+        if size != len(robot.axes):
             expected = f"{len(robot.axes)} joints: {', '.join(robot.axes)}"
-            raise InvalidParameter("reference", f"a trajectory of {reference.rows()} joints", expected)
+            raise InvalidParameter("reference", f"a trajectory of {size} joints", expected)
         references[robot.name] = reference
     return obey_couplings(station, references, requested or {}, starts or {})
 
