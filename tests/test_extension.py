@@ -140,14 +140,14 @@ def test_a_name_that_two_packages_have_names_both(install):
     install("a-kit", "core='>=0', sensors={'warmth': 'a_kit.parts:Warmth'}", parts=SENSOR)
     install("b-kit", "core='>=0', sensors={'warmth': 'b_kit.parts:Warmth'}", parts=SENSOR)
     assert problem_of("a-kit") == ""
-    assert problem_of("b-kit") == "the kind of sensor 'warmth' is also one of a-kit"
+    assert problem_of("b-kit") == "the kind of sensor 'warmth' is also one of package a-kit, extension a_kit"
 
 
 def test_a_part_that_cannot_be_imported_is_blamed_on_its_package(install):
     install("odd-kit", "core='>=0', sensors={'warmth': 'odd_kit.parts:Warmth'}", parts="import nothing_like_it")
-    with pytest.raises(BrokenExtension, match=r"package odd-kit: odd_kit.parts:Warmth cannot be imported \(Module"):
+    with pytest.raises(BrokenExtension, match=r"package odd-kit, extension odd_kit: odd_kit.parts:Warmth cannot be imported \(Module"):
         load_addition(additions("sensors")["warmth"])
-    with pytest.raises(InvalidConfig, match=r"sensors.warmth: package odd-kit: odd_kit.parts:Warmth cannot"):
+    with pytest.raises(InvalidConfig, match=r"sensors.warmth: package odd-kit, extension odd_kit: odd_kit.parts:Warmth cannot"):
         load_station("box_on_floor", {"sensors": {"warmth": {}}})
 
 
@@ -161,7 +161,7 @@ def test_a_station_names_the_packages_that_it_needs(install):
     with pytest.raises(InvalidConfig, match="extensions: the station needs the package warm-kit, which is not instal"):
         load_station("box_on_floor", {"extensions": ["warm-kit"], "sensors": {"warmth": {}}})
     install("warm-kit", "core='>=99', sensors={'warmth': 'warm_kit.parts:Warmth'}", parts=SENSOR)
-    with pytest.raises(InvalidConfig, match="which is left out: it works with simrob_drake >=99"):
+    with pytest.raises(InvalidConfig, match="and the extension warm_kit of warm-kit is left out: it works"):
         load_station("box_on_floor", {"extensions": ["warm-kit"], "sensors": {"warmth": {}}})
 
 
@@ -176,17 +176,17 @@ def test_the_command_lists_them_and_checks_what_they_add(install, capsys):
     assert "broken" not in capsys.readouterr().out  # nothing is imported for a list
     assert run_command(["extensions", "--check"]) == 2
     shown = " ".join(capsys.readouterr().out.split())
-    assert "broken: package odd-kit: there is no folder odd_kit:robots" in shown
-    assert "broken: package odd-kit: odd_kit.b:B cannot be imported" in shown
+    assert "broken: package odd-kit, extension odd_kit: there is no folder odd_kit:robots" in shown
+    assert "broken: package odd-kit, extension odd_kit: odd_kit.b:B cannot be imported" in shown
 
 
 def test_a_move_and_a_gait_that_cannot_be_imported_are_blamed_on_their_package(install, monkeypatch):
     install("odd-kit", "core='>=0', moves={'hover': 'odd_kit.gone:Hover'}, gaits={'hovers': 'odd_kit.gone:Hover'}")
-    with pytest.raises(BrokenExtension, match=r"package odd-kit: odd_kit.gone:Hover cannot be imported"):
+    with pytest.raises(BrokenExtension, match=r"package odd-kit, extension odd_kit: odd_kit.gone:Hover cannot be imported"):
         check_move({"hover": {"height": 1}})
     file = GaitsFile(Path("gaits.yaml"), 0.0, {"facing_deg": 0, "hovers": {"high": {}}})
     monkeypatch.setattr(gaits, "gaits_file", lambda _: file)
-    with pytest.raises(BrokenExtension, match=r"package odd-kit: odd_kit.gone:Hover cannot be imported"):
+    with pytest.raises(BrokenExtension, match=r"package odd-kit, extension odd_kit: odd_kit.gone:Hover cannot be imported"):
         gaits.load_gaits("roid1")
 
 

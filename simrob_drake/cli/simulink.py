@@ -1,8 +1,5 @@
 """What `simrob import` and `simrob check` do with a Simulink model, `simrob fmu`, and `simrob serve`."""
 
-import os
-from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,23 +8,17 @@ import typer
 from rich.text import Text
 
 from simrob_drake.base.errors import InvalidParameter
-from simrob_drake.base.folders import check_folder
 from simrob_drake.cli import ExitCode
-from simrob_drake.cli.arguments import refuse, refuse_import, station_from
-from simrob_drake.cli.options import Force, Settings, StationArgument, with_group, with_mesh_path
+from simrob_drake.cli.arguments import refuse, refuse_import
+from simrob_drake.cli.options import with_group
 from simrob_drake.cli.screen import console, errors, say, table
-from simrob_drake.cli.tables import in_units, report_table
+from simrob_drake.cli.tables import report_table
 from simrob_drake.importer.options import ImportOptions
 
 if TYPE_CHECKING:
     from simrob_drake.extensions.simulink.simulink_model import SimulinkModel
-    from simrob_drake.stations.config import StationConfig
 
 SUFFIXES = (".slx", ".mdl", ".slxp", ".mdlp")
-
-Step = Annotated[
-    float | None, typer.Option(help="Take steps of this length [s], the fastest way at a given communication step.")
-]
 
 
 @dataclass(frozen=True)
@@ -168,96 +159,8 @@ def examine_model(file: Path, options: dict[str, Any]) -> None:
     check_importable(model)
 
 
-@with_mesh_path
-def fmu(
-    station: StationArgument,
-    out: Annotated[Path | None, typer.Option(help="FILE.fmu; STATION.fmu unless given.")] = None,
-    set_: Settings = None,
-    step: Step = None,
-    fmi: Annotated[int, typer.Option(help="Version of FMI: 2 or 3.")] = 2,
-    force: Force = False,
-) -> None:
-    """Write a station as an FMI co-simulation unit, for Simulink, OpenModelica and others.
-
-    For example:
-
-        simrob fmu irb120_dynamic --step 1e-3 --out irb120.fmu
-    """
-    from simrob_drake.extensions.simulink.fmi.unit import write_fmu
-
-    config = _stepped(station, set_, step)
-    target = out or Path(f"{config.name}.fmu")
-    file = write_fmu(config, target, version=fmi, force=force)
-    say(f"unit    {file}")
-
-
-@with_mesh_path
-def serve(
-    station: StationArgument,
-    set_: Settings = None,
-    step: Step = None,
-    host: Annotated[
-        str, typer.Option(help="Where to listen; others than this computer reach it if it is not its own.")
-    ] = ("127.0.0.1"),
-    port: Annotated[int | None, typer.Option(min=0, max=65535, help="8300, or a free one, unless given.")] = None,
-) -> None:
-    """Let others step a station over TCP, as MATLAB on Windows; they need its token, of SIMROB_TOKEN or a random one.
-
-    For example:
-
-        simrob serve irb120_dynamic --step 1e-3
-    """
-    from simrob_drake.extensions.simulink.stepping import server
-
-    listening = server.StationServer(
-        _stepped(station, set_, step), host=host, port=port, token=os.environ.get(server.TOKEN_VARIABLE)
-    )
-    with listening, suppress(KeyboardInterrupt):
-        bound = listening.server_address[1]
-        say(f"station {listening.config.name} at {host}, port {bound}")
-        say(f"token   {listening.token}")
-        say(f"client  {server.CLIENT}; end with Ctrl+C")
-        listening.serve_forever()
-
-
-def _stepped(station: str, settings: list[str] | None, step: float | None) -> "StationConfig":
-    from simrob_drake.extensions.simulink.stepping.station import with_fixed_steps
-
-    config = station_from(station, settings)
-    return config if step is None else with_fixed_steps(config, step)
-
-
 def _tell(model: "SimulinkModel") -> None:
     joints = len(model.bodies.links)
     counts = f"{len(model.expanded.nodes)} blocks, {len(model.bodies.bodies)} bodies, {joints} joints"
     console.print(report_table(model.report))
     say(f"{model.path.name}: {counts}; {model.report.summary()}")
-
-
-def compare_with_log(config: "StationConfig", log: Path, map_: list[str], out: Path | None, *, force: bool) -> None:
-    """Hold logged signals of the original against a station's, in numbers and pictures."""
-    from simrob_drake.extensions.simulink.logs import NUMBERS, compare, read_log, save_differences
-
-    names = {}
-    for entry in map_:
-        theirs, _, ours = (part.strip() for part in entry.partition("="))
-        if not (theirs and ours):
-            raise InvalidParameter("--map", entry, "of the form THEIRS=OURS[:UNIT], as yout.1=q.joint_1:deg")
-        names[theirs] = ours
-    if out is not None:
-        check_folder(out, marker=NUMBERS, force=force)
-    logged = read_log(log, names)
-    _, differences = compare(config, logged, progress=True)
-    rows = [
-        (one.signal, in_units(one.largest, one.unit), f"{one.at:.3f}", in_units(one.rms, one.unit))
-        for one in differences
-    ]
-    console.print(table(("signal", "largest difference", "at [s]", "root mean square"), *rows, numbers=False))
-    if others := sorted(logged.keys() - {found.signal for found in differences}):
-        say(f"not among the station's signals: {', '.join(others)}")
-    if out is not None:
-        save_differences(differences, out, force=force)
-        say(f"result   {out}")
-
-
-COMMANDS: dict[str, Callable[..., Any]] = {"fmu": fmu, "serve": serve}

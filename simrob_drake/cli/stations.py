@@ -221,7 +221,7 @@ def _simulated(config: StationConfig, live: bool) -> SimulationResult:
 
 def _converged(result: SimulationResult) -> ExitCode:
     """Show the difference to a tighter run, and return the exit code of that."""
-    if result.config.mode == "kinematic":
+    if not result.config.engine.moves_by_forces:
         console.print("a kinematic station has no solver: nothing to converge")
         return ExitCode.DONE
     tight = simulate(result.config.model_copy(update={"solver": result.config.solver.tighter()}))

@@ -18,8 +18,11 @@ from typing import Any
 
 from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import InvalidConfig, InvalidModel, UnknownName, shortened
+from simrob_drake.base.extension import classes_of_extensions
 from simrob_drake.base.files import NotRead, diagrams_root, models_root, opened
 from simrob_drake.base.folders import cache_root
+from simrob_drake.base.yaml_files import YAML_SUFFIXES
+from simrob_drake.importer.importer import CORE_SUFFIXES, RobotImporter, load_importer
 
 MANIFEST = "package.xml"
 MODEL_MANIFEST = "model.config"  # of a model of Gazebo
@@ -131,15 +134,23 @@ def sorted_entries(folder: Path) -> list[str]:
         return []
 
 
-ROBOT_SUFFIXES = (".urdf", ".xacro", ".xml", ".mjcf", ".sdf", ".world")  # how the names of files with robots end
 _DESCRIPTION = re.compile(r"[a-z]\w*_description", re.ASCII)
 _PARTS = ("_cache", "_repositories", "_descriptions")
 _PATHS = ("URDF_PATH", "MJCF_PATH", "XACRO_PATH")
 
 
 def is_robot_file(text: str) -> bool:
-    """Return whether a text is the file of a robot, or a name of ``robot_descriptions``: no other robot, no station."""
-    return Path(text).suffix.lower() in ROBOT_SUFFIXES or _DESCRIPTION.fullmatch(text) is not None
+    """Whether a text names a file of a robot, or a robot of ``robot_descriptions``: no other robot, and no station."""
+    suffix = Path(text).suffix.lower()
+    if suffix in CORE_SUFFIXES or _DESCRIPTION.fullmatch(text) is not None:
+        return True
+    return suffix not in ("", *YAML_SUFFIXES) and isinstance(load_importer(suffix), RobotImporter)
+
+
+def robot_suffixes() -> list[str]:
+    """Suffixes of all files that are read as robots, those of the core first."""
+    of_extensions = classes_of_extensions("importers", RobotImporter)
+    return [*CORE_SUFFIXES, *(key for key in of_extensions if key.startswith("."))]
 
 
 def robot_file(source: object, name: str) -> Path:

@@ -63,7 +63,7 @@ class ForceSection(Strict, ABC):
 
     def check(self, key: str, station: Surroundings) -> None:
         """Check that forces count in the station, and that there is what it acts on."""
-        if station.mode == "kinematic":
+        if not station.engine.moves_by_forces:
             raise InvalidParameter(key, "a force in a kinematic station", "left out: it knows no forces")
         known = [*station.robots, *(name for name in frame_names(station) if name != "world")]
         if self.at is not None:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from pydrake.geometry import CollisionFilterDeclaration, GeometryId, GeometrySet, QueryObject, SceneGraph
@@ -23,6 +23,7 @@ from simrob_drake.blocks.monitor import Trigger
 from simrob_drake.blocks.references import Reference
 from simrob_drake.blocks.servo import ServoGains
 from simrob_drake.parts.captions import BlockRole, Drawn, InnerBlock
+from simrob_drake.parts.engine import Engine, PlantBlock
 from simrob_drake.parts.ground import Ground
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel
@@ -110,9 +111,7 @@ class ResolvedPiece:
 class Surroundings:
     """What a part may know of its station before anything is built."""
 
-    mode: Literal["dynamic", "kinematic"]  # ``dynamic`` or ``kinematic``
-    scheme: str  # of the solver, such as ``cenic``
-    time_step: float  # of a discrete solver [s]; 0 for others, which look in between
+    engine: Engine  # what moves it
     has_contact: bool  # whether it has this section
     ground: Ground  # what there is to stand on
     robots: Mapping[str, ResolvedRobot]  # by name
@@ -169,14 +168,14 @@ class StationPlant:
     # pairs of shapes between which the contact points touch; a collision filter lets the two shapes themselves pass
     # through each other
     replaced_pairs: tuple[tuple[GeometryId, GeometryId], ...] = ()
-    engine: Any = None  # what is stepped in the plant's place, with its ports; None where that itself is, or nothing
+    stand_in: PlantBlock | None = None  # block of another engine in the diagram; None if the plant itself is stepped
     # whether the solver of the plant holds couplings as constraints; otherwise stiff springs hold them
     holds_constraints: bool = False
 
     @property
     def stepped(self) -> Any:
         """What stands in the diagram of a dynamic station as ``plant``: Drake's own, or another engine's."""
-        return self.engine or self.plant
+        return self.stand_in or self.plant
 
     def place(self, root: Context, positions: Vector) -> None:
         """Let what is stepped stand at positions (nq,), in a context of its diagram."""

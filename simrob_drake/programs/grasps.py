@@ -50,7 +50,7 @@ def let_go(
     if piece in model.config.pieces and model.resolved.pieces[piece].parent == WORLD:
         raise InvalidParameter(f"{piece}, to be let go,", "held by nothing", "a piece that hangs on a robot or a piece")
     changed = reparented(model, piece, parent, frame=frame)
-    if fixed or parent != WORLD or changed.mode == "kinematic":
+    if fixed or parent != WORLD or not changed.engine.moves_by_forces:
         return changed
     free = changed.pieces[piece].model_copy(update={"free": True})
     piece_model, missing = model.resolved.pieces[piece].model, ""

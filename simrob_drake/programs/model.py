@@ -201,7 +201,7 @@ class StationModel(PosedStation):
 
     def floats(self, robot: str) -> bool:
         """Tell whether a robot of the station is held by nothing."""
-        return self.config.mode == "dynamic" and self.robots[robot].model.base == "floating"
+        return self.config.engine.moves_by_forces and self.robots[robot].model.base == "floating"
 
     def pose(self, frame: Frame) -> RigidTransform:
         """Return the pose of a frame in the world."""

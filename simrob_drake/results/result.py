@@ -55,7 +55,7 @@ def table_of(result: RecordedRun) -> list[list[str]]:
             place, velocity = result.piece_pose(piece)[-1, :3], result.piece_velocity(piece)[-1, :3]
             table.append([piece, *(f"{value:.4f}" for value in place), f"{np.linalg.norm(velocity):.4f}"])
         return table
-    kinematic = result.config.mode == "kinematic"
+    kinematic = not result.config.engine.moves_by_forces
     table = [["joint", "reference", "position", "unit", "torque", "peak torque", "limit", "unit"]]
     for robot in result.plant.robots.values():
         for index, (axis, limit) in enumerate(zip(robot.axes, robot.gains.torque_limit, strict=True)):

@@ -81,7 +81,7 @@ class StationDiagrams:
         if self._blocks or self._watched:
             return self.whole
         pushes = [force for force in self.forces.values() if isinstance(force, Push)]
-        only_pushes = self._station.scheme == "cenic" and pushes and len(pushes) == len(self.forces)
+        only_pushes = self._station.engine.holds_inputs_over_steps and pushes and len(pushes) == len(self.forces)
         if only_pushes and not any(push.start <= time < push.end for push in pushes):
             return self._unpushed
         return self._lean

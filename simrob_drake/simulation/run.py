@@ -33,7 +33,6 @@ from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig, check_effort
 from simrob_drake.stations.physics_findings import physics_warnings
 from simrob_drake.stations.ports import StationPorts
-from simrob_drake.stations.solver_config import FixedSteps
 
 OnStep = Callable[[float, Vector], None]
 """Callback of the user after each step, with the time [s] and the positions of the plant (nq,)."""
@@ -120,10 +119,9 @@ class Run:
         stop = watch.stop if outcome.ending == "monitor" else None
         history = recorder.history(stop.count if stop else None)
         tolerant = outcome.ending in _INCOMPLETE_ENDINGS
-        # A monitor sees the ends of steps only. If steps have no fixed length, the time at which its condition is met
-        # is searched within the last step.
-        has_fixed_steps = isinstance(self.config.solver, FixedSteps) and self.config.mode == "dynamic"
-        if stop is not None and not has_fixed_steps:
+        # A monitor sees the ends of steps only. In continuous time, the time at which its condition is met is searched
+        # within the last step.
+        if stop is not None and not self.config.engine.has_discrete_states:
             history = self._cut_history(history, watch, stop)
         sampler = self._sampler(history, tolerant=tolerant)
         self.forget()
@@ -137,7 +135,7 @@ class Run:
         samples = self._sample(sampler, outcome)
         outcome = samples.outcome
         position_count = ports.plant.plant.num_positions()
-        has_contacts = self.config.contact is not None and self.config.mode == "dynamic"
+        has_contacts = self.config.has_contact_forces
         result = SimulationResult(
             config=config,
             plant=ports.plant,
@@ -154,7 +152,7 @@ class Run:
             signal_time=perf_counter() - began,
             contacts_at=sampler.contact_results if has_contacts else None,
             solver_warnings=physics_warnings(self.config, ports),
-            context=None if self.config.mode == "kinematic" else lambda: sampler.looked_at,
+            context=None if not self.config.engine.moves_by_forces else lambda: sampler.looked_at,
             shortened=self.stepper.shortened,
             final_state=State.of(
                 self.whole.diagram,
@@ -233,19 +231,18 @@ def torques_held_over_steps(ports: StationPorts) -> list[OutputPort]:
     Samplers and monitors need this list: between two steps, such a torque is the value that the solver applied in the
     step, not a value computed from the interpolated state. The cases are:
 
-    - ``cenic``: all torques. It holds references over a step, and servos act on the state at the step's end.
-    - MuJoCo with implicit servos, which are part of its motors: MuJoCo reports the torques of the step that ended.
-    - All other schemes, MuJoCo with servos as blocks, and kinematic stations: none. Blocks compute torques from the
-      present state, and a kinematic station has no torques.
+    - Engines such as ``cenic``: all torques. They hold references over a step, and servos act on the state at its end.
+    - Engines such as MuJoCo with implicit servos, which are part of its motors: they report the torques of the step
+      that ended.
+    - All others, servos as blocks, and kinematic stations: none. Blocks compute torques from the present state, and a
+      kinematic station has no torques of its own.
     """
     config = ports.config
-    if config.mode == "kinematic":
-        return []
-    scheme = config.solver.scheme
+    engine = config.engine
     held = []
     for robot in ports.plant.robots.values():
         is_implicit = config.servo_of(robot.name).realization == "implicit"
-        if scheme == "cenic" or (scheme == "mujoco" and is_implicit):
+        if engine.holds_inputs_over_steps or (engine.reports_torques_of_last_step and is_implicit):
             held.append(ports.outputs[f"{robot.prefix}torque"])
     return held
 

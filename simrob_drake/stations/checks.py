@@ -51,7 +51,7 @@ def check_station(config: StationConfig) -> list[Finding]:
     for robot in robots:
         findings += _effort_findings(config, robot)
         findings += _motor_findings(robot)
-        stands = config.mode == "dynamic" and robot.model.base == "floating"
+        stands = config.engine.moves_by_forces and robot.model.base == "floating"
         if stands:
             findings += _standing_findings(ports, robot)
         else:
@@ -63,7 +63,7 @@ def check_station(config: StationConfig) -> list[Finding]:
         findings.append(Finding("note", f"controllers.{name}", text))
     findings += physics_findings(config, ports, closed.references)
     findings += rounded_delays(config)
-    if config.mode == "dynamic":
+    if config.engine.moves_by_forces:
         findings += contact_findings(closed.diagram, ports)
         findings += _contact_model_findings(ports)
     findings += clearance_findings(config, closed.references)

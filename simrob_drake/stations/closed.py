@@ -139,7 +139,7 @@ def _early_sources(
 ) -> dict[str, tuple[ReferenceSource, dict[str, OutputPort]]]:
     """Add the sources of a dynamic station's references before the station, which then needs no blocks as inputs."""
     found, config = {}, station.config
-    for name, robot in station.robots.items() if station.mode == "dynamic" else ():
+    for name, robot in station.robots.items() if station.engine.moves_by_forces else ():
         listed = {"reference", *config.inputs, *(_MOTION if config.servo_of(name).follows_motion else ())}
         found[name] = _source(builder, robot.prefix, played[name], [each for each in _MOTION if each in listed])
     return found

@@ -132,10 +132,10 @@ class ContactPoints:
 def uses_contact_points(config: StationConfig) -> bool:
     """Whether the flat shapes of a station get balls: in point contact, unless ``contact.corners`` is false.
 
-    MuJoCo needs no balls, since it finds several contact points for each pair of shapes.
+    Engines that find several contact points for each pair of shapes need no balls.
     """
     contact = config.contact
-    if config.mode != "dynamic" or contact is None or config.solver.scheme == "mujoco":
+    if contact is None or not config.has_contact_forces or config.engine.touches_at_several_points:
         return False
     return contact.model == "point" and contact.corners
 

@@ -30,7 +30,6 @@ from simrob_drake.stations.ports import (
     draw_servos,
 )
 from simrob_drake.stations.prescribed import add_prescribed_motion, add_prescribed_torque, uses_reaction_forces
-from simrob_drake.stations.solver_config import DiscreteSolver, FixedSteps
 
 _DERIVATIVES = "reference_velocity", "reference_acceleration"
 _STABLE = 2.0
@@ -62,7 +61,7 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
             ports.spatial_forces.append(block.get_spatial_forces_output_port())
             ports.draw(name, "force", f"{external.replace('_', ' ').capitalize()}\nat {robot.prefix}{robot.tcp}")
     wire_friction(builder, ports)
-    if not config.solver.holds_joint_limits:
+    if not config.engine.holds_joint_limits:
         stiffness, damping = stops_of(config, ports.plant)
         stops = add_joint_stops(builder, ports.plant.plant, stiffness=stiffness, damping=damping)
         ports.generalized_forces.extend([stops] if stops is not None else [])
@@ -100,7 +99,7 @@ def check_servo_steps(config: StationConfig, plant: StationPlant) -> None:
     for robot in plant.robots.values():
         steps = largest_explicit_steps(config, robot)
         worst = int(np.argmin(steps))
-        step = config.solver.time_step if isinstance(config.solver, FixedSteps) else 0.0
+        step = config.engine.time_step
         if config.servo_of(robot.name).realization != "implicit" and step > steps[worst]:
             why = f"blocks damp {robot.prefix}{robot.axes[worst]} with a kd of {robot.gains.kd[worst]:g}"
             expected = f"at most {steps[worst]:.2g} s, or servo.realization implicit: {why}"
@@ -216,7 +215,7 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
             actuation_map=actuation,
             prefix=robot.prefix,
         )
-        if isinstance(ports.config.solver, DiscreteSolver):  # which tells each actuator the sum of its joint's
+        if ports.config.engine.actuator_torques_lack_friction:
             torque = with_friction(builder, ports, robot, torque)
         declare_torque(ports, robot, torque)
         draw_actuator_servos(ports, robot)
@@ -236,9 +235,11 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
 def _add_servo_blocks(
     builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, signals: ServoSignals
 ) -> OutputPort:
-    """Add servos as blocks; return their torques. Under ``cenic`` the actuators are what saturates."""
+    """Add servos as blocks; return their torques. With some engines the actuators limit the torques, not blocks."""
     plant, servo, count = ports.plant.plant, ports.config.servo_of(robot.name), len(robot.axes)
-    cenic, prefix, per_joint = ports.config.solver.scheme == "cenic", robot.prefix, servo.realization == "per_joint"
+    in_actuators = ports.config.engine.limits_torques_in_actuators
+    prefix = robot.prefix
+    per_joint = servo.realization == "per_joint"
     speed, every = np.eye(2 * count)[count:], list(range(count))
 
     def limited(command: OutputPort) -> OutputPort:
@@ -248,11 +249,17 @@ def _add_servo_blocks(
     if servo.law == "computed_torque":
         name = f"{prefix}computed_torque"
         command = add_computed_torque(builder, plant, ports.state, robot.axis_map, signals, robot.gains, name=name)
-        command = command if cenic else limited(command)
+        command = command if in_actuators else limited(command)
         draw_computed_torque(ports, robot)
     else:
         command = add_servos(
-            builder, signals, robot.gains, names=robot.axes, prefix=prefix, per_joint=per_joint, saturated=not cenic
+            builder,
+            signals,
+            robot.gains,
+            names=robot.axes,
+            prefix=prefix,
+            per_joint=per_joint,
+            saturated=not in_actuators,
         )
         draw_servos(ports, robot, per_joint=per_joint)
     matrix = robot.axis_map.actuation_matrix(plant, robot.instance)
@@ -263,7 +270,7 @@ def _add_servo_blocks(
         driven = mapped(builder, f"{prefix}motors.driven", dampers, bus)
     actuation = mapped(builder, f"{prefix}actuators", matrix, driven)
     builder.Connect(actuation, ports.plant.stepped.get_actuation_input_port(robot.instance))
-    return limited(command) if cenic else command
+    return limited(command) if in_actuators else command
 
 
 def _add_admittance_servos(

@@ -94,7 +94,7 @@ def _unheld_mimic_finding(config: StationConfig, follower: str, leader: str) -> 
         follower: name of the axis of the mimic joint.
         leader: name of the axis that it follows.
     """
-    scheme = config.solver.scheme
+    scheme = config.engine.name
     text = f"{follower} follows {leader} in the robot's file, but solver {scheme} holds no coupling: each moves by its "
     text += "own motor; take solver.kind discrete, or scheme radau3 or cenic"
     return Finding("warning", f"mimic of {follower}", text)

@@ -266,21 +266,23 @@ def _validate(content: Content, where: Path | str, allow_code: bool) -> StationC
 
 
 def _check_extensions(content: Content, where: Path | str) -> None:
-    """Check that the packages under ``extensions`` are installed and in use; raises InvalidConfig if one is not.
+    """Check that the entries of ``extensions`` are installed and in use; raises InvalidConfig if one is not.
 
-    It is checked before the parts: an unknown kind of part would only be a consequence.
+    An entry names a package, with all of its extensions, or one extension. The entries are checked before the parts:
+    an unknown kind of part would only be a consequence.
     """
-    needed = content.get("extensions", ())
-    if not needed or not isinstance(needed, list | tuple) or not all(isinstance(package, str) for package in needed):
+    entries = content.get("extensions", ())
+    if not entries or not isinstance(entries, list | tuple) or not all(isinstance(entry, str) for entry in entries):
         return  # none are needed, or the validation refuses the value
-    known = {extension.package: extension for extension in installed_extensions()}
-    for package in needed:
-        if package not in known:
-            problem = f"the station needs the package {package}, which is not installed: pip install {package}"
+    for entry in entries:
+        matching = [found for found in installed_extensions() if entry in (found.package, found.name)]
+        if not matching:
+            problem = f"the station needs the package {entry}, which is not installed: pip install {entry}"
             raise InvalidConfig(where, "extensions", problem)
-        if known[package].problem:
-            problem = f"the station needs the package {package}, which is left out: {known[package].problem}"
-            raise InvalidConfig(where, "extensions", problem)
+        for found in matching:
+            if found.problem:
+                state = f"the extension {found.name} of {found.package} is left out: {found.problem}"
+                raise InvalidConfig(where, "extensions", f"the station needs {entry}, and {state}")
 
 
 def _add_mesh_path(content: Content, mesh_path: tuple[Path, ...]) -> None:

@@ -42,13 +42,13 @@ def draw_plant(ports: StationPorts) -> None:
     """Draw the plant with its robots, pieces and the servos inside of its actuators, stops and scene."""
     config, robots = ports.config, list(ports.plant.robots.values())
     robot_texts = [_robot_text(robot) for robot in robots]
-    if config.mode == "kinematic":
+    if not config.engine.moves_by_forces:
         ports.draw("inverse_dynamics", "robot", "\n".join(["Inverse dynamics", *robot_texts]))
         ports.draw("geometry_poses", "robot", "Geometry poses")
     else:
         pieces = [wrapped(f"with {', '.join(config.pieces)}")] if config.pieces else []
         ports.draw("plant", "robot", "\n".join(["Plant", *robot_texts, *pieces]))
-        if robots and not config.solver.holds_joint_limits:
+        if robots and not config.engine.holds_joint_limits:
             stops = zip(*(robot.stops for robot in robots), strict=True)
             stiffness, damping = (shown_values(np.concatenate(values)) for values in stops)
             units = list(dict.fromkeys(unit for robot in robots for unit in robot.model.units))
@@ -61,7 +61,7 @@ def draw_plant(ports: StationPorts) -> None:
 def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) -> None:
     """Draw servos as they are made: a row for each joint, or one for all; of many the middle ones share a block."""
     axes, prefix = robot.axes, robot.prefix
-    if ports.config.solver.scheme == "cenic":  # one block saturates for all
+    if ports.config.engine.limits_torques_in_actuators:  # one block shows the limits of all
         _draw_saturation(ports, f"{prefix}torque", list(range(len(axes))), robot)
         _draw_motors(ports, f"{prefix}motors", list(range(len(axes))), robot)
     if not per_joint:

@@ -55,7 +55,6 @@ from simrob_drake.parts.site import ResolvedRobot, StationRobot
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import ServoConfig, StationConfig
 from simrob_drake.stations.ports import StationPorts
-from simrob_drake.stations.solver_config import DiscreteSolver
 
 _ROTOR_FACTOR = 1e6
 """Inertia of a prescribed joint's rotor, as a multiple of the joint's diagonal element of the mass matrix."""
@@ -97,7 +96,7 @@ def prescribed_axes(config: StationConfig, robot: str, model: RobotModel) -> dic
             keys.append(key)
     if not keys:
         return {}
-    if config.mode == "kinematic":
+    if not config.engine.moves_by_forces:
         raise InvalidParameter("prescribed", ", ".join(keys), "left out: a kinematic station's reference moves all")
     _check_servo(config.servo_of(robot))
     prefix = config.prefix(robot)
@@ -263,7 +262,6 @@ def add_prescribed_torque(
         and the caller adds it.
     """
     plant = ports.plant.plant
-    solver = ports.config.solver
     name = f"{robot.prefix}prescribed"
     axes = list(robot.prescribed)
     motors = [_motor(plant, robot.joints[axis]) for axis in axes]
@@ -275,9 +273,10 @@ def add_prescribed_torque(
     # values for each prescribed joint), then the plant's state.
     motions = builder.GetSubsystemByName(name).get_output_port()
     bus = joined(builder, f"{name}.bus", motions, ports.state)
-    # Solvers that hold joint limits by themselves, discrete ones and cenic, take the reference as it is at the start
+    # Engines that hold joint limits by themselves, discrete ones and cenic, take the reference as it is at the start
     # of a step.
-    rate = _STEPPED_RATE if solver.holds_joint_limits else _CONTINUOUS_RATE
+    engine = ports.config.engine
+    rate = _STEPPED_RATE if engine.holds_joint_limits else _CONTINUOUS_RATE
     law = _rotor_law(robot, rotors, rate)
     force = mapped(builder, f"{name}.force", to_plant @ law, bus)
     ports.generalized_forces.append(force)
@@ -286,10 +285,10 @@ def add_prescribed_torque(
     acceleration = plant.get_generalized_acceleration_output_port()
     missed = _missed_torque(robot, plant, rotors)
     signals = [torque, bus, acceleration]
-    if isinstance(solver, DiscreteSolver) and uses_reaction_forces(ports.config):
+    if uses_reaction_forces(ports.config):
         # tau = S (ddq_r - dv/dt) + d (v + h dv/dt) + f, where f, the reaction forces, follows the accelerations.
         signals.append(_add_joint_forces(builder, ports, robot))
-        resistance = _joint_resistance(robot, solver.time_step)
+        resistance = _joint_resistance(robot, engine.time_step)
         motion_torque = np.hstack([missed + resistance, np.eye(len(axes))])
     else:
         # tau = S (ddq_r - dv/dt) + u - J dv/dt
@@ -366,7 +365,7 @@ def uses_reaction_forces(config: StationConfig) -> bool:
 
 def is_discrete_with_contact(config: StationConfig) -> bool:
     """Whether the station has contact and is stepped by one of Drake's discrete solvers."""
-    return isinstance(config.solver, DiscreteSolver) and config.contact is not None
+    return config.engine.has_discrete_states and config.contact is not None
 
 
 def constraining_couplings(config: StationConfig) -> list[str]:

@@ -26,11 +26,10 @@ from simrob_drake.robots.motors import Drives
 from simrob_drake.robots.pieces import FORMS, TCP, PieceModel, PieceShape, described_piece, piece_file, with_changes
 from simrob_drake.robots.urdf import with_absolute_meshes
 from simrob_drake.stations.config import FloorConfig, JointStops, RobotConfig, ServoConfig, StationConfig
-from simrob_drake.stations.coupled import coupled_axes, mimic_gears, solver_traits, starting_positions
+from simrob_drake.stations.coupled import coupled_axes, mimic_gears, starting_positions
 from simrob_drake.stations.piece_config import PieceConfig
 from simrob_drake.stations.prescribed import with_prescribed_axes
 from simrob_drake.stations.servos import check_motors, check_servo_without_model, drives_of, servo_gains, station_motors
-from simrob_drake.stations.solver_config import MujocoSolver
 from simrob_drake.stations.target_limits import check_targets
 
 
@@ -82,7 +81,7 @@ def _resolve_from_files(config: StationConfig) -> ResolvedStation:
     config = config.model_copy(update={"inputs": (*config.inputs, *sorted(driven))}) if driven else config
     models = {name: _robot_model(entry, config.servo_of(name)) for name, entry in config.robots.items()}
     mimics = mimic_gears(config, models)
-    held = {name: gear for name, gear in mimics.items() if gear.is_held(solver_traits(config))}
+    held = {name: gear for name, gear in mimics.items() if gear.is_held(config.engine)}
     unheld_gears = {name: gear for name, gear in mimics.items() if name not in held}
     config = config.model_copy(update={"couplings": {**config.couplings, **held}}) if held else config
     starts = starting_positions(config, models, unheld_gears)
@@ -97,7 +96,7 @@ def _resolve_from_files(config: StationConfig) -> ResolvedStation:
         if isinstance(sensors[name], SampledSensor):
             sensors[name] = sensors[name].model_copy(update={"in_loop": True})
     return ResolvedStation(
-        **solver_traits(config)._asdict(),
+        engine=config.engine,
         has_contact=config.contact is not None,
         ground=ground,
         robots=robots,
@@ -116,7 +115,7 @@ def check_parts(station: ResolvedStation) -> None:
     if not (config.robots or free):
         expected = "given as robot: {model: ...}, or a piece have free: true: a station needs something that moves"
         raise InvalidParameter("robots", "empty", expected)
-    if free and config.mode == "kinematic":
+    if free and not config.engine.moves_by_forces:
         raise InvalidParameter(f"pieces.{free[0]}.free", True, "false in a kinematic station, which moves robots only")
     _check_engine(config)
     for robot in station.robots.values():
@@ -136,16 +135,25 @@ def check_parts(station: ResolvedStation) -> None:
 
 
 def _check_engine(config: StationConfig) -> None:
-    if config.mode == "kinematic" or not isinstance(config.solver, MujocoSolver):
-        return
-    if config.contact is not None and config.contact.model != "point":
-        expected = "point with solver.kind mujoco, which knows no pressure over a surface"
+    """Check that the engine of a station knows what the station contains.
+
+    Raises:
+        InvalidParameter: it does not know the contact model, prescribed joints, or a coupling.
+    """
+    engine = config.engine
+    if config.contact is not None and config.contact.model != "point" and not engine.has_surface_contact:
+        expected = f"point with solver.kind {engine.name}, which knows no pressure over a surface"
         raise InvalidParameter("contact.model", config.contact.model, expected)
-    unknown = [name for name, coupling in config.couplings.items() if "mujoco" not in coupling.engines]
-    for key, refused in (("prescribed", list(config.prescribed)), ("couplings", unknown)):
-        if refused:
-            expected = "left out with solver.kind mujoco, which is given a tree of joints moved by forces, and gears"
-            raise InvalidParameter(key, ", ".join(refused), expected)
+    refused = dict[str, list[str]]()
+    if not engine.has_prescribed_joints:
+        refused["prescribed"] = list(config.prescribed)
+    if not engine.has_forces_of_couplings:
+        unknown = [name for name, coupling in config.couplings.items() if not coupling.is_constrained(engine)]
+        refused["couplings"] = unknown
+    for key, names in refused.items():
+        if names:
+            expected = f"left out with solver.kind {engine.name}, which has joints moved by forces, and gears alone"
+            raise InvalidParameter(key, ", ".join(names), expected)
 
 
 def _robot_model(entry: RobotConfig, servo: ServoConfig) -> RobotModel:
@@ -240,7 +248,7 @@ def _robot(
     for key, value in values.items():
         if value is not None:
             model.axis_vector(value, key)
-    if config.mode == "dynamic" and model.base == "floating":
+    if config.engine.moves_by_forces and model.base == "floating":
         check_servo_without_model(servo)
     if model.feet is None and entry.feet is not None:
         raise InvalidParameter(f"robots.{name}.feet", entry.feet, f"left out: {model.name} has no feet")
@@ -266,7 +274,7 @@ def _robot(
             prefix=config.prefix(name),
             model=model,
             base=(ground.tilt if model.base == "floating" else RigidTransform()) @ transform_from_pose(entry.base),
-            floats=config.mode == "dynamic" and model.base == "floating",
+            floats=config.engine.moves_by_forces and model.base == "floating",
             gains=servo_gains(model, servo, dampers=config.motors_are_dampers(name)),
             motors=tuple(station_motors(model, servo)),
             stops=(stiffness, damping),

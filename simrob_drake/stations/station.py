@@ -86,9 +86,9 @@ def compose(
     own = own_blocks(station.config.controllers) if blocks is None else blocks
     config = station.config.model_copy(update={"inputs": with_driven(station.config.inputs, own)})
     plant = add_plant(builder, station)
-    if plant.engine is not None:
+    if plant.stand_in is not None:
         check_servo_steps(config, plant)
-    if station.mode == "kinematic":
+    if not station.engine.moves_by_forces:
         inputs, state = add_motion_inputs(builder, plant)
         ports = StationPorts(station=station, plant=plant, state=state, inputs=inputs, config=config, lean=lean)
         add_kinematic_robots(builder, ports)

@@ -2,4 +2,7 @@
 
 from simrob_drake.base.extension import Extension
 
-EXTENSION = Extension(core=">=0.1")
+EXTENSION = Extension(
+    core=">=0.1",
+    uses=("mujoco",),
+)

@@ -3,19 +3,22 @@
 from collections.abc import Callable, Mapping
 from typing import TypeVar
 
-import gymnasium
 import numpy as np
 import numpy.typing as npt
 
 from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.extras import needed
 from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.command_bus import rounded
+from simrob_drake.extensions.mujoco.coordinates import turned
 from simrob_drake.parts.controllers.policy import Policy
 from simrob_drake.parts.sensors.frames import Imu
 from simrob_drake.parts.sensors.joints import Encoders
 from simrob_drake.parts.site import StationRobot
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.mujoco.coordinates import turned
+
+with needed("learning", "rl"):
+    import gymnasium
 
 Places = npt.NDArray[np.intp]  # of some of the robots among all
 Value = Callable[[str, Vector], Vector]

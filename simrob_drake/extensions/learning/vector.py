@@ -8,30 +8,36 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-import gymnasium
-import mujoco
 import numpy as np
 import numpy.typing as npt
-from gymnasium.vector import AutoresetMode
-from gymnasium.vector.utils import batch_space
-from mujoco.rollout import Rollout
 from scipy.stats.qmc import LatinHypercube
 
 from simrob_drake.base.arguments import positive, whole
 from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.extension import needed_extension
+from simrob_drake.base.extras import needed
 from simrob_drake.base.frames import Vector, xyz_quaternion_from_transform
 from simrob_drake.blocks.monitor import NOT_YET
 from simrob_drake.extensions.learning.episode import policies_of
 from simrob_drake.extensions.learning.rewards import Origin, RewardSample, rewards, turned_from
 from simrob_drake.extensions.learning.sensing import Places, PolicySensors, spaces
 from simrob_drake.extensions.learning.task import Curriculum, beginning, load_task
-from simrob_drake.extensions.mujoco.built import BuiltStation, controls, force_values
 from simrob_drake.parts.controllers.policy import TURNED, observed_of_turn
 from simrob_drake.results.animation.pictures import Still
 from simrob_drake.results.record.walks import headings
 from simrob_drake.stations.closed import station_references
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.mujoco.model import STEP
+
+with needed("learning", "rl"):
+    import gymnasium
+    from gymnasium.vector import AutoresetMode
+    from gymnasium.vector.utils import batch_space
+with needed("an environment of many robots", "mujoco"):
+    import mujoco
+    from mujoco.rollout import Rollout
+with needed_extension("mujoco", "an environment of many robots"):
+    from simrob_drake.extensions.mujoco.built import BuiltStation, controls, force_values
+    from simrob_drake.extensions.mujoco.model import STEP
 
 _HELD = ("contact", "floor", "gravity", "joint_stops", "pieces", "servo", "robot", "robots")
 """Sections of a station that a model of MuJoCo holds."""

@@ -12,13 +12,13 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.signals import Signal
 from simrob_drake.blocks.references import Reference, reference_values
 from simrob_drake.blocks.servo import ServoGains
+from simrob_drake.extensions.mujoco.coordinates import Coordinates, Names
+from simrob_drake.extensions.mujoco.drives import OutputSensors
+from simrob_drake.extensions.mujoco.model import STEP, Driver, mujoco_model
 from simrob_drake.parts.forces import Drag, ForceConfig, Push, SineForce
 from simrob_drake.parts.site import ResolvedRobot, StationPlant
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.mujoco.coordinates import Coordinates, Names
-from simrob_drake.stations.mujoco.drives import OutputSensors
-from simrob_drake.stations.mujoco.model import STEP, Driver, mujoco_model
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import ResolvedStation, check_parts, resolve
 
@@ -33,7 +33,7 @@ def check_sayable(config: StationConfig, robots: Mapping[str, ResolvedRobot], *,
     """
     if not moved_by_torque:
         return
-    if config.mode == "kinematic":
+    if not config.engine.moves_by_forces:
         raise InvalidParameter("mode", "kinematic", "dynamic: MJCF moves things by forces, not along a given motion")
     if config.controllers:
         expected = "left out: MJCF holds no loops that decide"
@@ -141,7 +141,7 @@ class BuiltStation:
         seen: bool = False,
         moved_by_torque: bool = True,
     ) -> "BuiltStation":
-        """Build a station; the arguments are those of :func:`~simrob_drake.stations.mujoco.model.mujoco_model`.
+        """Build a station; the arguments are those of :func:`~simrob_drake.extensions.mujoco.model.mujoco_model`.
 
         Raises SimrobError: one that cannot be, or that MJCF cannot say; the message names the part.
         """

@@ -18,6 +18,7 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.monitor import NOT_YET
 from simrob_drake.blocks.references import Reference, reference_values
 from simrob_drake.extensions.mujoco.built import BuiltStation, controls, force_values
+from simrob_drake.extensions.mujoco.model import STEP
 from simrob_drake.results.record.run import DIVERGED
 from simrob_drake.results.record.state import JointState, State, joints_of
 from simrob_drake.results.result import SimulationResult
@@ -26,7 +27,6 @@ from simrob_drake.simulation.run import ReferencesLike, by_robot, sample_times, 
 from simrob_drake.simulation.stepping import Outcome
 from simrob_drake.stations.closed import check_reference, station_references
 from simrob_drake.stations.config import MOST_SAMPLES, StationConfig
-from simrob_drake.stations.mujoco.model import STEP
 from simrob_drake.stations.station import StationLike, config_of
 
 _ASTRAY = 1e6  # no station has a position or velocity like this [SI units]: it has run away

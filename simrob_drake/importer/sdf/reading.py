@@ -32,8 +32,10 @@ _LOST = {
 def read_sdf(root: ET.Element, path: Path, options: ImportOptions, report: ImportReport) -> ET.Element:
     """Return the ``robot`` element of a model in an ``sdf`` element.
 
-    Parameters are as of :func:`~simrob_drake.importer.mjcf.reading.read_mjcf`. Raises InvalidModel: a defect that no
-    reading is sure of, or it holds no robot.
+    Parameters are those of :meth:`simrob_drake.importer.importer.RobotImporter.robot_element`.
+
+    Raises:
+        InvalidModel: the file has a defect that leaves its meaning open, or holds no robot.
     """
     includes = _Includes(MeshPlaces(path, options.mesh_path), report)
     for owner in [element for element in root.iter() if element.tag in ("world", "model", "sdf")]:

@@ -79,10 +79,11 @@ class LoopSection(ControllerSection):
     def check(self, key: str, station: Surroundings) -> None:
         """Check what is known before building; raises SimrobError: no such robot or axis, or nothing to drive."""
         robot = station.robot(self.robot, key)
-        if station.mode != "dynamic":
+        if not station.engine.moves_by_forces:
             raise InvalidParameter(key, "in a kinematic station", "in a dynamic one: there is nothing to be measured")
-        if 1 / self.rate < station.time_step * (1 - 1e-9):
-            expected = f"at most {1 / station.time_step:g} Hz, one sample in each time_step of the discrete solver"
+        time_step = station.engine.time_step
+        if 1 / self.rate < time_step * (1 - 1e-9):
+            expected = f"at most {1 / time_step:g} Hz, one sample in each time_step of the discrete solver"
             raise InvalidParameter(f"{key}.rate", f"{self.rate:g} Hz", expected)
         self.axes(robot)
 

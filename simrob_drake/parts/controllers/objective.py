@@ -177,9 +177,9 @@ class Objective(LoopSection):
 
         Drake's integrators ask every system for derivatives, which sampled expressions refuse: there it is the block.
         """
-        station = site.station
-        integrated = station.mode == "dynamic" and not station.time_step and station.scheme != "cenic"
-        if self.then_deg or integrated:
+        engine = site.station.engine
+        is_integrated = engine.moves_by_forces and not engine.has_discrete_states and not engine.holds_inputs_over_steps
+        if self.then_deg or is_integrated:
             return super().wire(builder, name, robot, site)
         law, weights, unit = self._law(f"controllers.{name}", robot, site)
         system = builder.AddNamedSystem(f"controller.{name}", law.system())

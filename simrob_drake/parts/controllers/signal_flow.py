@@ -143,7 +143,7 @@ class SignalFlow(ControllerSection):
 
     def check(self, key: str, station: Surroundings) -> None:
         """Check what is known before building; raises SimrobError: no such robot, axis, frame, block, or no torques."""
-        if station.mode != "dynamic":
+        if not station.engine.moves_by_forces:
             raise InvalidParameter(key, "in a kinematic station", "in a dynamic one: its output is a torque")
         if self.torque or self.robot is not None:
             robot = station.robot(self.robot, key)

@@ -106,8 +106,8 @@ class JointTorque(Sensor):
     def check(self, key: str, station: Surroundings) -> None:
         """Check that the scheme tells reaction forces, too."""
         super().check(key, station)
-        if station.scheme in ("cenic", "mujoco"):
-            expected = f"left out under {station.scheme}, which tells no forces of joints; read the output torque"
+        if not station.engine.reports_forces_of_joints:
+            expected = f"left out under {station.engine.name}, which tells no forces of joints; read the output torque"
             raise InvalidParameter(key, "a joint_torque sensor", expected)
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
@@ -120,7 +120,7 @@ class JointTorque(Sensor):
 
 
 def _port(builder: DiagramBuilder, site: Site, name: str, robot: StationRobot) -> OutputPort:
-    if site.station.mode == "kinematic":  # what inverse dynamics gives is what the joints hand on
+    if not site.station.engine.moves_by_forces:  # what inverse dynamics gives is what the joints hand on
         return site.outputs[f"{robot.prefix}torque"]
     block = JointTorqueSensor(joints=robot.joints, signs=robot.axis_map.signs)
     site.draw(f"sensor.{name}", "sensor", sensor_label("Joint torques", name), robot)

@@ -37,7 +37,7 @@ class Distance(ShapeSensor):
         """Check that both things exist, and that the plant has shapes."""
         check_body(station, f"{key}.body", self.body)
         check_body(station, f"{key}.other", self.other)
-        if station.mode == "dynamic":
+        if station.engine.moves_by_forces:
             check_contact(key, "a distance sensor", station)
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
@@ -97,7 +97,7 @@ class Force(ShapeSensor):
         check_body(station, f"{key}.body", self.body)
         if self.other is not None:
             check_body(station, f"{key}.other", self.other)
-        if station.mode == "kinematic":
+        if not station.engine.moves_by_forces:
             expected = "in a dynamic station: a kinematic one computes no contacts (a distance sensor works there)"
             raise InvalidParameter(key, "a force sensor in a kinematic station", expected)
         check_frame(station, f"{key}.frame", self.frame)
@@ -108,9 +108,8 @@ class Force(ShapeSensor):
         plant, frame = site.plant.plant, frame_of(site.plant, self.frame)
         body = shapes_of(site.plant, site.station, self.body)
         other = None if self.other is None else shapes_of(site.plant, site.station, self.other)
-        block = ForceSensor(
-            plant=plant, body=body, other=other, frame=frame, normal_only=site.station.scheme == "cenic"
-        )
+        normal_only = not site.station.engine.reports_friction_of_contacts
+        block = ForceSensor(plant=plant, body=body, other=other, frame=frame, normal_only=normal_only)
         poses = site.plant.stepped.get_body_poses_output_port()
         wrench = fed(builder, f"sensor.{name}", block, _contacts(builder, site), poses)
         site.draw(f"sensor.{name}", "sensor", sensor_label("Force sensor", name, self.rate))
@@ -140,7 +139,7 @@ class Force(ShapeSensor):
         return fed(builder, name, MeasuredWrench(self, self.rate), wrench)
 
     def _tangential(self, site: Site, shape: GeometryId) -> Tangential:
-        if site.station.scheme != "cenic":
+        if site.station.engine.reports_friction_of_contacts:
             return "contact"
         plant, inspector = site.plant.plant, site.plant.scene_graph.model_inspector()
         instance = plant.GetBodyFromFrameId(inspector.GetFrameId(shape)).model_instance()
@@ -177,8 +176,8 @@ class MeasuredWrench(SampledBlock):
 
 def _contacts(builder: DiagramBuilder, site: Site) -> OutputPort:
     """Return the port of the block that reads the plant's contacts for all sensors; the first one adds it."""
-    if site.plant.engine is not None:
-        return site.plant.engine.get_contact_results_output_port()
+    if site.plant.stand_in is not None:
+        return site.plant.stand_in.get_contact_results_output_port()
     if not builder.HasSubsystemNamed(_CONTACTS):
         fed(builder, _CONTACTS, ContactReader(), site.plant.stepped.get_contact_results_output_port())
         site.draw_nothing(_CONTACTS)

@@ -100,7 +100,7 @@ class FingerMove(Move):
         planning = cell.planning(self.robot or robot)
         name, model = planning.robot, planning.model
         plan, stroke = self.plan(planning), stroke_of(model)
-        force = None if cell.config.mode == "kinematic" else self._force(model, stroke)
+        force = None if not cell.config.engine.moves_by_forces else self._force(model, stroke)
         if force is None:
             return run([plan], None)
         known = _known(stroke, model, "force", force)
@@ -138,7 +138,7 @@ class GripMove(FingerMove):
         return super().perform(cell, robot, run)
 
     def _check_force(self, planning: Planning, config: StationConfig, force: float) -> None:
-        if config.mode == "kinematic":
+        if not config.engine.moves_by_forces:
             raise InvalidParameter("force", force, "left out on a kinematic station, where attach() holds pieces")
         robot = planning.model
         stroke = _known(stroke_of(robot), robot, "force", force)

@@ -74,7 +74,7 @@ def summary_of(run: RecordedRun, verdict: Verdict) -> dict[str, Any]:
         "warnings": [*run.solver_warnings, *verdict.warnings],
         "verdict": verdict.summary(),
         "remarks": remarks_of(run),
-        "solver": run.config.solver.model_dump() if run.config.mode == "dynamic" else None,
+        "solver": run.config.solver.model_dump() if run.config.engine.moves_by_forces else None,
         "steps": len(run.step_times) - 1,
         "wall_time": run.wall_time,
         "realtime_rate": run.realtime_rate,

@@ -1,6 +1,5 @@
 """The command that opens the teach pendant: teach."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -49,6 +48,3 @@ def teach(
     how: dict[str, Any] = {"port": port, "language": language, "browse": browse, "allow_code": allow_code}
     serve(subject, folder, ready=ready, root_path=root_path, lessons=lessons, **how)
     say(f"ended; what was taught is in {folder}")
-
-
-COMMANDS: dict[str, Callable[..., Any]] = {"teach": teach}

@@ -28,10 +28,10 @@ from pydrake.multibody.tree import Joint, JointActuatorIndex, PrismaticJoint, Re
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
+from simrob_drake.extensions.mujoco.coordinates import Names, free_name
 from simrob_drake.parts.couplings import Gear
 from simrob_drake.parts.site import StationPlant
 from simrob_drake.parts.targets import own_name
-from simrob_drake.stations.mujoco.coordinates import Names, free_name
 from simrob_drake.stations.resolve import ResolvedStation
 
 _LEAST_MOMENT = 1e-9

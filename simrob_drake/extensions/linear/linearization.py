@@ -21,7 +21,7 @@ from simrob_drake.stations.dynamic import add_dynamic_robots
 from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.stations.solver_config import ContinuousSolver, FixedSteps
+from simrob_drake.stations.solver_config import ContinuousSolver
 from simrob_drake.stations.station import StationLike, config_of, gather_forces
 
 Posture = npt.ArrayLike | Mapping[str, npt.ArrayLike]
@@ -82,7 +82,7 @@ def linearize(station: StationLike, at: Posture | None = None) -> LinearModel:
 
 def _smooth(config: StationConfig) -> tuple[StationConfig, list[str]]:
     """Return what of a station has a slope, in continuous time, and in words what has not."""
-    if config.mode == "kinematic" or not config.robots:
+    if not config.engine.moves_by_forces or not config.robots:
         raise InvalidParameter("station", config.name, "a dynamic one with robots: others have no motion of their own")
     if config.free_pieces:
         listed, first = ", ".join(config.free_pieces), config.free_pieces[0]
@@ -95,8 +95,8 @@ def _smooth(config: StationConfig) -> tuple[StationConfig, list[str]]:
         "forces": "forces that act at given times",
     }
     notes = [note for section, note in left_out.items() if getattr(config, section)]
-    if isinstance(config.solver, FixedSteps):
-        notes.append(f"the solver's steps of {config.solver.time_step:g} s: this is the motion in continuous time")
+    if config.engine.has_discrete_states:
+        notes.append(f"the solver's steps of {config.engine.time_step:g} s: this is the motion in continuous time")
     robots = {}
     for name, entry in config.robots.items():
         servo = config.servo_of(name)

@@ -1,10 +1,11 @@
 """The command about linear models of stations: linearize."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.table import Table
 
 from simrob_drake.base.errors import InvalidParameter, SimrobError
 from simrob_drake.base.folders import check_folder
@@ -12,9 +13,8 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.yaml_files import parse_yaml
 from simrob_drake.cli.arguments import station_from
 from simrob_drake.cli.options import AllowCode, Force, Settings, StationArgument, with_mesh_path
-from simrob_drake.cli.screen import console, say
-from simrob_drake.cli.tables import modes_table
-from simrob_drake.extensions.linear import linearize
+from simrob_drake.cli.screen import console, say, table
+from simrob_drake.extensions.linear import LinearModel, linearize
 from simrob_drake.extensions.linear.model import MODEL_FILE
 from simrob_drake.results.files import default_folder
 from simrob_drake.stations.config import StationConfig
@@ -48,7 +48,7 @@ def linearize_station(
     check_folder(folder, marker=MODEL_FILE, force=force)
     model = linearize(config, None if at is None else _postures(config, parse_yaml(at, "--at")))
     model.save(folder, force=force)
-    console.print(modes_table(model))
+    console.print(_modes_table(model))
     console.print(f"{model.name}: {'stable' if model.is_stable else 'not stable'}", highlight=False)
     for note in model.notes:
         console.print(f"left out: {note}", highlight=False)
@@ -73,4 +73,10 @@ def _postures(config: StationConfig, content: Any) -> dict[str, Vector]:
     return postures
 
 
-COMMANDS: dict[str, Callable[..., Any]] = {"linearize": linearize_station}
+def _modes_table(model: LinearModel) -> Table:
+    """Make a table of the modes of a linear model, those with slow poles first."""
+    rows = list[tuple[str, ...]]()
+    for mode in model.modes:
+        pole = f"{mode.pole.real:.4g}" + (f" ± {mode.pole.imag:.4g}i" if mode.pole.imag else "")
+        rows.append((mode.mostly, pole, f"{mode.frequency:.3f}", f"{mode.damping:.3f}", f"{mode.time_constant:.4g}"))
+    return table(("mostly", "pole [1/s]", "frequency [Hz]", "damping ratio", "fades in [s]"), *rows)

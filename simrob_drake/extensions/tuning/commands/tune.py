@@ -1,10 +1,9 @@
 """The commands of searches: tune and dashboard; and prove, which takes a winner through what it has never seen."""
 
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from statistics import mean
-from typing import TYPE_CHECKING, Annotated, Any, get_args
+from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 
@@ -148,6 +147,3 @@ def prove(
         console.print(sentence, highlight=False)
     say(f"page {folder / PAGE}")
     return ExitCode.DONE
-
-
-COMMANDS: dict[str, Callable[..., Any]] = {"tune": tune, "dashboard": dashboard, "prove": prove}

@@ -12,7 +12,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.frames import Vector
-from simrob_drake.importer.mjcf.drives import DriveWriter, UrdfJoint
+from simrob_drake.extensions.mujoco.mjcf.drives import DriveWriter, UrdfJoint
 from simrob_drake.importer.options import ImportReport
 from simrob_drake.importer.repairs.base import FLOATING_MARK
 from simrob_drake.importer.repairs.names import FreeNames

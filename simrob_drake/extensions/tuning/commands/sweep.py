@@ -1,10 +1,9 @@
 """The command about many runs: sweep."""
 
 from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING, Annotated, Any, get_args
+from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 
@@ -126,6 +125,3 @@ def _tell(rows: "list[Row]") -> None:
         lines.append((name, *cells, UNITS[name.rpartition(".")[2]]))
     headings = ("measure", "least", "in run", "median", "largest", "in run", "unit")
     console.print(table(headings, *lines, numbers=False))
-
-
-COMMANDS: dict[str, Callable[..., Any]] = {"sweep": sweep}

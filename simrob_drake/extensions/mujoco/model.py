@@ -47,12 +47,12 @@ from pydrake.geometry import DefaultProximityProperties, GeometryId, ProximityPr
 from pydrake.multibody.plant import CalcContactFrictionFromSurfaceProperties, CoulombFriction
 
 from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.extensions.mujoco.coordinates import Coordinates, Names
+from simrob_drake.extensions.mujoco.drives import OutputSensors, add_force, add_motors, add_sensors, add_servos
+from simrob_drake.extensions.mujoco.tree import add_gears, add_shapes, add_tree, touching_pairs
 from simrob_drake.parts.forces import place_of
 from simrob_drake.parts.site import StationPlant
 from simrob_drake.stations.dynamic import stops_of
-from simrob_drake.stations.mujoco.coordinates import Coordinates, Names
-from simrob_drake.stations.mujoco.drives import OutputSensors, add_force, add_motors, add_sensors, add_servos
-from simrob_drake.stations.mujoco.tree import add_gears, add_shapes, add_tree, touching_pairs
 from simrob_drake.stations.resolve import ResolvedStation
 
 LEAST_IMPEDANCE = 1e-4

@@ -1,6 +1,5 @@
 """The command that measures how much a robot that walks withstands: pushes."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -112,6 +111,3 @@ def _cell(key: str, value: Any, shape: str) -> str:
     if value is None:
         return "none"
     return format(value, shape)
-
-
-COMMANDS: dict[str, Callable[..., Any]] = {"pushes": pushes}

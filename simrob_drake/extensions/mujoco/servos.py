@@ -19,9 +19,9 @@ import numpy.typing as npt
 from pydrake.multibody.tree import JointActuatorIndex
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.extensions.mujoco.coordinates import Names
 from simrob_drake.parts.site import StationPlant
 from simrob_drake.robots.axis_map import in_a_row
-from simrob_drake.stations.mujoco.coordinates import Names
 
 _TOGETHER, _ROUNDS = 5, 100
 """So often all motors that are on a wrong side change together; then the first of them alone, which cannot go on for

@@ -17,11 +17,11 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.lifetime import weakly
 from simrob_drake.blocks.block import Block
 from simrob_drake.blocks.contacts import Contacts
+from simrob_drake.extensions.mujoco.coordinates import Coordinates, Names, Places
+from simrob_drake.extensions.mujoco.model import mujoco_model
+from simrob_drake.extensions.mujoco.servos import Servos
 from simrob_drake.parts.site import StationPlant
 from simrob_drake.robots.axis_map import in_a_row
-from simrob_drake.stations.mujoco.coordinates import Coordinates, Names, Places
-from simrob_drake.stations.mujoco.model import mujoco_model
-from simrob_drake.stations.mujoco.servos import Servos
 from simrob_drake.stations.resolve import ResolvedStation
 
 _NOT_YET = np.inf  # in place of accelerations, before the first step
@@ -55,7 +55,7 @@ class MujocoPlant(Block):
         """
         super().__init__()
         self.set_name("plant")
-        own, made = plant.plant, mujoco_model(station, plant, step=station.time_step, driver="diagram")
+        own, made = plant.plant, mujoco_model(station, plant, step=station.engine.time_step, driver="diagram")
         self._plant, self._model, self._data = weakref.proxy(own), made.model, mujoco.MjData(made.model)
         self._scratch, names = own.CreateDefaultContext(), Names(own)
         self._coordinates = Coordinates.of(own, made.model, names)
@@ -69,7 +69,7 @@ class MujocoPlant(Block):
         self._warm = self.DeclareDiscreteState(np.full(self._nv, _NOT_YET))
         self._latest: Step | None = None
         self._declare_ports()
-        self.DeclarePeriodicDiscreteUpdateEvent(station.time_step, 0.0, self._update)
+        self.DeclarePeriodicDiscreteUpdateEvent(station.engine.time_step, 0.0, self._update)
         self.DeclareInitializationDiscreteUpdateEvent(self._begin)
 
     def _declare_ports(self) -> None:

@@ -17,11 +17,11 @@ import numpy as np
 from simrob_drake.base.errors import shortened
 from simrob_drake.base.extras import lacking
 from simrob_drake.base.files import content_of
+from simrob_drake.extensions.mujoco.mjcf.bodies import robot_from_model
 from simrob_drake.importer.meshes.checks import LARGEST_FILE, UnreadableMesh
 from simrob_drake.importer.meshes.parts import mean_colour, usable
 from simrob_drake.importer.meshes.places import MeshMissing, MeshPlaces
 from simrob_drake.importer.meshes.reading import mesh_content
-from simrob_drake.importer.mjcf.bodies import robot_from_model
 from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.packages import OutsideBorder
 from simrob_drake.importer.reading.child import ChildFailed, in_child
@@ -71,7 +71,7 @@ def read_mjcf(root: ET.Element, path: Path, options: ImportOptions, report: Impo
     _check_replicates(root, report)
     try:
         fields = in_child(
-            "simrob_drake.importer.mjcf.compiling",
+            "simrob_drake.extensions.mujoco.mjcf.compiling",
             {"xml": ET.tostring(root, encoding="unicode"), "meshes": files},
             source.mesh,
             report,

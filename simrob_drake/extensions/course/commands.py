@@ -1,9 +1,8 @@
 """The command of the course: course list, start and check."""
 
-from collections.abc import Callable
 from math import isinf
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.text import Text
@@ -86,9 +85,3 @@ def check(
 
 def _with_unit(text: str, unit: str) -> str:
     return f"{text} {unit}".strip()
-
-
-COMMANDS: dict[str, Callable[..., Any]] = {"course": teaching}
-SUBCOMMANDS: dict[str, dict[str, Callable[..., Any]]] = {
-    "course": {"list": list_exercises, "start": start, "check": check}
-}

@@ -1,7 +1,7 @@
 """MuJoCo's compiler, in a process of its own that opens nothing: given a text and what it asks for, it says figures.
 
 Only meshes that a mass or a fitted shape comes from are asked for. In place of the others MuJoCo gets a small body, so
-that their poses stay those of their files. ``python -m simrob_drake.importer.mjcf.compiling`` talks as
+that their poses stay those of their files. ``python -m simrob_drake.extensions.mujoco.mjcf.compiling`` talks as
 :mod:`simrob_drake.importer.reading.child` does.
 """
 

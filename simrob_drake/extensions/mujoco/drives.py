@@ -11,10 +11,10 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, JointActuatorIndex
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.extensions.mujoco.coordinates import Names
 from simrob_drake.parts.sensors.shapes import Distance, Force
 from simrob_drake.parts.site import StationPlant, StationRobot, Surroundings
 from simrob_drake.parts.targets import shapes_of
-from simrob_drake.stations.mujoco.coordinates import Names
 from simrob_drake.stations.poses import unit_poses
 
 _POSITION = mujoco.mjtCtrlInput.mjINPUT_POS
