@@ -254,7 +254,7 @@ class Timeline:
         for name, section in commanded_sections(config.controllers).items():
             numbers = [part.name for part in section.command_parts]
             if set(numbers) <= set(_DRIVE_NUMBERS):
-                robot = section.robot or config.only_robot
+                robot = section.robot_name or config.only_robot
                 drivers[name] = partial(self._drive, robot, config.only_robot, numbers, self.now)
         return drivers
 

@@ -311,7 +311,7 @@ def simulate_diagram(
 
 def _is_moving(ports: StationPorts, context: Context) -> bool:
     """Whether any joint of a station has a velocity in ``context``, a context of the root diagram."""
-    velocities = [ports.value(f"{robot.prefix}velocity", context) for robot in ports.plant.robots.values()]
+    velocities = [ports.outputs.value(f"{robot.prefix}velocity", context) for robot in ports.plant.robots.values()]
     return any(velocity.any() for velocity in velocities)
 
 

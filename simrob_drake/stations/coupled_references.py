@@ -15,7 +15,7 @@ from simrob_drake.base.errors import InvalidParameter, listed
 from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.combined_references import combine_references
 from simrob_drake.blocks.references import Reference, as_reference, reference_values
-from simrob_drake.parts.site import ResolvedRobot
+from simrob_drake.parts.resolved import ResolvedRobot
 from simrob_drake.robots.coupled_axes import CoupledAxes, Dependence, Firmness
 from simrob_drake.stations.coupled import (
     ROUNDING_DEG,

@@ -16,7 +16,7 @@ from pydantic import BaseModel
 from simrob_drake.base.errors import InvalidModel, listed
 from simrob_drake.base.file_cache import FileState, file_state
 from simrob_drake.base.sections import MOST_TURN
-from simrob_drake.parts.site import ResolvedPiece, Surroundings
+from simrob_drake.parts.resolved import ResolvedPiece, Surroundings
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.pieces import PieceShape, solid_inertia
 from simrob_drake.robots.plausibility import Doubt, MassProperties, doubts_by_shapes, robot_doubts

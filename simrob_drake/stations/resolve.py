@@ -17,8 +17,8 @@ from simrob_drake.parts.controllers import flows_of, loops_of, readers_of
 from simrob_drake.parts.controllers.loop import check_loops, sensors_read
 from simrob_drake.parts.couplings import Gear
 from simrob_drake.parts.ground import Ground
+from simrob_drake.parts.resolved import WORLD, ResolvedPiece, ResolvedRobot, Surroundings
 from simrob_drake.parts.sensors.sensor import SampledSensor
-from simrob_drake.parts.site import WORLD, ResolvedPiece, ResolvedRobot, Surroundings
 from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
 from simrob_drake.robots.coupled_axes import CoupledAxes

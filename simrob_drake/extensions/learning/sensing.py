@@ -14,7 +14,7 @@ from simrob_drake.extensions.mujoco.coordinates import turned
 from simrob_drake.parts.controllers.policy import Policy
 from simrob_drake.parts.sensors.frames import Imu
 from simrob_drake.parts.sensors.joints import Encoders
-from simrob_drake.parts.site import StationRobot
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations.config import StationConfig
 
 with needed("learning", "rl"):

@@ -19,7 +19,7 @@ from simrob_drake.extensions.learning.episode import policies_of
 from simrob_drake.extensions.learning.rewards import TERMS
 from simrob_drake.importer.packages import Border
 from simrob_drake.parts.forces import ForceConfig, Push
-from simrob_drake.parts.site import StationRobot
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.located import located_changes, located_station

@@ -18,8 +18,10 @@ from simrob_drake.blocks.sampled import SampledBlock
 from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.controllers.own import add_to, declare_output
 from simrob_drake.parts.controllers.section import ControllerSection
+from simrob_drake.parts.resolved import ResolvedRobot, Surroundings
 from simrob_drake.parts.sensors.sensor import Sensor
-from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationRobot
 
 if TYPE_CHECKING:
     from simrob_drake.parts.controllers.signal_flow import SignalFlow
@@ -126,7 +128,7 @@ class LoopSection(ControllerSection):
         """Return the output that an input of the loop reads; raises UnknownName: nothing of that name is measured."""
         source = self.reads.get(name, "")
         direct = name if name.startswith(robot.prefix) else f"{robot.prefix}{name}"
-        if not source and direct in site.of_state:
+        if not source and direct in site.outputs.of_state:
             return of_state(builder, site, direct)
         for output in (f"{name}.{source}", source) if source else (f"{robot.prefix}{name}", name):
             if output in site.outputs:
@@ -171,8 +173,8 @@ def of_state(builder: DiagramBuilder, site: Site, output: str) -> OutputPort:
     name = f"{output}.of_state"
     if builder.HasSubsystemNamed(name):
         return builder.GetSubsystemByName(name).get_output_port()
-    site.draw_nothing(name)
-    return mapped(builder, name, site.of_state[output].matrix(site.state.size()), site.state)
+    site.picture.draw_nothing(name)
+    return mapped(builder, name, site.outputs.of_state[output].matrix(site.state.size()), site.state)
 
 
 def check_loops(station: Surroundings, loops: Mapping[str, LoopSection]) -> None:
@@ -200,10 +202,10 @@ def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSecti
     for name, section in loops.items():
         robot = site.robot(section.robot)
         wired[name] = section.wire(builder, name, robot, site)
-        site.notes[name] = {"kind": section.kind}
+        site.outputs.notes[name] = {"kind": section.kind}
         kind = section.kind.replace("_", " ")
         label = f"{wrapped(name)}\n{kind}, {section.rate:g} Hz" if kind != name else f"{kind}, {section.rate:g} Hz"
-        site.draw(f"controller.{name}", "loop", label, robot, inside=section.stages)
+        site.picture.draw(f"controller.{name}", "loop", label, robot, inside=section.stages)
         for output, port in wired[name].outputs.items():
             driven = {"offset": section.axes, "target": section.layered}.get(output)
             axes = robot.axes if driven is None else driven(robot)
@@ -326,4 +328,4 @@ def _drive(
 def _draw_layers(site: Site, system: str, robot: StationRobot) -> None:
     """Say that a system is part of the block that lays loops over the reference."""
     label = "Reference\nand loops,\njoint limits"
-    site.draw(system, "loop", label, robot, key=f"{robot.prefix}layers")
+    site.picture.draw(system, "loop", label, robot, key=f"{robot.prefix}layers")

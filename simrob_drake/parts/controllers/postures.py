@@ -17,7 +17,9 @@ from simrob_drake.base.sections import NotNegative, Number, Positive, Strict
 from simrob_drake.blocks.sampled import Changes, Named, RunEnds, SampledBlock
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.ground import Ground
-from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
+from simrob_drake.parts.resolved import ResolvedRobot
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.catalog import RobotModel
 
 REACHED = "reached"  # what the block remembers last: when each cell was reached [s], -1 until then

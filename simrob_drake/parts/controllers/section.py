@@ -8,7 +8,7 @@ from typing import ClassVar, NamedTuple, Self
 
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.sections import Strict
-from simrob_drake.parts.site import ResolvedRobot
+from simrob_drake.parts.resolved import ResolvedRobot
 
 
 class CommandPart(NamedTuple):
@@ -62,6 +62,11 @@ class ControllerSection(Strict):
     """Whether the camera of the live view goes with the robot of the controller, as it does with a robot that walks."""
 
     kind: str
+
+    @property
+    def robot_name(self) -> str | None:
+        """Robot that the section names under ``robot``. None if it names none, which means the only robot."""
+        return getattr(self, "robot", None)
 
     def command_limits(self, robot: ResolvedRobot) -> Sequence[tuple[float, float]]:
         """Lower and upper limit of each slider of the live view, in the slider's unit.

@@ -49,7 +49,8 @@ from simrob_drake.parts.controllers.flow_states import (
 from simrob_drake.parts.controllers.own import add_to, declare_output
 from simrob_drake.parts.controllers.section import ControllerSection
 from simrob_drake.parts.monitors.monitor import add_monitor
-from simrob_drake.parts.site import Site, Surroundings
+from simrob_drake.parts.resolved import Surroundings
+from simrob_drake.parts.site import Site
 from simrob_drake.parts.targets import check_frame, frame_of
 
 _ONE, _TIME = "one", "time"
@@ -93,9 +94,9 @@ class FlowForce(Strict):
             builder.Connect(ports[output], block.get_command_input_port())
             site.spatial_forces.append(block.get_spatial_forces_output_port())
             what, unit = ("torque", "N·m") if turns else ("force", "N")
-            site.draw(output, "force", f"{what.capitalize()} '{name}'\nat {self.at}")
+            site.picture.draw(output, "force", f"{what.capitalize()} '{name}'\nat {self.at}")
             title = f"applied {what} '{name}' at {self.at}, in its axes"
-            site.add(output, ports[output], applied_signal(output, unit, title, part=name))
+            site.outputs.add(output, ports[output], applied_signal(output, unit, title, part=name))
 
 
 class SignalFlow(ControllerSection):
@@ -174,9 +175,10 @@ class SignalFlow(ControllerSection):
             declare_output(site, name, opening.get_output_port(), "1", called=block)
         net = _Net(site, f"controllers.{name}", robot.prefix if robot else "", {**self._all, **torque}, opened)
         ports = net.add(builder, f"controller.{name}", integrated=integrated)
-        site.notes[name] = {"kind": self.kind}
+        site.outputs.notes[name] = {"kind": self.kind}
         label = f"{wrapped(name)}\nsignal flow, {len(self.blocks)} blocks"
-        site.draw(f"controller.{name}", "loop", label, robot, net=net.inner_blocks if len(ports) <= _DRAWN else None)
+        inner_blocks = net.inner_blocks if len(ports) <= _DRAWN else None
+        site.picture.draw(f"controller.{name}", "loop", label, robot, net=inner_blocks)
         shown = self.blocks if self.signals is None else self.signals
         for block, port in ports.items():
             if block in shown or block in self.stops:
@@ -274,7 +276,7 @@ class _Net:
             return block, index
         known = [*self.blocks, _ONE, _TIME]
         outputs = {} if self.site is None else self.site.outputs
-        for signal in [] if self.site is None else self.site.signals:
+        for signal in [] if self.site is None else self.site.outputs.signals:
             if signal.output not in outputs or signal.role in _AT_ONCE:
                 continue
             for column in (f"{self.prefix}{term}", term):

@@ -16,7 +16,9 @@ from simrob_drake.blocks.sampled import TIME, Changes, Named, RunEnds, SampledBl
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.controllers.section import CommandPart, TimedCommand
 from simrob_drake.parts.controllers.support import axes_to
-from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
+from simrob_drake.parts.resolved import ResolvedRobot, Surroundings
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.gaits_file import gaits_file
 from simrob_drake.walking.body import Body
 from simrob_drake.walking.commands import Commanded, Commander, Follower, Waypoints, beyond, clipped, command_of

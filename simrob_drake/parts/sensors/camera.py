@@ -40,8 +40,10 @@ from simrob_drake.base.frames import Vector, transform_from_pose
 from simrob_drake.base.lifetime import weakly
 from simrob_drake.base.sections import ORIGIN, Boolean, Integer, NotNegative, Pose, Positive
 from simrob_drake.blocks.block import Block, fed
+from simrob_drake.parts.resolved import WORLD
 from simrob_drake.parts.sensors.sensor import Sensor, sensor_label
-from simrob_drake.parts.site import WORLD, Site, StationPlant
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.parts.targets import frame_of, owner_of_shape
 
 _RENDERER = "cameras"
@@ -206,13 +208,13 @@ class CameraSensor(Sensor):
         """Let loops look through it if they may; it has no signals."""
         parent, pose = self.mount(site.plant)
         self._check_outside(name, site.plant, parent, pose)
-        site.notes[name] = {"kind": self.kind, "frame": self.frame}
+        site.outputs.notes[name] = {"kind": self.kind, "frame": self.frame}
         if self.in_loop:
             let_render(site.plant.scene_graph)
             block = CameraBlock(self.lens, parent=parent, pose=pose)
             query = site.plant.scene_graph.get_query_output_port()
-            site.images[f"image.{name}"] = fed(builder, f"sensor.{name}", block, query)
-            site.draw(f"sensor.{name}", "sensor", sensor_label("Camera", name))
+            site.outputs.images[f"image.{name}"] = fed(builder, f"sensor.{name}", block, query)
+            site.picture.draw(f"sensor.{name}", "sensor", sensor_label("Camera", name))
 
     def mount(self, plant: StationPlant) -> tuple[FrameId, RigidTransform]:
         """Return the frame of the geometry that it moves with, and its pose in that."""

@@ -3,7 +3,7 @@
 from typing import Annotated, ClassVar
 
 from simrob_drake.base.sections import Boolean, Pose
-from simrob_drake.parts.site import WORLD
+from simrob_drake.parts.resolved import WORLD
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.grasps import let_go
 from simrob_drake.programs.model import StationModel, reparented

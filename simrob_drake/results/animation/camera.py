@@ -8,7 +8,7 @@ import numpy as np
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector, xyz_quaternion_from_transform
 from simrob_drake.parts.controllers.section import ControllerSection
-from simrob_drake.parts.site import StationPlant
+from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.results.record.run import DIVERGED, RecordedRun
 from simrob_drake.results.record.walks import headings, legged_robots
 
@@ -64,8 +64,8 @@ def robots_to_follow(robots: Iterable[str], controllers: Mapping[str, Controller
     names = list(robots)
     only_robot = names[0] if len(names) == 1 else None
     sections = [section for section in controllers.values() if section.camera_follows]
-    asked = {section.robot or only_robot for section in sections}
-    return asked & set(names)
+    asked = {section.robot_name or only_robot for section in sections}
+    return {name for name in names if name in asked}
 
 
 def framed_time(result: RecordedRun) -> float:

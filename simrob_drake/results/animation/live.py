@@ -11,7 +11,7 @@ from pydrake.geometry import Meshcat, Role
 
 from simrob_drake.base.frames import Vector
 from simrob_drake.parts.controllers.section import ControllerSection, commanded_sections
-from simrob_drake.parts.site import ResolvedRobot
+from simrob_drake.parts.resolved import ResolvedRobot
 from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on, robots_to_follow, side
 from simrob_drake.results.animation.drawn import Command, commands, draw_geometry, draw_tool_paths, look, pose_commands
 from simrob_drake.results.animation.scene import ViewedStation, draw_floor_lines, floor_under
@@ -188,7 +188,7 @@ class Steering:
         station = resolve(config)
         for number, (name, section) in enumerate(sections.items()):
             prefix = f"{name}: " if len(sections) > 1 else ""
-            robot = station.robot(section.robot, f"controllers.{name}")
+            robot = station.robot(section.robot_name, f"controllers.{name}")
             self.controls |= _controls(section, robot, prefix, keys=number == 0)
             self.hands[name] = partial(self._command, prefix, section)
         self.board: Board | None = None

@@ -18,7 +18,8 @@ from simrob_drake.base.errors import one_of
 from simrob_drake.base.frames import VELOCITY_NAMES, XYZ_QUATERNION_NAMES, Vector
 from simrob_drake.base.signals import Panel, Signal
 from simrob_drake.blocks.references import Reference, Samples
-from simrob_drake.parts.site import StationPlant, StationRobot, named
+from simrob_drake.parts.resolved import named
+from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.results.record.piece_contacts import ContactSample, sample_piece_contacts
 from simrob_drake.results.record.state import State
 from simrob_drake.results.record.touch import Event, Touch, onsets

@@ -25,7 +25,7 @@ from simrob_drake.extensions.simulink.writing.spheres import POINT, far_apart, s
 from simrob_drake.extensions.simulink.writing.urdf import RobotFile, UniqueNames
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.options import ImportReport
-from simrob_drake.parts.site import WORLD
+from simrob_drake.parts.resolved import WORLD
 from simrob_drake.parts.terrain import MOST_BOXES
 
 _PLANE, _GREY = "Infinite Plane", (0.5, 0.5, 0.5, 1.0)
