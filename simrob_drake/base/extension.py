@@ -62,6 +62,8 @@ class Extension:
             ``package:folder``.
         pieces: folders with one folder for each piece (``piece.yaml``), likewise.
         stations: folders with one YAML file for each station, likewise.
+        other_files: YAML files that say what files and folders are which are no stations, and which command takes them,
+            as ``cli/others.yaml`` does; likewise ``package:file.yaml``.
     """
 
     core: str
@@ -84,6 +86,7 @@ class Extension:
     robots: Additions = field(default_factory=dict)
     pieces: Additions = field(default_factory=dict)
     stations: Additions = field(default_factory=dict)
+    other_files: Additions = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check the types; raises TypeError if one is wrong. It is reported as a failure of the package's import."""
@@ -118,11 +121,15 @@ POINTS = {
     "robots": "folder of robots",
     "pieces": "folder of pieces",
     "stations": "folder of stations",
+    "other_files": "file about other files",
 }
 """The extension points: the field of :class:`Extension`, and the words for one of its entries."""
 
 FOLDERS = ("robots", "pieces", "stations")
-"""Extension points whose strings name folders of data instead of Python objects."""
+"""Extension points whose strings name folders of models."""
+
+DATA = (*FOLDERS, "other_files")
+"""Extension points whose strings name folders and files of data instead of Python objects."""
 
 
 class InstalledExtension(NamedTuple):
@@ -300,34 +307,65 @@ def load_addition(addition: Addition) -> Any:
         raise BrokenExtension(f"{addition.owner}: {addition.target} cannot be imported ({reason})") from problem
 
 
-def addition_folder(addition: Addition) -> Path | None:
-    """Find the folder of data that an extension adds, without importing the package.
+@contextmanager
+def code_of_extension(owner: str, name: str) -> Iterator[None]:
+    """Context manager around code of an extension, which blames the extension for errors that no user causes.
 
-    Returns None if there is no such folder.
+    Args:
+        owner: package and extension, see `Addition.owner`.
+        name: what the code is, such as ``the exporter csv``.
+
+    Raises:
+        SimrobError: the code raises one, which is passed on.
+        BrokenExtension: the code raises anything else. The message names the package.
     """
-    package, _, folder = addition.target.partition(":")
+    try:
+        yield
+    except SimrobError:
+        raise
+    except Exception as problem:  # code of somebody else may raise anything
+        reason = shortened(f"{type(problem).__name__}: {problem}", 200)
+        raise BrokenExtension(f"{owner}: {name} fails ({reason})") from problem
+
+
+def addition_path(addition: Addition) -> Path | None:
+    """Find the folder or file of data that an extension adds, without importing the package.
+
+    Returns None if there is no such folder or file.
+    """
+    package, _, name = addition.target.partition(":")
     try:
         spec = find_spec(package)
     except (ImportError, ValueError):  # of a package in a package that is missing, or of an empty name
         return None
     if spec is None or not spec.submodule_search_locations:
         return None
-    path = Path(next(iter(spec.submodule_search_locations)), folder)
-    return path if path.is_dir() else None
+    path = Path(next(iter(spec.submodule_search_locations)), name)
+    return path if path.exists() else None
 
 
 def check_addition(point: str, addition: Addition) -> None:
-    """Check that a thing of an extension can be imported, or that its folder exists; raises BrokenExtension if not."""
-    if point not in FOLDERS:
+    """Check that a thing of an extension can be imported, or that its data exist; raises BrokenExtension if not."""
+    if point not in DATA:
         load_addition(addition)
-    elif addition_folder(addition) is None:
-        raise BrokenExtension(f"{addition.owner}: there is no folder {addition.target}")
+        return
+    path = addition_path(addition)
+    is_there = path is not None and path.is_dir() == (point in FOLDERS)
+    if not is_there:
+        kind = "folder" if point in FOLDERS else "file"
+        raise BrokenExtension(f"{addition.owner}: there is no {kind} {addition.target}")
 
 
 def addition_folders(point: str) -> list[Path]:
     """Find the folders that extensions add at one of the points ``robots``, ``pieces`` and ``stations``."""
-    folders = [addition_folder(addition) for addition in additions(point).values()]
-    return [folder for folder in folders if folder is not None]
+    paths = [addition_path(addition) for addition in additions(point).values()]
+    return [path for path in paths if path is not None and path.is_dir()]
+
+
+def addition_files(point: str) -> list[Path]:
+    """Find the files of data that extensions add at an extension point such as ``other_files``."""
+    paths = [addition_path(addition) for addition in additions(point).values()]
+    return [path for path in paths if path is not None and path.is_file()]
 
 
 def register_core_names(point: str, names: Callable[[], Iterable[str]]) -> None:
@@ -438,8 +476,8 @@ def _without_conflicts(found: list[InstalledExtension]) -> Iterator[InstalledExt
     """
     packages = dict[str, str]()  # by name of an extension, its package
     owners = dict[tuple[str, str], Addition]()  # by extension point and name
-    # Names of folders are the extension's own business: nobody refers to them.
-    points = [point for point in POINTS if point not in FOLDERS]
+    # Names of data are the extension's own business: nobody refers to them.
+    points = [point for point in POINTS if point not in DATA]
     for installed in found:
         if installed.extension is None:  # left out already, so that it takes no names
             yield installed

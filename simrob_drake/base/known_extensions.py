@@ -6,11 +6,13 @@ The core imports no extension. This table only lets it say which one a file need
 from simrob_drake.base.extension import additions, needed_extension
 
 _PROVIDERS = {
+    "controllers": {"policy": "learning"},
     "engines": {"mujoco": "mujoco"},
     "importers": {
         **dict.fromkeys((".mjcf", "<mujoco>"), "mujoco"),
         **dict.fromkeys((".slx", ".mdl", ".slxp", ".mdlp"), "simulink"),
         **dict.fromkeys(("<SimscapeMultibodyImportXML>", "<PhysicalModelingXMLFile>"), "simulink"),
+        "<SimMechanicsImportXML>": "simulink",
         **dict.fromkeys((".mod", ".modx", ".prg", ".sys", ".sysx", ".pgf"), "rapid"),
     },
     "exporters": {"mjcf": "mujoco", "rapid": "rapid", "urscript": "rapid"},

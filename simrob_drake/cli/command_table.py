@@ -24,9 +24,10 @@ _LAST_TITLE = "Extensions"
 _TITLES = {
     "listing": "Stations",
     "stations": "Stations",
+    "checking": "Stations",
     "legged": "Stations",
     "robots": "Robots",
-    "engines": "Exchange and other engines",
+    "exporting": "Exchange and other engines",
     "extensions": _LAST_TITLE,
 }
 """Modules of this package with commands, and the title under which the help lists their commands, in this order.

@@ -3,24 +3,26 @@
 import json
 from collections.abc import Callable
 from importlib import import_module
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.text import Text
 
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.extension import (
     FOLDERS,
     POINTS,
-    BrokenExtension,
     Extension,
     InstalledExtension,
-    addition_folder,
+    addition_path,
     check_addition,
     core_names,
     installed_extensions,
 )
 from simrob_drake.base.files import hidden_models
 from simrob_drake.cli import ExitCode
+from simrob_drake.cli.other_files import read_descriptions
 from simrob_drake.cli.screen import console, table
 
 _REGISTRIES = {
@@ -34,6 +36,9 @@ _REGISTRIES = {
     "moves": "simrob_drake.programs.moves.kinds",
     "gaits": "simrob_drake.programs.gaits.registry",
     "inverse_kinematics": "simrob_drake.kinematics.registry",
+    "engines": "simrob_drake.stations.solver_config",
+    "importers": "simrob_drake.importer.importer",
+    "exporters": "simrob_drake.programs.exporter",
 }
 """Modules that register the core's names at the extension points. They are imported only if an extension uses them."""
 
@@ -75,7 +80,9 @@ def _problems(entry: InstalledExtension, *, is_thorough: bool) -> list[str]:
         for addition in entry.additions_at(point):
             try:
                 check_addition(point, addition)
-            except BrokenExtension as problem:
+                if point == "other_files":
+                    read_descriptions(Path(str(addition_path(addition))))
+            except SimrobError as problem:
                 problems.append(str(problem))
     return problems
 
@@ -101,8 +108,8 @@ def _hidden_models(entry: InstalledExtension) -> list[str]:
     problems = []
     for point in FOLDERS:
         for addition in entry.additions_at(point):
-            folder = addition_folder(addition)
-            hidden = [] if folder is None else hidden_models(point, folder)
+            folder = addition_path(addition)
+            hidden = hidden_models(point, folder) if folder is not None and folder.is_dir() else []
             problems += [f"{model!r} of its {point} is hidden by another one of this name" for model in hidden]
     return problems
 

@@ -7,24 +7,25 @@ itself reads robots from URDF, xacro and SDF files.
 
 import xml.etree.ElementTree as ET
 from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 from xml.parsers import expat
 
-from simrob_drake.base.errors import InvalidConfig
-from simrob_drake.base.extension import BrokenExtension, additions, load_addition_class, register_core_names
+from simrob_drake.base.errors import InvalidConfig, SimrobError
+from simrob_drake.base.extension import additions, load_addition_class, register_core_names
 from simrob_drake.base.files import NotRead, opened
 from simrob_drake.base.known_extensions import check_provided
 from simrob_drake.importer.options import ImportOptions, ImportReport
 
 CORE_SUFFIXES = (".urdf", ".xacro", ".xml", ".sdf", ".world")
 """Suffixes of files that the core reads as robots."""
-_CORE_ELEMENTS = ("<robot>", "<sdf>")
+_CORE_NAMES = (*CORE_SUFFIXES, "<robot>", "<sdf>")
 _BEGINNING = 65536  # bytes of a file in which its outermost element is expected
 
-register_core_names("importers", lambda: (*CORE_SUFFIXES, *_CORE_ELEMENTS))
+register_core_names("importers", lambda: _CORE_NAMES)
 
 
 @dataclass(frozen=True)
@@ -32,17 +33,22 @@ class NoOptions:
     """Options of an importer or exporter that has none."""
 
 
-class Importer(ABC):
-    """What all importers have in common. Derive from :class:`RobotImporter` or :class:`FileImporter`.
+class Importer:
+    """What all importers have in common.
+
+    Derive from :class:`RobotImporter`, :class:`FileImporter`, or
+    :class:`simrob_drake.programs.program_importer.ProgramImporter`.
 
     Attributes:
         title: what the files are, with an article, such as ``a Simulink model``.
+        owner: package and extension of the importer, for messages. It is set when the importer is loaded.
     """
 
-    title: ClassVar[str]
+    title: ClassVar[str] = "a file of another tool"
+    owner: str = ""
 
 
-class RobotImporter(Importer):
+class RobotImporter(Importer, ABC):
     """Reads a robot from an XML file. The core then repairs it, and writes the robot's folder and the report.
 
     The robot can be used wherever a URDF can: in ``simrob import``, ``check``, ``view`` and as ``robot.urdf`` of a
@@ -88,28 +94,35 @@ class ImportOutcome:
     """What an import has made, for the screen.
 
     Attributes:
+        headline: the most important thing about the result, shown first; empty if there is none.
         lines: what was written, and the command to go on with; one line each.
-        report: all that was changed or lost; None if the importer writes no such report.
-        losses: parts of the file without which the result behaves otherwise; one line each.
-        remedy: what the user can do about the losses.
+        report: all that was changed or lost, shown as a table before the lines; None if there is no report.
+        losses: parts of the file without which the result behaves differently; one line each.
+        unknowns: names that the file uses and does not define, each with the places of their use.
+        problem: error because of which nothing can be made of the file, raised after the rest is shown; None if there
+            is none.
     """
 
     lines: tuple[str, ...]
+    headline: str = ""
     report: ImportReport | None = None
     losses: tuple[str, ...] = ()
-    remedy: str = ""
+    unknowns: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    problem: SimrobError | None = None
 
 
-class FileImporter(Importer):
+class FileImporter(Importer, ABC):
     """Makes files of this toolbox from a file of another tool: a folder of robots, a station or a program.
 
     Attributes:
         options_class: dataclass whose fields are options of ``simrob import``, as annotated types of typer.
+        reading_class: dataclass with those of the options that `examine` takes.
         robot_options: names of the fields of :class:`ImportOptions` that the importer takes.
         takes_settings: whether the importer takes ``--set NAME=VALUE``.
     """
 
     options_class: ClassVar[type[Any]] = NoOptions
+    reading_class: ClassVar[type[Any]] = NoOptions
     robot_options: ClassVar[tuple[str, ...]] = ()
     takes_settings: ClassVar[bool] = False
 
@@ -123,6 +136,8 @@ class FileImporter(Importer):
 
     def examine(self, file: Path, request: ImportRequest) -> ImportOutcome:
         """Report what `import_file` would do, without writing anything: what ``simrob check FILE`` shows.
+
+        The request's options are an object of `reading_class`.
 
         Raises:
             SimrobError: the file cannot be read, or the importer cannot tell without writing.
@@ -152,15 +167,14 @@ def load_importer(key: str) -> Importer | None:
         BrokenExtension: the importer cannot be used.
         MissingExtension: an extension of this project has such an importer, and it is missing.
     """
+    if key in _CORE_NAMES:
+        return None
     addition = additions("importers").get(key)
     if addition is None:
         check_provided("importers", key, f"a file with {key}")
         return None
-    importer_class = load_addition_class(addition, Importer)
-    if not issubclass(importer_class, RobotImporter | FileImporter):
-        expected = "a subclass of RobotImporter or FileImporter"
-        raise BrokenExtension(f"{addition.owner}: {addition.target} must be {expected}")
-    importer: Importer = importer_class()
+    importer: Importer = load_addition_class(addition, Importer)()
+    importer.owner = addition.owner
     return importer
 
 

@@ -91,7 +91,7 @@ def test_a_part_of_another_package_in_the_former_way_still_works(site):
         warnings.simplefilter("ignore", DeprecationWarning)
         robot = ports.robot(None)
         port = ports.port(builder, "position")
-        ports.add("again", port, Signal(("again.x",), ("rad",), "own", "again"))
-        ports.draw("sensor.again", "sensor", "Again", robot)
+        ports.outputs.add("again", port, Signal(("again.x",), ("rad",), "own", "again"))
+        ports.picture.draw("sensor.again", "sensor", "Again", robot)
     assert ports.outputs["again"] is port
     assert ports.picture.drawn["sensor.again"].label == "Again"

@@ -7,4 +7,5 @@ EXTENSION = Extension(
     uses=("mujoco", "simulink"),
     title="Exchange and other engines",
     commands={"compare": "simrob_drake.extensions.comparison.commands:compare"},
+    other_files={"comparison": "simrob_drake.extensions.comparison:other_files.yaml"},
 )

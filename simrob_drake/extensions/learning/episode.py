@@ -8,10 +8,10 @@ from pydrake.systems.framework import Context
 from simrob_drake.base.arguments import drake_asserts
 from simrob_drake.base.frames import Vector, transform_from_xyz_quaternion
 from simrob_drake.blocks.monitor import NOT_YET
+from simrob_drake.extensions.learning.policy import LearntPolicy, Policy
 from simrob_drake.extensions.learning.rewards import Origin, RewardSample
 from simrob_drake.parts.controllers import readers_of
 from simrob_drake.parts.controllers.loop import sensors_read
-from simrob_drake.parts.controllers.policy import LearntPolicy, Policy
 from simrob_drake.parts.forces import ForceConfig
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.record.walks import headings

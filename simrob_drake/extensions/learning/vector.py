@@ -19,10 +19,10 @@ from simrob_drake.base.extras import needed
 from simrob_drake.base.frames import Vector, xyz_quaternion_from_transform
 from simrob_drake.blocks.monitor import NOT_YET
 from simrob_drake.extensions.learning.episode import policies_of
+from simrob_drake.extensions.learning.policy import TURNED, observed_of_turn
 from simrob_drake.extensions.learning.rewards import Origin, RewardSample, rewards, turned_from
 from simrob_drake.extensions.learning.sensing import Places, PolicySensors, spaces
 from simrob_drake.extensions.learning.task import Curriculum, beginning, load_task
-from simrob_drake.parts.controllers.policy import TURNED, observed_of_turn
 from simrob_drake.results.animation.pictures import Still
 from simrob_drake.results.record.walks import headings
 from simrob_drake.stations.closed import station_references

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, Joint, RigidBody
 
-from simrob_drake.base.frames import Vector
+from simrob_drake.base.frames import Vector, rotated
 
 
 class Names:
@@ -88,7 +88,7 @@ class Coordinates:
         """Return the plant's coordinates (m, nq + nv) of MuJoCo's."""
         states = states.copy() if self.free else states
         for quaternion, turning in self.free:
-            states[:, turning] = turned(states[:, quaternion], states[:, turning], 1.0)
+            states[:, turning] = rotated(states[:, quaternion], states[:, turning])
         return np.asarray(states[:, self.there])
 
     def to_mujoco(self, state: Vector) -> Vector:
@@ -111,16 +111,9 @@ class Coordinates:
 
 
 def _turned(quaternion: Vector, vector: Vector, sense: float) -> tuple[float, float, float]:
-    """Return a vector turned as :func:`turned` does, by plain numbers: quicker for one."""
+    """Return a vector turned as :func:`simrob_drake.base.frames.rotated` does, by plain numbers: quicker for one."""
     w, x, y, z = quaternion.tolist()
     a, b, c = vector.tolist()
     x, y, z = sense * x, sense * y, sense * z
     p, q, r = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
     return a + w * p + y * r - z * q, b + w * q + z * p - x * r, c + w * r + x * q - y * p
-
-
-def turned(quaternions: Vector, vectors: Vector, sense: float) -> Vector:
-    """Return vectors (m, 3) turned by unit quaternions (m, 4) w x y z, or back by them with sense -1."""
-    w, axis = quaternions[:, :1], sense * quaternions[:, 1:]
-    twice = 2 * np.cross(axis, vectors)
-    return np.asarray(vectors + w * twice + np.cross(axis, twice))

@@ -9,4 +9,5 @@ EXTENSION = Extension(
         ".mjcf": "simrob_drake.extensions.mujoco.importer:MjcfImporter",
         "<mujoco>": "simrob_drake.extensions.mujoco.importer:MjcfImporter",
     },
+    exporters={"mjcf": "simrob_drake.extensions.mujoco.exporter:MjcfExporter"},
 )

@@ -2,6 +2,13 @@
 
 from simrob_drake.base.extension import Extension
 
+_IMPORTER = "simrob_drake.extensions.simulink.importer:SimulinkImporter"
+# The last two elements are those of the first generation, for which the importer names the remedy.
+_FILES = (
+    *(".slx", ".mdl", ".slxp", ".mdlp"),
+    *("<SimscapeMultibodyImportXML>", "<PhysicalModelingXMLFile>", "<SimMechanicsImportXML>"),
+)
+
 EXTENSION = Extension(
     core=">=0.1",
     title="Exchange and other engines",
@@ -9,4 +16,6 @@ EXTENSION = Extension(
         "fmu": "simrob_drake.extensions.simulink.commands:fmu",
         "serve": "simrob_drake.extensions.simulink.commands:serve",
     },
+    importers=dict.fromkeys(_FILES, _IMPORTER),
+    other_files={"simulink": "simrob_drake.extensions.simulink:other_files.yaml"},
 )

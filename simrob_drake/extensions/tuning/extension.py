@@ -13,4 +13,5 @@ EXTENSION = Extension(
         "prove": "simrob_drake.extensions.tuning.commands.tune:prove",
         "pushes": "simrob_drake.extensions.tuning.commands.pushes:pushes",
     },
+    other_files={"tuning": "simrob_drake.extensions.tuning:other_files.yaml"},
 )

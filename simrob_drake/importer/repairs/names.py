@@ -41,6 +41,10 @@ class FreeNames:
         self._taken = set(taken)
         self._numbers: dict[str, int] = {}
 
+    def is_free(self, name: str) -> bool:
+        """Check whether nobody has a name yet."""
+        return name not in self._taken
+
     def take(self, base: str) -> str:
         """Return the wanted name, or that with a number, and keep it from others."""
         name = base

@@ -34,7 +34,7 @@ class UniqueNames(FreeNames):
         """Return a name for a path: its last part, with the parts before it where that is taken."""
         parts = [plain(part) for part in path.split("/")]
         names = ["_".join(parts[-count:]) for count in range(1, len(parts) + 1)]
-        return self.take(next((name for name in names if name not in self._taken), names[-1]))
+        return self.take(next(filter(self.is_free, names), names[-1]))
 
 
 def plain(text: str) -> str:

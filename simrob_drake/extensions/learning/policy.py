@@ -19,8 +19,8 @@ from simrob_drake.base.errors import InvalidParameter, UnknownName, shown
 from simrob_drake.base.frames import Vector, rotation_of
 from simrob_drake.base.sections import Frequency, Number, Positive
 from simrob_drake.blocks.sampled import BlockFails, Changes, Named, SampledBlock
+from simrob_drake.extensions.learning.network import Network
 from simrob_drake.parts.controllers.loop import LoopSection
-from simrob_drake.parts.controllers.network import Network
 from simrob_drake.parts.resolved import ResolvedRobot
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot

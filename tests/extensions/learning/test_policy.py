@@ -6,13 +6,13 @@ from pydrake.math import RollPitchYaw, RotationMatrix
 
 from simrob_drake import load_station, simulate
 from simrob_drake.base.errors import SimrobError
-from simrob_drake.parts.controllers.policy import LearntPolicy, Policy
+from simrob_drake.extensions.learning.policy import LearntPolicy, Policy
 
 pytest.importorskip("onnxruntime")
 onnx = pytest.importorskip("onnx")
 
+from simrob_drake.extensions.learning.policy import Network  # noqa: E402
 from simrob_drake.extensions.learning.writing import write_network  # noqa: E402
-from simrob_drake.parts.controllers.policy import Network  # noqa: E402
 
 SECTION = {
     "kind": "policy",

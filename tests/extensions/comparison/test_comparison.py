@@ -25,6 +25,7 @@ from simrob_drake.extensions.comparison.engines import (
     save_comparison,
 )
 from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver
+from tests.programs.test_station_program import station as turning  # noqa: F401  # a fixture
 
 Q, TAU = Quantity("q", "rad"), Quantity("tau", "N·m")
 
@@ -156,3 +157,9 @@ def test_forces_of_sliding_axes_are_held_against_forces() -> None:
         what: values.shape[1] for what, values in found.items()
     }
     assert {what.unit for what in found} == {"N", "N·m"}
+
+
+def test_engines_are_compared_while_the_program_of_a_station_is_done(turning: Path) -> None:  # noqa: F811
+    found = compare_engines(load_station(turning))
+    assert found.accounts[0].times[-1] == pytest.approx(0.3)
+    assert "it does no programs of kinematic stations" in found.missing["MuJoCo"]

@@ -14,7 +14,7 @@ from simrob_drake.extensions.course.exercise import ExerciseFolder, checked_poin
 from simrob_drake.extensions.course.measuring import Reading, at_least, at_most, between, near
 from simrob_drake.extensions.course.wire import decode, encode
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[3]
 SOLUTIONS = ROOT / "examples" / "course"
 ENTRIES = {entry.folder.name: entry for entry in exercises()}
 QUICK = {"kinematics"}

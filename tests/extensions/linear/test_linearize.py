@@ -18,6 +18,7 @@ from simrob_drake.extensions.linear.model import bode_figure
 from simrob_drake.results.record.state import State
 from simrob_drake.simulation import Runner, simulate
 from simrob_drake.stations.load import load_station
+from tests.stations.test_backlash import rod as loose_rod  # noqa: F401  # a fixture
 
 pytestmark = pytest.mark.usefixtures("no_plots")
 
@@ -221,3 +222,9 @@ def test_names_of_ports_are_known(arm: LinearModel) -> None:
         arm.part(inputs=["referenze"])
     with pytest.raises(SimrobError, match="finite"):
         arm.response("fast")
+
+
+def test_play_between_motor_and_link_is_left_out_with_a_note(loose_rod):  # noqa: F811
+    model = linearize(load_station(loose_rod))
+    assert len(model.states) == 2
+    assert "backlash" in model.notes[0]
