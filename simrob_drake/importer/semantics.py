@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 
 from simrob_drake.base.errors import InvalidModel
 from simrob_drake.base.file_cache import file_state
-from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.reading.source import read_source
 from simrob_drake.robots.bodies import carriers
 from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import DRAKE, link_of, name_of
 
 _FOLDERS = ("", "../srdf", "../config")  # folders in which an SRDF is sought, relative to the robot's file

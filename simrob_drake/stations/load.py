@@ -23,9 +23,10 @@ from simrob_drake.base.arguments import as_path, instance
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName, quoted
 from simrob_drake.base.extension import installed_extensions
 from simrob_drake.base.files import model_file, station_files
+from simrob_drake.base.packages import Border
 from simrob_drake.base.sections import validated
 from simrob_drake.base.yaml_files import YAML_SUFFIXES, place_of, read_yaml
-from simrob_drake.importer.packages import Border, is_robot_file
+from simrob_drake.importer.robot_files import is_robot_file
 from simrob_drake.stations.change_of_kind import KeyLosses, kind_of
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.located import located, located_program

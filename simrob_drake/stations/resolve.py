@@ -12,6 +12,7 @@ from pydrake.math import RigidTransform
 from simrob_drake.base.errors import InvalidModel, InvalidParameter, UnknownName, one_of
 from simrob_drake.base.file_cache import FileCache
 from simrob_drake.base.frames import Vector, transform_from_pose
+from simrob_drake.base.packages import granted
 from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.parts.controllers import flows_of, loops_of, readers_of
 from simrob_drake.parts.controllers.loop import check_loops, sensors_read
@@ -70,8 +71,10 @@ def resolve(config: StationConfig) -> ResolvedStation:
     Raises:
         SimrobError: a name or a value does not fit; the message names its key.
     """
+    # The folders that the user allows decide which files a robot may name.
+    key = (id(config), tuple(granted()))
     # The cached value contains the configuration: as long as it is there, no other object can have the same identity.
-    _, station = _STATIONS.value(id(config), lambda: (config, _resolve_from_files(config)))
+    _, station = _STATIONS.value(key, lambda: (config, _resolve_from_files(config)))
     return station
 
 
@@ -169,7 +172,8 @@ def _robot_model(entry: RobotConfig, servo: ServoConfig) -> RobotModel:
 def _robot_as_described(entry: RobotConfig) -> RobotModel:
     """Read a robot from its files, or take it from the cache. Raises SimrobError if the files have a defect."""
     options = "" if entry.import_options is None else entry.import_options.model_dump_json()
-    return _ROBOTS.value((entry.urdf, entry.model, options), lambda: _robot_from_files(entry))
+    key = (entry.urdf, entry.model, options, tuple(granted()))
+    return _ROBOTS.value(key, lambda: _robot_from_files(entry))
 
 
 def _robot_from_files(entry: RobotConfig) -> RobotModel:
