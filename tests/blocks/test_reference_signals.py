@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
+from pydrake.systems.framework import LeafSystem
 from pydrake.trajectories import BsplineTrajectory
 
 from simrob_drake import load_station, simulate
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.blocks.references import (
     ReferenceSignal,
+    ReferenceSource,
+    ReferenceTable,
     SineReference,
     as_reference,
     hermite,
@@ -16,6 +19,7 @@ from simrob_drake.blocks.references import (
     ramp,
     table,
 )
+from simrob_drake.results.files import save_result
 
 START, TARGET = np.array([0.1, -0.2]), np.array([1.1, 0.3])
 SINE = SineReference(centre=START, amplitude=TARGET, frequency=0.7, phase=np.array([0.1, 0.2]))
@@ -79,3 +83,52 @@ def test_a_source_plays_any_trajectory_but_one_sine_only():
 def test_a_reference_of_too_few_axes_is_an_error(reference):
     with pytest.raises(SimrobError, match="a trajectory of 2 joints"):
         simulate(load_station("irb120_kinematic"), reference=reference, duration=0.1, progress=False)
+
+
+class Chirp(ReferenceSignal):
+    """A reference of another package: one axis swings faster and faster, q = 0.1 sin(t^2)."""
+
+    size = 6
+    span = (0.0, np.inf)
+    oscillates = True
+    player_key = "chirp"
+    corner_times = ()
+
+    def values(self, times, order=0):
+        first = [0.1 * np.sin(times**2), 0.2 * times * np.cos(times**2)][order]
+        return np.outer(first, np.eye(6)[0])
+
+    def later(self, time):
+        raise NotImplementedError
+
+    def as_sine(self):
+        return None
+
+    def as_polynomial(self):
+        return None
+
+    def add_source(self, builder, name, derivatives):
+        block = builder.AddNamedSystem(name, ChirpSource(self))
+        return ReferenceSource(block.get_output_port())
+
+    def table(self, duration):
+        times = np.linspace(0.0, duration, 200)
+        return ReferenceTable("cubic", times, self.values(times))
+
+
+class ChirpSource(LeafSystem):
+    def __init__(self, chirp):
+        super().__init__()
+
+        def calc(context, output):
+            output.SetFromVector(chirp.values(np.array([context.get_time()]))[0])
+
+        self.DeclareVectorOutputPort("position", 6, calc)
+
+
+def test_a_reference_of_another_package_is_followed_and_saved(tmp_path):
+    result = simulate(load_station("irb120_kinematic"), reference=Chirp(), duration=1.0, progress=False)
+    np.testing.assert_allclose(result["q.joint_1"], 0.1 * np.sin(result.times**2), atol=1e-9)
+    folder = save_result(result, result.verdict, tmp_path / "result", recording=False)
+    again = simulate(load_station(folder / "station.yaml"), progress=False)
+    np.testing.assert_allclose(again["q.joint_1"], result["q.joint_1"], atol=1e-5)
