@@ -11,7 +11,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # The tests start some hundred processes: none of them is to compile the package anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: schemas demo test test-long lint types check bench fuzz wheel docs docs-serve pictures hooks lock clean
+.PHONY: release schemas demo test test-long lint types check bench fuzz wheel docs docs-serve pictures hooks lock clean
 
 demo: $(READY)  ## run the main job and print where its recording is
 	$(BIN)/simrob demo
@@ -43,6 +43,9 @@ fuzz: $(TOOLS)  ## give a thousand hostile files and options to the command line
 
 wheel: $(TOOLS)
 	$(BIN)/python -m build --wheel --outdir dist .
+
+release: $(TOOLS)  ## make VERSION=0.2.0: checks, version, changelog, wheel, commit and tag; nothing is uploaded
+	@.ci/release "$(VERSION)"
 
 docs: $(TOOLS)  ## build the site of docs/ in both languages into build/site; warnings are errors
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict

@@ -117,7 +117,7 @@ def test_the_links_of_a_finished_site_are_looked_at(tmp_path):
 
 def test_every_page_stands_in_the_navigation():
     lines = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
-    named = set(re.findall(r"^ +- ([\w/]+\.md)$", lines, re.MULTILINE))
+    named = set(re.findall(r"^ +- ([\w/-]+\.md)$", lines, re.MULTILINE))
     pages = {page.relative_to(ROOT / "docs").as_posix() for page in (ROOT / "docs").glob("**/*.md")}
     assert {page for page in pages if page.split("/")[0] not in ("es", "lessons", "course")} <= named
 

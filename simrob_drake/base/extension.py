@@ -11,6 +11,7 @@ versions of this package, it needs an extension that is missing, or it takes a n
 core always means the core's own thing. ``simrob extensions`` lists the reasons.
 """
 
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -58,6 +59,12 @@ class Extension:
             the outermost element such as ``<mujoco>``.
         exporters: subclasses of ``StationExporter`` or ``ProgramExporter``, by the name of the format, which is an
             option of ``simrob export``.
+        plots: functions that draw a run, by the stem of the file in the result's folder ``plots``. A function takes the
+            run, a :class:`~simrob_drake.results.record.run.RecordedRun`, and returns a matplotlib figure, or None if
+            the run has nothing for it.
+        measures: instances of :class:`~simrob_drake.results.verdict.verdict.Criterion`, by their ``name``. The verdict
+            on each run has them, and the section ``verdict`` of a station file takes their bounds.
+        panels: tabs of the pendant's page, instances of its class ``PendantPanel``, by any name.
         robots: folders with one folder for each robot (``robot.yaml``, URDF, meshes), by any name; here the string is
             ``package:folder``.
         pieces: folders with one folder for each piece (``piece.yaml``), likewise.
@@ -83,6 +90,9 @@ class Extension:
     engines: Additions = field(default_factory=dict)
     importers: Additions = field(default_factory=dict)
     exporters: Additions = field(default_factory=dict)
+    plots: Additions = field(default_factory=dict)
+    measures: Additions = field(default_factory=dict)
+    panels: Additions = field(default_factory=dict)
     robots: Additions = field(default_factory=dict)
     pieces: Additions = field(default_factory=dict)
     stations: Additions = field(default_factory=dict)
@@ -118,6 +128,9 @@ POINTS = {
     "engines": "engine",
     "importers": "importer of",
     "exporters": "exporter to",
+    "plots": "plot",
+    "measures": "measure of the verdict",
+    "panels": "panel of the pendant",
     "robots": "folder of robots",
     "pieces": "folder of pieces",
     "stations": "folder of stations",
@@ -191,6 +204,10 @@ class MissingExtension(SimrobError):
     """Raised when something needs an extension that is not installed or is left out."""
 
 
+class ExtensionWarning(UserWarning):
+    """Warns that something of an extension is left out, although nobody named it: a plot, a measure, a panel."""
+
+
 @cache
 def installed_extensions() -> tuple[InstalledExtension, ...]:
     """Find all installed extensions: those of this package first, then in the order of their packages' names.
@@ -247,10 +264,8 @@ def load_addition_class(addition: Addition, base: Any, named_by: str = "") -> An
     if abstract:
         lacking = ", ".join(abstract)
         raise BrokenExtension(f"{addition.owner}: {addition.target} lacks {lacking}, see {base.__name__}")
-    own_name = getattr(found, named_by, None) if named_by else addition.name
-    if own_name != addition.name:
-        problem = f"has the {named_by} {own_name!r}, and is announced as {addition.name!r}"
-        raise BrokenExtension(f"{addition.owner}: {addition.target} {problem}")
+    if named_by:
+        _check_name(addition, found, named_by)
     return found
 
 
@@ -276,6 +291,44 @@ def classes_of_extensions(point: str, base: Any, named_by: str = "") -> dict[str
         except BrokenExtension:
             continue
     return found
+
+
+def usable_objects(point: str, base: Any, named_by: str = "") -> dict[str, Any]:
+    """Import the objects that extensions add at a point whose entries are used without being named, by name.
+
+    One that cannot be used is left out with an :class:`ExtensionWarning`.
+
+    Args:
+        point: a key of POINTS.
+        base: class that the objects must be instances of.
+        named_by: attribute of an object that must be the announced name; none if empty.
+    """
+    found = {}
+    for name, addition in additions(point).items():
+        try:
+            found[name] = _load_addition_object(addition, base, named_by)
+        except BrokenExtension as problem:
+            warnings.warn(f"{problem}; it is left out", ExtensionWarning, stacklevel=2)
+    return found
+
+
+def _load_addition_object(addition: Addition, base: Any, named_by: str) -> Any:
+    """Import an object that an extension adds, and check it. Arguments and errors are as for its callers."""
+    found = load_addition(addition)
+    if not isinstance(found, base):
+        expected = f"an instance of {base.__module__}.{base.__name__}"
+        raise BrokenExtension(f"{addition.owner}: {addition.target} is {found!r}; it must be {expected}")
+    if named_by:
+        _check_name(addition, found, named_by)
+    return found
+
+
+def _check_name(addition: Addition, found: Any, named_by: str) -> None:
+    """Raise BrokenExtension if the name that a class or object has for itself is not the announced one."""
+    own_name = getattr(found, named_by, None)
+    if own_name != addition.name:
+        problem = f"has the {named_by} {own_name!r}, and is announced as {addition.name!r}"
+        raise BrokenExtension(f"{addition.owner}: {addition.target} {problem}")
 
 
 def additions(point: str) -> dict[str, Addition]:

@@ -39,6 +39,7 @@ _REGISTRIES = {
     "engines": "simrob_drake.stations.solver_config",
     "importers": "simrob_drake.importer.importer",
     "exporters": "simrob_drake.programs.exporter",
+    "measures": "simrob_drake.results.verdict.judge",
 }
 """Modules that register the core's names at the extension points. They are imported only if an extension uses them."""
 

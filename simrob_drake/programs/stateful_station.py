@@ -285,6 +285,7 @@ class StatefulStation(ABC):
         if pose is None:
             self._change(taken(self.model, piece, parent, frame=frame))
         else:
+            check_units(pose_numbers(pose), "pose")
             self._change(reparented(self.model, piece, parent, frame=frame, pose=pose))
         place = None if pose is None else pose_numbers(pose)
         self.tape.note({"attach": {"piece": piece, "parent": parent, "frame": frame, "pose": place}})
@@ -315,12 +316,18 @@ class StatefulStation(ABC):
         self.tape.note({"release": {"piece": piece, "parent": parent, "frame": frame, "fixed": fixed}})
 
     def tool(self, robot: str, tool: str | PoseLike) -> None:
-        """Change the tool centre point of a robot; see :meth:`Arm.tool`."""
+        """Change the tool centre point of a robot; see :meth:`Arm.tool`.
+
+        Raises:
+            UnknownName: the robot has no such tool or link.
+            InvalidParameter: the pose of the tool is none, or it is in other units than m and rad.
+        """
         entry, own = self.config.robots[robot], self.model.robots[robot]
         if isinstance(tool, str):
             one_of(f"tool of {robot}", tool, [*own.tools, *own.model.links])
             changes: dict[str, object] = {} if tool == own.tcp else {"tcp": tool, "tcp_offset": None}
         else:
+            check_units(pose_numbers(tool), "tool")
             before = RigidTransform() if entry.tcp_offset is None else as_transform(entry.tcp_offset)
             changes = {"tcp_offset": tuple(pose_from_transform(before @ as_transform(tool)).tolist())}
         robots = {**self.config.robots, robot: entry.model_copy(update=changes)}

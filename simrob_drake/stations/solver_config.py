@@ -2,10 +2,20 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import replace
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import model_validator
+from pydantic import (
+    ConfigDict,
+    Field,
+    GetJsonSchemaHandler,
+    ModelWrapValidatorHandler,
+    ValidationError,
+    model_validator,
+)
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, InitErrorDetails
 
+from simrob_drake.base.extension import usable_objects
 from simrob_drake.base.sections import Boolean, NotNegative, Number, Positive, Strict
 from simrob_drake.parts.engine import Engine
 from simrob_drake.parts.kinds import Kinds
@@ -248,7 +258,13 @@ def bound_value(bound: float | str) -> float:
 
 
 class VerdictConfig(Strict):
-    """Bounds of a run's figures, each called as its figure; ``none`` where there shall be no bound."""
+    """Bounds of a run's figures, each called as its figure; ``none`` where there shall be no bound.
+
+    Keys beyond the fields are bounds of the measures of installed extensions.
+    """
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, Bound] = Field(init=False)
 
     final_error_deg: Bound = 3.0
     """How far an axis that turns may be from its reference at the end [deg]."""
@@ -304,3 +320,37 @@ class VerdictConfig(Strict):
     """How far a foot may slide over the ground before it is lifted again [m]."""
     shortened_steps: Bound = 3.0
     """How often the solver may try steps again, shorter, as part of its steps."""
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _check_further_keys(cls, content: Any, check: ModelWrapValidatorHandler[Self]) -> Self:
+        """Refuse keys that are neither fields nor bounds of measures of extensions, as an unknown key."""
+        checked = check(content)
+        further = checked.__pydantic_extra__
+        if not further:  # as nearly always: no extension is looked for
+            return checked
+        known = _keys_of_extensions()
+        unknown = [key for key in further if key not in known]
+        if unknown:
+            errors = [InitErrorDetails(type="extra_forbidden", loc=(key,), input=further[key]) for key in unknown]
+            raise ValidationError.from_exception_data(cls.__name__, errors)
+        return checked
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        """Return the JSON Schema, with the bounds of measures of extensions among the keys."""
+        reference = super().__get_pydantic_json_schema__(core, handler)
+        schema = handler.resolve_ref_schema(reference)
+        bound = schema["additionalProperties"]
+        schema["additionalProperties"] = False
+        for key in sorted(_keys_of_extensions()):
+            schema["properties"][key] = {**bound, "description": "Bound of a measure of an extension."}
+        return reference
+
+
+def _keys_of_extensions() -> set[str]:
+    """Return the keys of the section ``verdict`` that belong to measures of installed extensions."""
+    keys = set[str]()
+    for criterion in usable_objects("measures", object).values():
+        keys.update(getattr(criterion, "bound_keys", ()))
+    return keys

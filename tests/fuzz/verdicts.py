@@ -16,8 +16,13 @@ from simrob_drake.extensions.tuning.study import Study
 from simrob_drake.programs.program import Program
 from tests.fuzz.cases import Case
 
-ALLOWED = ("done", "refused", "diverged")
-_CODES = {ExitCode.DONE: "done", ExitCode.BAD_INPUT: "refused", ExitCode.DIVERGED: "diverged"}
+ALLOWED = ("done", "refused", "diverged", "lossy")
+_CODES = {
+    ExitCode.DONE: "done",
+    ExitCode.BAD_INPUT: "refused",
+    ExitCode.DIVERGED: "diverged",
+    ExitCode.BEYOND: "lossy",  # an import that lost mechanics, and says so
+}
 _LONGEST = 2100
 TRACEBACK = 98
 """Exit code of a case that raised what no user should see."""

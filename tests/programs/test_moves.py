@@ -466,6 +466,17 @@ class TestUnits:
         with pytest.raises(InvalidParameter, match=text):
             kinematic.move_l(target, **how)
 
+    @pytest.mark.parametrize("form", [list, transform_from_pose])
+    @pytest.mark.parametrize("place", [(0.0, 1e14, 0.0), (0.0, 0.0, -120.0)])
+    def test_a_tool_far_from_its_flange_is_refused(self, kinematic, place, form):
+        with pytest.raises(InvalidParameter, match=r"tool is one with .* m; .* were these millimetres"):
+            kinematic.tool(form([*place, 0.0, 0.0, 0.0]))
+
+    def test_a_piece_far_from_its_hand_is_refused(self):
+        cell = Workcell("irb120_gripper")
+        with pytest.raises(InvalidParameter, match=r"pose is one with 1e\+14 m"):
+            cell.attach("cube_1", pose=[0.0, 1e14, 0.0, 0.0, 0.0, 0.0])
+
     def test_other_forms_of_poses_are_left_alone(self, kinematic):
         poses = [kinematic.tool_pose()] * 3  # as many as a place has numbers
         assert kinematic.plan.move_l(poses).robot == kinematic.name

@@ -12,6 +12,8 @@ EXTENSION = Extension(
     sensors={"joint_power": "simrob_playground.joint_power:JointPower"},
     moves={"nod": "simrob_playground.nod:NodMove"},
     gaits={"bobs": "simrob_playground.bob:Bob"},
+    importers={".postures": "simrob_playground.posture_list:PostureList"},
+    exporters={"csv": "simrob_playground.positions_csv:PositionsCsv"},
     robots={"playground": "simrob_playground:robots"},
     stations={"playground": "simrob_playground:stations"},
 )

@@ -1,10 +1,10 @@
 """Plots as files: those of a run, and users' own figures in their looks."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
-from warnings import catch_warnings, filterwarnings
+from warnings import catch_warnings, filterwarnings, warn
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 
+from simrob_drake.base.errors import shortened
+from simrob_drake.base.extension import ExtensionWarning, usable_objects
 from simrob_drake.base.folders import writing
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.colours import looks
@@ -55,6 +57,8 @@ def panels(
 
 def save_figure(figure: Figure, file: Path | str, *, beside: bool = False) -> Path:
     """Write a figure with a legend that covers nothing, and return the file.
+
+    The label of the figure (``figure.set_label``) is its title.
 
     Args:
         figure: whose curves have labels.
@@ -109,8 +113,9 @@ def save_plots(result: RecordedRun, folder: Path, kind: PlotFormat = "png") -> l
 
     Robots that walk have ``base.png`` too. With several robots each has its own, ``<robot>_position.png`` and so on.
     Where a long run moves to and fro all the time, ``position_detail.png`` and ``torque_detail.png`` show three seconds
-    of its middle. Free pieces have ``piece_<piece>.png``, and what was measured stands in ``sensors.png``. Returns the
-    files. Raises UnknownName: another kind than ``png``, ``svg``, ``pdf``; OutputError: one cannot be written.
+    of its middle. Free pieces have ``piece_<piece>.png``, and what was measured stands in ``sensors.png``. The plots of
+    installed extensions follow. Returns the files. Raises UnknownName: another kind than ``png``, ``svg``, ``pdf``;
+    OutputError: one cannot be written.
     """
     plot_format(kind)
     written = []
@@ -119,6 +124,27 @@ def save_plots(result: RecordedRun, folder: Path, kind: PlotFormat = "png") -> l
         for name, figure in _figures(result):
             written.append(folder / f"{name}.{kind}")
             figure.savefig(written[-1], dpi=DPI, metadata=UNDATED[kind])
+        written += _save_plots_of_extensions(result, folder, kind, {file.stem for file in written})
+    return written
+
+
+def _save_plots_of_extensions(result: RecordedRun, folder: Path, kind: PlotFormat, taken: set[str]) -> list[Path]:
+    """Write the plots that installed extensions make of a run, and return the files.
+
+    A plot whose name is among the taken ones, or whose function fails, is left out with an ExtensionWarning.
+    """
+    written = []
+    for name, draw in usable_objects("plots", Callable).items():
+        file = folder / f"{name}.{kind}"
+        try:
+            if name in taken:
+                raise ValueError(f"the run has a plot of this name already: {file.name}")
+            figure = draw(result)
+            if figure is not None:
+                written.append(save_figure(figure, file))
+        except Exception as problem:  # a function of somebody else must not cost the files of a run
+            reason = shortened(f"{type(problem).__name__}: {problem}", 200)
+            warn(f"the plot {name} of an extension is left out: {reason}", ExtensionWarning, stacklevel=2)
     return written
 
 

@@ -1,4 +1,4 @@
-"""The criteria by which runs are judged. A further criterion is one more entry of `CRITERIA`.
+"""The criteria by which runs are judged. A further criterion is one more entry of `CRITERIA`, or one of an extension.
 
 A *criterion* measures one quantity of a run, such as the final error, for several *subjects*: axes of robots, tools,
 feet, pairs of bodies. The result is a `Measured`: the worst value of each subject, and when it occurred. A measuring
@@ -8,17 +8,20 @@ The signals of a run are recorded at m samples. A robot has n axes, with units r
 axes.
 """
 
+import warnings
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
 
+from simrob_drake.base.errors import shortened
+from simrob_drake.base.extension import ExtensionWarning, register_core_names, usable_objects
 from simrob_drake.base.frames import Vector
 from simrob_drake.parts.couplings import Between
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.verdict.contact_forces import measure_friction_share, measure_resting_force
-from simrob_drake.results.verdict.verdict import NOTHING_LEFT_OUT, Criterion, Measured, Verdict
+from simrob_drake.results.verdict.verdict import NOTHING_LEFT_OUT, Criterion, Measure, Measured, Verdict
 from simrob_drake.robots.motors import rated_torques
 
 AT_LIMIT = 0.999
@@ -425,12 +428,27 @@ CRITERIA = (
 """All criteria, in the order in which a verdict lists them."""
 
 
+register_core_names("measures", lambda: [criterion.name for criterion in CRITERIA])
+
+
 def verdict_of(run: RecordedRun) -> Verdict:
-    """Judge a single run by all criteria."""
-    measures = []
-    for criterion in CRITERIA:
-        measure = criterion.of(run)
-        if measure is not None:
-            measures.append(measure)
+    """Judge a single run by all criteria: those of the core, then those of installed extensions."""
+    measures = [criterion.of(run) for criterion in CRITERIA]
+    further_criteria = usable_objects("measures", Criterion, named_by="name").values()
+    measures += [_measure_of_extension(criterion, run) for criterion in further_criteria]
     has_touched = run.touch.depths or run.touch.slides  # otherwise the rate of contacts is of no interest
-    return Verdict(tuple(measures), run.config.sample_rate, run.touch.rate if has_touched else None)
+    return Verdict(
+        measures=tuple(measure for measure in measures if measure is not None),
+        sample_rate=run.config.sample_rate,
+        contact_rate=run.touch.rate if has_touched else None,
+    )
+
+
+def _measure_of_extension(criterion: Criterion, run: RecordedRun) -> Measure | None:
+    """Measure a run by a criterion of an extension. If that raises, there is a warning, and the measure is left out."""
+    try:
+        return criterion.of(run)
+    except Exception as problem:  # a function of somebody else must not cost the result of a long run
+        reason = shortened(f"{type(problem).__name__}: {problem}", 200)
+        warnings.warn(f"the run is not judged by {criterion.name}: {reason}", ExtensionWarning, stacklevel=2)
+        return None

@@ -77,7 +77,8 @@ class Criterion:
     """A quantity by which runs are judged.
 
     Attributes:
-        name: name of the quantity, such as ``final_error``. Its bound in :class:`VerdictConfig` has the same name.
+        name: name of the quantity, such as ``final_error``. The section ``verdict`` of a station file gives its bound
+            under the names ``bound_keys``.
         unit: ``m``, ``1`` for a share, or ``rad`` for axes. The values of prismatic axes are in m, and the bounds of
             axes have the endings ``_deg`` and ``_m``.
         title: short title for lists.
@@ -85,6 +86,8 @@ class Criterion:
         measure: measures the quantity in a run; returns None if there is nothing to measure.
         per_time: whether the value is a share of the run's time, which is averaged over runs that follow each other.
         least: whether smaller values are worse, as for distances.
+        default_bound: for a criterion of an extension, its bound in stations that give none, in the unit of the values;
+            None for no bound. The criteria of the core have theirs in :class:`VerdictConfig`.
     """
 
     name: str
@@ -94,6 +97,14 @@ class Criterion:
     measure: "Callable[[RecordedRun], Measured | None]"
     per_time: bool = False
     least: bool = False
+    default_bound: float | None = None
+
+    @property
+    def bound_keys(self) -> tuple[str, ...]:
+        """Keys of the section ``verdict`` that give its bounds: two for axes, which may be revolute or prismatic."""
+        if self.unit == "rad":
+            return (f"{self.name}_deg", f"{self.name}_m")
+        return (self.name,)
 
     def of(self, run: "RecordedRun") -> "Measure | None":
         """Measure the quantity in a run, and add the bounds. Returns None if there is nothing to measure."""
@@ -121,13 +132,13 @@ class Criterion:
 
     def _bound(self, bounds: VerdictConfig, is_prismatic: bool) -> float | None:
         """Bound of a value, in rad, m or as a share. Returns None if the verdict has no bound (``none``)."""
-        ending = ""
-        if self.unit == "rad":
-            ending = "_m" if is_prismatic else "_deg"
-        bound = getattr(bounds, f"{self.name}{ending}")
+        key = self.bound_keys[1 if is_prismatic else 0]
+        bound = getattr(bounds, key, None)
+        if bound is None:  # a criterion of an extension, in a station that does not name it
+            return self.default_bound
         if bound == "none":
             return None
-        return float(np.deg2rad(bound) if ending == "_deg" else bound)
+        return float(np.deg2rad(bound) if key.endswith("_deg") else bound)
 
     def is_violated_by(self, entry: MeasuredValue) -> bool:
         """Whether a value violates its bound."""

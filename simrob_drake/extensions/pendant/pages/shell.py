@@ -7,17 +7,21 @@ from pathlib import Path
 from nicegui import Client, context, ui
 from nicegui.language import Language
 
-from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.errors import SimrobError, shortened
+from simrob_drake.base.extension import usable_objects
 from simrob_drake.extensions.pendant.pages import arm, gallery, legs, station, view
 from simrob_drake.extensions.pendant.pages.elements import KEYS, allow, follow, icon_button, set_label, shortcuts
 from simrob_drake.extensions.pendant.pages.move_list import ProgramTimeline
 from simrob_drake.extensions.pendant.pages.tour import Lessons
 from simrob_drake.extensions.pendant.pages.words import Words, languages, words
 from simrob_drake.extensions.pendant.pendant import Pendant
+from simrob_drake.extensions.pendant.pendant_panel import PendantPanel
 from simrob_drake.extensions.pendant.session import Session
 
 TABS: dict[str, Callable[[Session, Words], None]] = {"legs": legs.build, "arm": arm.build, "station": station.build}
-"""The tabs by the kind of robot that is taught there; the last is there for all."""
+"""The tabs of this page, by the kind of robot that is taught there; the last is there for all."""
+_ALWAYS = "station"
+"""The tab that is there for all robots."""
 _TAKEN = ("program", "script", "station", "csv", "recording")
 _QUASAR: dict[str, Language] = {"en": "en-US", "es": "es"}
 _FOLDER = Path(__file__).parent
@@ -69,7 +73,7 @@ def build(pendant: Pendant) -> None:
             view.build_pad(session, t)
         with ui.element("section").classes("pendant-plate").props(f"id={_TEACHING} tabindex=-1") as teaching:
             set_label(teaching, t("shell.teaching"))
-            _tabs(session, t)
+            _tabs(session, t, language)
 
 
 def _open(t: Words, load: Callable[[], bool]) -> None:
@@ -169,26 +173,55 @@ def _help(t: Words) -> None:
     icon_button("help_outline", t("shell.help"), show, keys="?")
 
 
-def _tabs(session: Session, t: Words) -> None:
-    *_, always = TABS
+def _tabs(session: Session, t: Words, language: str) -> None:
+    """Build the tabs that teach: those of this page, then the panels of extensions.
+
+    A tab that does not serve the kind of robot that is taught is hidden.
+    """
+    panels = _own_panels(t)
+    for name, panel in usable_objects("panels", PendantPanel).items():
+        panels[f"extension_{name}"] = panel  # so that no name of ours is replaced
     with ui.tabs().classes("w-full") as tabs:
-        heads = {name: ui.tab(name, label=t(f"shell.{name}_tab")) for name in TABS}
+        heads = {name: ui.tab(name, label=panel.title(language)) for name, panel in panels.items()}
         for number, head in enumerate(heads.values(), 1):
             head.props[KEYS] = f"Alt+{number}"
-    with ui.tab_panels(tabs, value=always, animated=False, keep_alive=True).classes("w-full pendant-panels"):
-        for name, build_tab in TABS.items():
+    with ui.tab_panels(tabs, value=_ALWAYS, animated=False, keep_alive=True).classes("w-full pendant-panels"):
+        for name, panel in panels.items():
             with ui.tab_panel(name):
-                build_tab(session, t)
+                _build_panel(name, panel, session, t)
     chosen = ""
 
     def show() -> None:
         nonlocal chosen
         kind = session.description.get("robots", {}).get(session.book.robot, {}).get("kind", "")
         for name, head in heads.items():
-            head.set_visibility(name in (kind, always))
-        fitting = kind if kind in TABS else always
+            robots = panels[name].robots
+            head.set_visibility(not robots or kind in robots)
+        fitting = kind if kind in TABS else _ALWAYS
         if session.description and fitting != chosen:
             chosen = fitting
             tabs.set_value(fitting)
 
     follow(session, show, "description")
+
+
+def _own_panels(t: Words) -> dict[str, PendantPanel]:
+    """Describe the tabs of this page as panels, by name, with their titles in the language of the page."""
+    panels = {}
+    for name, build_tab in TABS.items():
+        title = t(f"shell.{name}_tab")
+        robots = () if name == _ALWAYS else (name,)
+        panels[name] = PendantPanel(titles={"en": title}, build=build_tab, robots=robots)
+    return panels
+
+
+def _build_panel(name: str, panel: PendantPanel, session: Session, t: Words) -> None:
+    """Build the content of a tab. If a panel of an extension fails, its tab shows the reason."""
+    if name in TABS:
+        panel.build(session, t)
+        return
+    try:
+        panel.build(session, t)
+    except Exception as problem:  # code of somebody else must not take the page away
+        reason = shortened(f"{type(problem).__name__}: {problem}", 300)
+        ui.label(t("shell.broken_panel", reason=reason)).props("role=alert")
