@@ -211,9 +211,9 @@ def test_settings_may_stand_in_files(tmp_path):
     (tmp_path / "damped.yaml").write_text("servo: {kd: 56}\n")
     config = station_from("irb120_dynamic", ["stiff.yaml", "damped.yaml", "servo.torque_limit=78"])
     assert (config.servo.kp, config.servo.kd, config.servo.torque_limit, config.duration) == (1234, 56, 78, 2)
-    with pytest.raises(SimrobError, match=r"--set servo\.kp=1 is given beside --set servo\.kp; it must be left out"):
+    with pytest.raises(SimrobError, match=r"--set servo\.kp=1: --set servo\.kp gives this key already; leave out one"):
         station_from("irb120_dynamic", ["stiff.yaml", "servo.kp=1"])
-    with pytest.raises(SimrobError, match=r"--set stiff\.yaml is given beside --duration"):
+    with pytest.raises(SimrobError, match=r"--set stiff\.yaml: --duration gives this key already"):
         station_from("irb120_dynamic", ["stiff.yaml"], duration=1)
     with pytest.raises(SimrobError, match=r"no\.yaml: cannot be read"):
         station_from("irb120_dynamic", ["no.yaml"])
@@ -243,11 +243,11 @@ MISTAKES = {
     "a folder that cannot be": (["run", "irb120_dynamic", "--out", "/proc/nowhere/x"], "cannot be written"),
     "two durations": (
         ["run", "irb120_dynamic", "--duration", "0.2", "--set", "duration=1e9"],
-        "--set duration=1e9 is given beside --duration; it must be left out, or the only one",
+        "--set duration=1e9: --duration gives this key already; leave out one of the two",
     ),
     "two values of one key": (
         ["run", "irb120_dynamic", "--set", "servo.kp=1", "--set", "servo.kp=2"],
-        "beside --set servo.kp",
+        "--set servo.kp gives this key already",
     ),
     "a bad duration": (
         ["run", "double_pendulum", "--duration", "-1"],

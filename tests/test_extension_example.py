@@ -65,6 +65,8 @@ def test_the_example_works_when_installed_and_is_gone_when_uninstalled(environme
     assert done.returncode == 0, done.stderr
     assert "joint_power.joint_power.joint_5" in (folder / "result" / "signals.csv").read_text().partition("\n")[0]
     assert (folder / "result" / "plots" / "sensors.png").is_file()
+    assert (folder / "result" / "plots" / "joint_power.png").is_file()
+    assert "standstill" in (folder / "result" / "summary.json").read_text()
 
     own_tests = [python, "-m", "pytest", "-q", "-c", "/dev/null", "--rootdir", ".", str(folder / "source" / "tests")]
     tested = run(own_tests, folder)

@@ -34,6 +34,23 @@ class InvalidParameter(SimrobError):
         super().__init__(f"{name} is {shown(value)}; it must be {expected}")
 
 
+class Unsuitable(InvalidParameter):
+    """Raised when something is given where it cannot serve, whatever its value. The message is a problem and a remedy.
+
+    :class:`InvalidParameter` says which value would be right. Here none is, such as a duration for a program.
+    """
+
+    def __init__(self, name: str, problem: str, remedy: str = "leave it out") -> None:
+        """Create the error.
+
+        Args:
+            name: name of the parameter.
+            problem: why it cannot serve here, such as "the world has no frames".
+            remedy: what to do, as a command.
+        """
+        SimrobError.__init__(self, f"{name}: {problem}; {remedy}")
+
+
 class UnknownName(SimrobError):
     """Raised when nothing has a given name. The message proposes the nearest known name."""
 

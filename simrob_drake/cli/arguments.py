@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from simrob_drake.base.errors import InvalidParameter, OutputError
+from simrob_drake.base.errors import InvalidParameter, OutputError, Unsuitable
 from simrob_drake.base.packages import Border
 from simrob_drake.base.yaml_files import YAML_SUFFIXES, parse_yaml, read_yaml
 from simrob_drake.cli.other_files import refuse_other
@@ -42,7 +42,7 @@ def changes_of(texts: list[str] | None, option: str, *, others: Mapping[str, str
     for one in texts or []:
         for key, value in _changes(one, option):
             if key in called:
-                raise InvalidParameter(f"{option} {one}", f"given beside {called[key]}", "left out, or the only one")
+                raise Unsuitable(f"{option} {one}", f"{called[key]} gives this key already", "leave out one of the two")
             found[key], called[key] = value, f"{option} {key}"
     return found
 

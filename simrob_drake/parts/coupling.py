@@ -14,7 +14,7 @@ from typing import ClassVar
 
 from pydrake.systems.framework import Context, DiagramBuilder
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.sections import Strict
 from simrob_drake.parts.engine import Engine
 from simrob_drake.parts.resolved import Surroundings
@@ -64,8 +64,7 @@ class CouplingSection(Strict, ABC):
             SimrobError: the coupling does not fit the station; the message names the key.
         """
         if not station.engine.moves_by_forces and not self.guides_references:
-            value = f"a coupling of kind {self.kind} in a kinematic station"
-            raise InvalidParameter(key, value, "left out: the reference moves all joints, and no force acts")
+            raise Unsuitable(key, "the reference of a kinematic station moves all joints, and no force acts")
         if not self.is_held(station.engine):
             continuous = "radau3, or " if self.has_springs else ""
             expected = f"{continuous}kind: discrete with scheme: sap, which hold {key}"

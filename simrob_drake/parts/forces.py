@@ -13,7 +13,7 @@ from pydrake.systems.primitives import Sine, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
 from simrob_drake.base.constants import STANDARD_GRAVITY
-from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.errors import Unsuitable, one_of
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.sections import Duration, Frequency, Instant, Number, Positive, Strict, Triple
 from simrob_drake.base.signals import applied_signal
@@ -66,7 +66,7 @@ class ForceSection(Strict, ABC):
     def check(self, key: str, station: Surroundings) -> None:
         """Check that forces count in the station, and that there is what it acts on."""
         if not station.engine.moves_by_forces:
-            raise InvalidParameter(key, "a force in a kinematic station", "left out: it knows no forces")
+            raise Unsuitable(key, "a kinematic station has no forces", "leave it out, or set mode: dynamic")
         known = [*station.robots, *(name for name in frame_names(station) if name != "world")]
         if self.at is not None:
             one_of(f"robot, tool, link or piece for {key}.at", self.at, known)

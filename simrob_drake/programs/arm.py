@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from simrob_drake.base.arguments import instance
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import PoseLike
 from simrob_drake.kinematics.registry import SolverLike
 from simrob_drake.programs.geometry import ArmGeometry
@@ -262,7 +262,7 @@ class Arm(ArmGeometry):
         if automatic is False:
             return self.cell.simulate(config, duration=duration, strict=strict)
         if duration is not None:
-            raise InvalidParameter("duration", duration, "left out: an automatic robot takes its own time")
+            raise Unsuitable("duration", "an automatic robot takes the time of its own references")
         other = Workcell(self.cell.config if config is None else config)
         other.progress, other.strict = self.cell.progress, self.cell.strict or strict
         return run_cells(Arm(other, self.name), self.references, pace_of(automatic))

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import BodyIndex, Frame, ModelInstanceIndex
 
-from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.errors import InvalidParameter, Unsuitable, one_of
 from simrob_drake.base.frames import (
     PoseLike,
     Vector,
@@ -281,7 +281,7 @@ def reparented(
     if parent != piece:
         one_of("parent", parent, [name for name in (WORLD, *config.robots, *config.pieces) if name != piece])
     if frame is not None and parent == WORLD:
-        raise InvalidParameter("frame", frame, "left out: the world has none")
+        raise Unsuitable("frame", "the world has no frames")
     above = parent
     while above in config.pieces:
         if above == piece:

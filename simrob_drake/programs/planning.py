@@ -10,7 +10,7 @@ import numpy.typing as npt
 from pydrake.math import RigidTransform
 
 from simrob_drake.base.arguments import whole
-from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.errors import InvalidParameter, Unsuitable, one_of
 from simrob_drake.base.frames import (
     POSE_SIZE,
     PoseLike,
@@ -242,7 +242,7 @@ def zone_of(how: How, count: int) -> float:
         expected = "with several targets in one call, such as move_l([first, second]): a move rests at its last"
         raise InvalidParameter("zone", how["zone"], expected)
     if zone and "times" in how:
-        raise InvalidParameter("times", how["times"], "left out with a zone: what is passed has no time of its own")
+        raise Unsuitable("times", "targets with a zone are passed, and have no times of their own")
     return zone
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from simrob_drake.base.arguments import instance, seconds
-from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.errors import InvalidParameter, Unsuitable, one_of
 from simrob_drake.base.frames import PoseLike, Vector, as_transform, pose_from_transform
 from simrob_drake.parts.resolved import WORLD
 from simrob_drake.parts.station_plant import StationRobot
@@ -66,7 +66,11 @@ class StatefulStation(ABC):
         elif isinstance(station, (str, Path)):
             config = load_station(station, overrides)
         else:
-            raise InvalidParameter("overrides", overrides, "left out with a configuration")
+            raise Unsuitable(
+                "overrides",
+                "the configuration is complete already",
+                "change it with model_copy(), or give the name of a station",
+            )
         self.config = config.model_copy(update={"program": None})  # who has the station at hand says what is done
         self.state = State.at_start_of(self.config)
         self.tape = Tape()

@@ -9,7 +9,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from simrob_drake.base.arguments import plain, seconds
-from simrob_drake.base.errors import InvalidParameter, SimrobError
+from simrob_drake.base.errors import InvalidParameter, SimrobError, Unsuitable
 from simrob_drake.kinematics.registry import SolverLike
 from simrob_drake.parts.resolved import WORLD
 from simrob_drake.programs.branches import approaches
@@ -121,7 +121,7 @@ def _as_one(takes: list[Take], factor: float) -> Stage:
         raise InvalidParameter("the recording", "of a station that changed", "replayed take by take: replay()")
     if len(takes) == 1 and takes[0].stretches is None:
         if factor != 1.0:
-            raise InvalidParameter("duration", "given for references of its own", "left out")
+            raise Unsuitable("duration", "the references have a duration of their own")
         return takes[0].references, takes[0].duration
     motions: dict[str, list[Stretch]] = {}
     begin = 0.0

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from simrob_drake.base.arguments import LONGEST, SHORTEST, positive, seconds
-from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.errors import InvalidParameter, Unsuitable, one_of
 from simrob_drake.base.extras import needed
 from simrob_drake.base.frames import Vector, numbers
 from simrob_drake.blocks.cruise import LONGEST_RAMP, TimeLaw, cruise, cruise_in, smooth_law
@@ -116,7 +116,7 @@ def profile_of(how: How) -> Profile:
     one_of("profile", profile, get_args(Profile))
     taken = ("duration", "times", *(("speed",) if profile == "jerk_limited" else ()))
     if profile in _LEAST and (key := next((key for key in taken if key in how), None)):
-        raise InvalidParameter(key, how.get(key), f"left out with profile='{profile}', which takes the least time")
+        raise Unsuitable(key, f"profile='{profile}' takes the least time")
     if "acceleration" in how and ("speed" not in how or profile in ("smooth", *_LEAST)):
         raise InvalidParameter("acceleration", how["acceleration"], "given with a speed, of a move that cruises")
     return profile

@@ -17,7 +17,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
 
 from simrob_drake.base.arguments import as_path
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.files import ROBOT_FILE
 from simrob_drake.base.frames import Vector, lean, xyz_quaternion_from_transform
 from simrob_drake.base.yaml_files import YAML_SUFFIXES
@@ -100,7 +100,7 @@ def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, fol
     own_folder = None if folder is None else as_path(folder, "folder")
     is_description = file.suffix.lower() in YAML_SUFFIXES
     if is_description and options is not None:
-        raise InvalidParameter("options", "given", f"left out: {file.name} describes a robot, and nothing is imported")
+        raise Unsuitable("options", f"{file.name} describes a robot, and nothing is imported")
     robot = load_robot_file(file) if is_description else robot_from_file(file, options)
     remarks = list[str]()
     if not is_description and _falls_through(robot):

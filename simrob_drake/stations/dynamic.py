@@ -8,7 +8,7 @@ from pydrake.systems.controllers import InverseDynamics
 from pydrake.systems.framework import Context, DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, PassThrough
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.signals import Role, Signal, applied_signal
 from simrob_drake.blocks.block import fed, joined, mapped, summed
@@ -156,7 +156,9 @@ def _add_bus(
     """Add the bus that brings a robot's servos their commands; return the references behind it, velocities in place."""
     fast = next((name for name in optional if name != "reference_velocity"), None)
     if fast is not None:
-        raise InvalidParameter("servo.bus", f"given with {fast}", "left out: a bus brings positions and speeds alone")
+        raise Unsuitable(
+            "servo.bus", f"a bus brings positions and speeds alone, not {fast}", f"leave out the bus, or {fast}"
+        )
     own_steps = [0.0 if motor is None else motor.resolution_deg or 0.0 for motor in robot.motors]
     steps = np.array(own_steps) if bus.resolution_deg is None else np.full(len(robot.axes), bus.resolution_deg)
     own = {"reference": reference, **optional}

@@ -46,7 +46,7 @@ from pydrake.multibody.tree import Joint, JointActuator, JointActuatorIndex
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Multiplexer, PassThrough
 
-from simrob_drake.base.errors import InvalidParameter, UnknownName
+from simrob_drake.base.errors import InvalidParameter, UnknownName, Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.block import fed, joined, mapped
 from simrob_drake.blocks.joint_torque import JointTorqueSensor
@@ -98,7 +98,7 @@ def prescribed_axes(config: StationConfig, robot: str, model: RobotModel) -> dic
     if not keys:
         return {}
     if not config.engine.moves_by_forces:
-        raise InvalidParameter("prescribed", ", ".join(keys), "left out: a kinematic station's reference moves all")
+        raise Unsuitable("prescribed", "the reference of a kinematic station moves all joints")
     _check_servo(config.servo_of(robot))
     prefix = config.prefix(robot)
     return {key: model.axis_index(key.removeprefix(prefix), "prescribed") for key in keys}

@@ -9,7 +9,7 @@ import numpy as np
 from pydrake.geometry import ReadObjToTriangleSurfaceMesh
 from pydrake.math import RigidTransform
 
-from simrob_drake.base.errors import InvalidModel, InvalidParameter, UnknownName, one_of
+from simrob_drake.base.errors import InvalidModel, InvalidParameter, UnknownName, Unsuitable, one_of
 from simrob_drake.base.file_cache import FileCache
 from simrob_drake.base.frames import Vector, transform_from_pose
 from simrob_drake.base.packages import granted
@@ -255,7 +255,7 @@ def _robot(
     if config.engine.moves_by_forces and model.base == "floating":
         check_servo_without_model(servo)
     if model.feet is None and entry.feet is not None:
-        raise InvalidParameter(f"robots.{name}.feet", entry.feet, f"left out: {model.name} has no feet")
+        raise Unsuitable(f"robots.{name}.feet", f"{model.name} has no feet")
     carried = tuple(piece.name for piece in pieces.values() if piece.carrier == name)
     worn: list[str] = []  # on links that are no tools, and what hangs on such pieces
     for piece in carried:
@@ -412,7 +412,7 @@ def _mount(
         return flange(robots[parent].tools, robots[parent].root, frame)
     if parent == WORLD:
         if frame is not None:
-            raise InvalidParameter(key, frame, "left out: it hangs on the world, which has no frames")
+            raise Unsuitable(key, "the piece hangs on the world, which has no frames")
         return ""
     return f"{parent}_{one_of(f'frame of {parent}', frame or TCP, pieces[parent].frame_poses)}"
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from simrob_drake.base.errors import InvalidParameter, UnknownName
+from simrob_drake.base.errors import InvalidParameter, UnknownName, Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.servo import MotorLine, ServoGains
 from simrob_drake.parts.resolved import ResolvedRobot
@@ -51,7 +51,7 @@ def _whole(choice: str | Motor, robot: RobotModel, axis: int) -> Motor | None:
     motor = base.model_copy(update=motor.model_dump(exclude_unset=True, exclude={"model"}))
     for needed in ("stall_torque", "no_load_speed"):
         if getattr(motor, needed) is None:
-            raise InvalidParameter(f"{_KEY}.{needed}", "left out", "given, or model names a motor that has it")
+            raise Unsuitable(f"{_KEY}.{needed}", "it is missing", "give it, or name a motor that has it")
     known = {"voltage": motor.voltage is not None, "stall_current": motor.stall_current is not None}
     for key, needs in (("supply", ("voltage",)), ("supply_resistance", ("voltage", "stall_current"))):
         if getattr(motor, key) and not all(known[need] for need in needs):
@@ -123,7 +123,7 @@ def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:
         return
     blocks = "realization per_joint and a solver other than cenic"
     if servo.law == "computed_torque":
-        raise InvalidParameter("servo.motor", "given with law computed_torque", f"left out, or {blocks}")
+        raise Unsuitable("servo.motor", "the law computed_torque has no motor", f"leave it out, or {blocks}")
     capped = config.motors_are_dampers(robot.name) & (gains.line.slope > gains.damping)
     if capped.any():
         axis = int(np.argmax(capped))

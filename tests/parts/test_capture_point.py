@@ -57,5 +57,5 @@ def test_how_far_the_capture_point_is_outside_of_the_feet(standing, ahead):
 
 def test_a_robot_without_feet_has_none():
     ports = Station("irb120_dynamic").ports
-    with pytest.raises(InvalidParameter, match=r"guard\.capture_point.*left out: it has no feet"):
+    with pytest.raises(InvalidParameter, match=r"guard\.capture_point: irb120 has no feet; leave it out"):
         CapturePoint(ports.plant.plant, ports.plant.robots["robot"], "guard.capture_point")

@@ -118,7 +118,7 @@ def test_what_limits_jerk_knows_no_curved_ways_and_needs_all_limits(kinematic, t
     with pytest.raises(InvalidParameter, match="it goes with moves that are straight in the axes"):
         kinematic.plan.move_l([0.2, 0.2, 0.1, *DOWN], wobj="table", profile="jerk_limited")
     for key in ("speed", "duration"):
-        with pytest.raises(InvalidParameter, match=f"{key} is 1; it must be left out with profile='jerk_limited'"):
+        with pytest.raises(InvalidParameter, match=f"{key}: profile='jerk_limited' takes the least time; leave it out"):
             kinematic.plan.move_abs_j(FAR, profile="jerk_limited", **{key: 1})
     arm = own_arm(tmp_path, jerk_deg=None)
     with pytest.raises(InvalidParameter, match="the jerk of joint_1 is not limited; it must be limited by jerk_deg in"):

@@ -108,7 +108,7 @@ class TestAttach:
             ("weight", "tabel", None, "no parent 'tabel'; did you mean 'table'"),
             ("weight", "table", "tpc", "no frame of table 'tpc'; did you mean 'tcp'"),
             ("weight", "robot", "tool", "no tool or link of robot 'tool'; did you mean 'tool0'"),
-            ("weight", "world", "tcp", "left out: the world has none"),
+            ("weight", "world", "tcp", "the world has no frames; leave it out"),
         ],
     )
     def test_what_cannot_be_is_refused_and_all_stays(self, kinematic, piece, parent, frame, message):

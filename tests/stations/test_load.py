@@ -267,7 +267,7 @@ BLAMED = [
     ({"monitors.fal": {}}, "override monitors.fal: .*fal.kind: this key is needed; known: joint_limit, .*, fall"),
     (
         {"mode": "kinematic", "forces.push": {"force": [1, 0, 0]}},
-        "override mode, override forces.push: forces.push is a force in a kinematic station; .*left out",
+        "override mode, override forces.push: forces.push: a kinematic station has no forces; leave it out",
     ),
 ]
 

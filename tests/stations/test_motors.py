@@ -263,7 +263,7 @@ def test_a_bus_takes_the_resolution_of_the_motors_and_no_accelerations(joint: Pa
     rounds = {"servo.bus": {}, "servo.motor": {**FIGURES, "resolution_deg": 2.0}, "gravity": 0}
     result = simulate(load_station(joint, {**rounds, "reference.target_deg": 7.3, "solver": RADAU}))
     assert result.axes("q")[-1, 0] == pytest.approx(np.deg2rad(8.0), abs=1e-3)
-    with pytest.raises(SimrobError, match=r"servo\.bus is given with reference_acceleration"):
+    with pytest.raises(SimrobError, match=r"servo\.bus: a bus brings .* alone, not reference_acceleration"):
         simulate(load_station(joint, {"servo.bus": {}, "servo.feedforward": "inverse_dynamics", "solver": RADAU}))
 
 

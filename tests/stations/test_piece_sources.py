@@ -241,7 +241,10 @@ WRONG = [
         "{mesh: box.stl, mass: 1, frame: q}",
         r"no tool or link of robot for pieces\.part\.frame 'q'",
     ),
-    ("{mesh: box.stl, parent: world, frame: tip}", r"pieces\.part\.frame is tip; .* left out: it hangs on the world"),
+    (
+        "{mesh: box.stl, parent: world, frame: tip}",
+        r"pieces\.part\.frame: .* world, which has no frames; leave it out",
+    ),
 ]
 
 

@@ -112,7 +112,7 @@ def test_too_weak_a_knee_is_foretold() -> None:
 
 
 def test_a_kinematic_station_takes_no_pushes() -> None:
-    with pytest.raises(SimrobError, match="force in a kinematic station; it must be left out: it knows no forces"):
+    with pytest.raises(SimrobError, match="a kinematic station has no forces; leave it out, or set mode: dynamic"):
         load_station("humanoid_fixed", {"forces.push": {"start": 1, "force": [1, 0, 0]}})
 
 

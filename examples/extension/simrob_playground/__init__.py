@@ -14,6 +14,9 @@ EXTENSION = Extension(
     gaits={"bobs": "simrob_playground.bob:Bob"},
     importers={".postures": "simrob_playground.posture_list:PostureList"},
     exporters={"csv": "simrob_playground.positions_csv:PositionsCsv"},
+    plots={"joint_power": "simrob_playground.power_plot:power_plot"},
+    measures={"standstill": "simrob_playground.standstill:STANDSTILL"},
+    panels={"move_counts": "simrob_playground.move_counts:MOVE_COUNTS"},
     robots={"playground": "simrob_playground:robots"},
     stations={"playground": "simrob_playground:stations"},
 )

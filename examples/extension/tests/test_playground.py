@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from simrob_playground.power_plot import power_plot
 
 from simrob_drake import Arm, LeggedRobot, Program, load_station, simulate
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.cli.app import run_command
+from simrob_drake.results.plots.own import save_plots
 
 
 def test_the_power_is_torque_times_speed():
@@ -76,3 +78,22 @@ def test_a_wrong_list_is_one_line(tmp_path, monkeypatch, capsys, text, code, mes
     (tmp_path / "arm.postures").write_text(text)
     assert run_command(["import", "arm.postures", "--robot", "irb120"]) == code
     assert message in capsys.readouterr().err
+
+
+def test_the_plot_shows_the_power_of_each_joint(tmp_path):
+    ramp = {"kind": "ramp", "target_deg": 10, "duration": 0.2}
+    result = simulate(load_station("nodding_arm", {"program": None, "reference": ramp}), duration=0.2, progress=False)
+    figure = power_plot(result)
+    curves = {curve.get_label(): curve for curve in figure.axes[0].lines}
+    np.testing.assert_array_equal(curves["joint_5"].get_ydata(), result["tau.joint_5"] * result["v.joint_5"])
+    assert tmp_path / "joint_power.png" in save_plots(result, tmp_path)
+
+
+def test_the_standstill_is_the_share_of_samples_without_motion():
+    """Without gravity nothing moves before the ramp, which begins in the middle of the run."""
+    ramp = {"kind": "ramp", "target_deg": {"joint_5": 30}, "start": 0.5, "duration": 0.5}
+    station = {"program": None, "reference": ramp, "gravity": 0, "verdict.standstill": 0.1}
+    result = simulate(load_station("nodding_arm", station), duration=1.0, progress=False)
+    measure = result.verdict["standstill"]
+    assert measure.worst.value == pytest.approx(0.5, abs=0.02)
+    assert measure.warning.startswith("robot stood still for")

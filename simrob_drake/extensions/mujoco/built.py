@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from pydrake.systems.framework import Diagram
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.signals import Signal
 from simrob_drake.blocks.references import Reference, reference_values
@@ -37,13 +37,13 @@ def check_sayable(config: StationConfig, robots: Mapping[str, ResolvedRobot], *,
     if not config.engine.moves_by_forces:
         raise InvalidParameter("mode", "kinematic", "dynamic: MJCF moves things by forces, not along a given motion")
     if config.controllers:
-        expected = "left out: MJCF holds no loops that decide"
-        raise InvalidParameter("controllers", ", ".join(config.controllers), expected)
+        expected = "MJCF holds no controllers"
+        raise Unsuitable("controllers", expected)
     if config.contact is not None and config.contact.model != "point":
         expected = "point: MuJoCo knows no pressure over a surface"
         raise InvalidParameter("contact.model", config.contact.model, expected)
     if config.prescribed:
-        raise InvalidParameter("prescribed", ", ".join(config.prescribed), "left out: MJCF moves all by forces")
+        raise Unsuitable("prescribed", "MJCF moves all joints by forces")
     for name, force in config.forces.items():
         if isinstance(force, Drag):
             raise InvalidParameter(f"forces.{name}.kind", "drag", "push or sine: MJCF's forces know no target")
@@ -60,7 +60,7 @@ def _check_servo(config: StationConfig, robot: str, gains: ServoGains) -> None:
         expected = "none, or a whole damper (realization implicit): MJCF's servos have one limit at any speed"
         raise InvalidParameter(f"{key}.motor", "given", f"{expected}; solver.kind mujoco has motors")
     if servo.bus is not None:
-        raise InvalidParameter(f"{key}.bus", "given", "left out: MJCF's servos get their commands at once")
+        raise Unsuitable(f"{key}.bus", "the servos of MJCF get their commands without delay")
     if servo.feedforward != "none":
         raise InvalidParameter(f"{key}.feedforward", servo.feedforward, f"none: {_NO_MODEL}")
     if servo.admittance_gain > 0:

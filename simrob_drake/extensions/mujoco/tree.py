@@ -26,7 +26,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import Joint, JointActuatorIndex, PrismaticJoint, RevoluteJoint, RigidBody, WeldJoint
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.extensions.mujoco.coordinates import Names, free_name
 from simrob_drake.parts.couplings import Gear
@@ -54,7 +54,9 @@ def add_tree(spec: mujoco.MjSpec, station: StationPlant, names: Names) -> None:
     """
     plant = station.plant
     if plant.num_constraints() or plant.num_force_elements() > 1:  # gravity is one force element
-        raise InvalidParameter("robots", "constraints of their files", "left out: MJCF gets a tree of free joints")
+        raise Unsuitable(
+            "robots", "their files have constraints, and MJCF gets a tree of free joints", "use another solver"
+        )
     # Reflected rotor inertias by the index of the joint. Of several actuators of a joint, Drake uses the last one's.
     armatures = {}
     for index in range(plant.num_actuators()):

@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.sections import Duration, Fraction
 from simrob_drake.extensions.tuning.doubts import Change
 from simrob_drake.extensions.tuning.journal import COMPLETED, Row
@@ -60,7 +60,7 @@ def _slippery(way: _Way, friction: float) -> Change:
 def _soft(way: _Way, stiffness: float) -> Change:
     contact = way.scene.config.contact
     if contact is None or contact.model != "point":
-        raise InvalidParameter("--vary stiffness", "given", "left out where contact.model is not point")
+        raise Unsuitable("--vary stiffness", "only contact.model point has a stiffness")
     return {"contact.stiffness": stiffness}
 
 

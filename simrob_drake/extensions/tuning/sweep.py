@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from simrob_drake.base.distributions import Choice, Values
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.sampling import COUNT, MOST_SEEDS, Draws, Sampling, Space, applying, distinct, seed_keys, seeded
 from simrob_drake.base.sections import Integer, Strict
 from simrob_drake.extensions.tuning.rollout import Case
@@ -72,9 +72,9 @@ class Sweep(Strict):
         """
         twice = next((key for key in self.vary if key in self.overrides), None)
         if twice is not None:
-            raise InvalidParameter(f"--vary {twice}", "given beside --set", "left out, or the only one")
+            raise Unsuitable(f"--vary {twice}", "--set gives this key already", "leave out one of the two")
         if self.count is not None and self.sampling is None:
-            raise InvalidParameter("--count", self.count, "left out where --sampling is")
+            raise Unsuitable("--count", "it belongs to --sampling, which is not given")
         many = self.seeds * (self._draws.size if self._draws else prod(map(len, self._listed)))
         if many > _MOST_RUNS:
             raise InvalidParameter("--vary", f"of {many} runs", f"of at most {_MOST_RUNS}")
@@ -83,7 +83,7 @@ class Sweep(Strict):
         scene = Scene.of(self.station, {**self.overrides, **first}, called=called, allow_code=allow_code)
         scene.check()
         if not (self.vary or self.seeds > 1):
-            raise InvalidParameter("--vary", "left out", "given at least once, or --seeds above 1")
+            raise Unsuitable("--vary", "nothing is varied", "give it at least once, or --seeds above 1")
         drawn = self._draws is None and not all(isinstance(one, Choice) for one in self.vary.values())
         if self.seeds > 1 and not (drawn or seed_keys(scene.config.model_dump())):
             what = "1 where nothing is random: no part of the station has a seed, nothing varies by uniform or normal"

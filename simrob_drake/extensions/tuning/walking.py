@@ -15,7 +15,7 @@ from pydantic import Field
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import DiagramBuilder
 
-from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError
+from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError, Unsuitable
 from simrob_drake.base.frames import Vector, xyz_quaternion_from_transform
 from simrob_drake.base.sampling import MOST_SEEDS
 from simrob_drake.base.sections import Number, Strict
@@ -88,7 +88,7 @@ class Walking(Strict, ABC):
     def check(self, *, allow_code: bool = False) -> str:
         """Check what is known before trials; return a digest; raises SimrobError: no station or feet, or a fall."""
         if "duration" in self.overrides | self.variant:
-            raise InvalidParameter("--set duration", "given", "left out: how long a run is, its trial tells")
+            raise Unsuitable("--set duration", "the trial says how long a run is")
         walks = [self.scene(changes, self.longest, allow_code=allow_code) for changes in self.settings.values()]
         subject_of(walks[0].config, self.at)
         run = walks[0].run()

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Field
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, JacobianWrtVariable
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.sections import NotNegative, Positive, Triple
 from simrob_drake.blocks.sampled import Changes, Named, RunEnds, SampledBlock
@@ -185,7 +185,7 @@ class MotorProtection(LoopSection):
         super().check(key, station)
         robot = station.robot(self.robot, key)
         if self.weight is not None:
-            raise InvalidParameter(f"{key}.weight", self.weight, "left out: what protects must show whole")
+            raise Unsuitable(f"{key}.weight", "what protects the robot cannot be weighted")
         limit, nominal = self._limits(key, robot)
         if self.force is None and not np.isfinite([limit, nominal]).any():
             raise InvalidParameter(key, "without a limit, a nominal torque and a force", "given one of them to watch")

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import Vector, lean, vertical
 from simrob_drake.base.sections import NotNegative, Number, Positive, Strict
 from simrob_drake.blocks.sampled import Changes, Named, RunEnds, SampledBlock
@@ -180,7 +180,7 @@ class CapturePoint:
     def __init__(self, plant: MultibodyPlant, robot: StationRobot, key: str) -> None:
         """Take a robot of a finalized plant, in a diagram or not; raises InvalidParameter, with ``key``: no feet."""
         if robot.feet is None:
-            raise InvalidParameter(key, f"asked of {robot.model.name}", "left out: it has no feet")
+            raise Unsuitable(key, f"{robot.model.name} has no feet")
         self._plant, self._robot = weakref.proxy(plant), [robot.instance]
         self._soles = {link: robot.feet.support_points(link).T for link in robot.feet.links}
         self._gravity = np.linalg.norm(plant.gravity_field().gravity_vector())

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Self
 import numpy as np
 from pydantic import model_validator
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.sections import Duration, NotNegative, Pose, Positive
 from simrob_drake.programs.moves.move import Move, NameOf, Run
@@ -139,7 +139,7 @@ class GripMove(FingerMove):
 
     def _check_force(self, planning: Planning, config: StationConfig, force: float) -> None:
         if not config.engine.moves_by_forces:
-            raise InvalidParameter("force", force, "left out on a kinematic station, where attach() holds pieces")
+            raise Unsuitable("force", "a kinematic station has no forces", "leave it out; attach() holds pieces there")
         robot = planning.model
         stroke = _known(stroke_of(robot), robot, "force", force)
         most = (robot.gripper and robot.gripper.force) or _motors_force(robot, stroke)
@@ -169,7 +169,7 @@ class OpenMove(FingerMove):
 def _known(stroke: Stroke | None, robot: RobotModel, key: str, value: float) -> Stroke:
     """Return how fingers close, which ``key`` asks for; raises InvalidParameter: their shapes do not tell."""
     if stroke is None:
-        raise InvalidParameter(key, value, f"left out: no shapes tell where the fingers of {robot.name} meet")
+        raise Unsuitable(key, f"the fingers of {robot.name} have no shapes that tell where they meet")
     return stroke
 
 

@@ -12,7 +12,7 @@ from pydantic import GetJsonSchemaHandler, TypeAdapter
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
-from simrob_drake.base.errors import InvalidConfig, InvalidParameter, nearest, quoted
+from simrob_drake.base.errors import InvalidConfig, Unsuitable, nearest, quoted
 from simrob_drake.base.extension import check_usable, classes_of_extensions, register_core_names
 from simrob_drake.programs.moves.attach import AttachMove, ReleaseMove
 from simrob_drake.programs.moves.climb import ClimbMove
@@ -134,7 +134,7 @@ def move_from(
     else:
         return move_of(content, otherwise if duration is None else duration)
     if duration is not None:
-        raise InvalidParameter("duration", duration, "left out: it goes with targets of axes")
+        raise Unsuitable("duration", "it belongs to targets of axes, and there are none")
     return move
 
 

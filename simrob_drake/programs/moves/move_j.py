@@ -6,7 +6,7 @@ from typing import ClassVar, Unpack
 import numpy.typing as npt
 
 from simrob_drake.base.arguments import truth
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.sections import Boolean
 from simrob_drake.kinematics.registry import SolverLike
 from simrob_drake.programs.moves.motion import ArmMotion, Rows, ToolMotion
@@ -59,7 +59,9 @@ def plan_move_abs_j(
         rows = planning.chain.limits.clamp(rows, "the targets")
     points, zone = points_of(how, POINTS), zone_of(how, len(rows))
     if truth(stop, "stop") and zone:
-        raise InvalidParameter("stop", stop, "left out with a zone")
+        raise Unsuitable(
+            "stop", "a zone rounds the targets, so that the joints do not stop there", "give one of the two"
+        )
     through = not stop and len(rows) > 1 and "zone" not in how
     if through and {"profile", "acceleration"} & {*how}:
         raise InvalidParameter("profile", "given", "given with stop=True or a zone: else the joints do not cruise")

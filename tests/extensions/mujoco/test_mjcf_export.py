@@ -61,7 +61,7 @@ def test_a_file_can_be_moved_with_its_folder_and_shows_the_robot(tmp_path: Path)
     ("station", "overrides", "told"),
     [
         ("irb120_kinematic", {}, r"mode is kinematic; it must be dynamic: MJCF moves things by forces"),
-        ("humanoid_balance", {}, r"controllers is balance; it must be left out"),
+        ("humanoid_balance", {}, r"controllers: MJCF holds no controllers; leave it out"),
         ("irb120_cobot", {}, r"servo.admittance_gain is 1000.0; it must be 0"),
         ("irb120_dynamic", {"servo.law": "cascade"}, r"servo.law is cascade; it must be pid"),
         ("irb120_dynamic", {"servo.feedforward": "gravity"}, r"servo.feedforward is gravity; it must be none"),

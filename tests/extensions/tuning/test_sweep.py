@@ -62,12 +62,12 @@ def test_all_keys_may_be_drawn_at_once():
 @pytest.mark.parametrize(
     ("changed", "told"),
     [
-        ({"count": 3}, "--count is 3; it must be left out where --sampling is"),
+        ({"count": 3}, "--count: it belongs to --sampling, which is not given; leave it out"),
         ({"sampling": "grid", "vary": {"servo.kp": "uniform:1:2"}, "count": 9999, "seeds": 11}, "at most 100000"),
         ({"vary": {"servo.kpp": "1,2"}}, "--vary servo.kpp: unknown key; did you mean 'kp'"),
         ({"vary": {"servo.kp": "-1,2"}}, "--vary servo.kp"),
-        ({"vary": {"duration": "1,2"}}, "--vary duration is given beside --set"),
-        ({"vary": {}}, "--vary is left out"),
+        ({"vary": {"duration": "1,2"}}, "--vary duration: --set gives this key already"),
+        ({"vary": {}}, "--vary: nothing is varied; give it at least once"),
         ({"seeds": 2}, "--seeds is 2; it must be 1 where nothing is random"),
         ({"vary": {"servo.kp": "lin:1:2:999", "servo.kd": "lin:1:2:999"}}, "at most 100000"),
         ({"station": "doble_pendulum"}, "did you mean 'double_pendulum'"),

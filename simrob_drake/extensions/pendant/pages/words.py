@@ -24,8 +24,13 @@ _BETWEEN = "."
 
 @dataclass(frozen=True)
 class Words:
-    """What the pages call ``t``: a text by its key, ``section.name``; and what the engine says, in the language."""
+    """What the pages call ``t``: a text by its key, ``section.name``; and what the engine says, in the language.
 
+    Attributes:
+        language: the language, such as ``en``.
+    """
+
+    language: str
     _texts: dict[str, str]
     _sentences: tuple[tuple[re.Pattern[str], str], ...]
 
@@ -52,7 +57,7 @@ def languages() -> list[str]:
 
 def words(language: str) -> Words:
     """Return the words of a language; raises UnknownName: there is no such language."""
-    return Words(texts_of(one_of("language", language, languages())), _sentences_of(language))
+    return Words(language, texts_of(one_of("language", language, languages())), _sentences_of(language))
 
 
 @cache

@@ -7,7 +7,7 @@ import numpy as np
 from pydrake.systems.analysis import Simulator, SimulatorStatus
 
 from simrob_drake import apply_solver, build_station
-from simrob_drake.base.errors import InvalidParameter, UnknownName
+from simrob_drake.base.errors import InvalidParameter, UnknownName, Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.extensions.simulink.stepping.parameters import elements, parameters_of, with_parameters
 from simrob_drake.results.record.state import State
@@ -211,8 +211,8 @@ def with_fixed_steps(config: StationConfig, step: float) -> StationConfig:
         raise InvalidParameter("--step", step, "a time of at most 0.1 s")
     servos = [config.servo_of(robot) for robot in config.robots]
     if any(servo.admittance_gain or servo.law != "pid" for servo in servos):
-        expected = "left out with servos that yield or are no PID: they need their own blocks"
-        raise InvalidParameter("--step", step, expected)
+        expected = "servos that yield, or whose law is not pid, cannot be stepped at a fixed rate"
+        raise Unsuitable("--step", expected)
     solver = ContinuousSolver(kind="continuous", scheme="cenic", max_step=step, error_control=False)
     implicit = {"realization": "implicit"}
     robots = {

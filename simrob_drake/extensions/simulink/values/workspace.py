@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.files import content_of
 from simrob_drake.extensions.simulink.values.code import CodeRun, undefined
 from simrob_drake.extensions.simulink.values.evaluate import UndefinedVariable
@@ -44,7 +44,7 @@ def find_octave(folders: Iterable[Path] = ()) -> Octave:
     """
     program = shutil.which("octave-cli") or shutil.which("octave")
     if program is None:
-        raise InvalidParameter("--octave", "given", "left out, or GNU Octave installed: no program octave-cli is found")
+        raise Unsuitable("--octave", "no program octave-cli is found", "install GNU Octave, or leave it out")
 
     paths = "".join(f"addpath('{str(folder.resolve()).replace(chr(39), 2 * chr(39))}');\n" for folder in folders)
 
