@@ -14,10 +14,10 @@ from simrob_drake.extensions.legged.making import STAND, WALK, make_legged
 from simrob_drake.extensions.legged.scaling import EXAMPLES, Build, asked_speed, climb_of, gains, walk_of
 from simrob_drake.extensions.legged.soles import soles_of
 from simrob_drake.importer.importing import robot_from_file
-from simrob_drake.importer.options import ImportOptions
 from simrob_drake.programs.gaits.climb import Climb
 from simrob_drake.robots.catalog import load_robot, load_robot_file
 from simrob_drake.robots.gaits_file import gaits_file
+from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.draft import at_home
 from simrob_drake.stations.load import ONLY_ROBOT, load_station
