@@ -22,6 +22,7 @@ CORE = (
     "simulation",
     "kinematics",
     "programs",
+    "cli",
 )
 """Packages of the core, in the order of their imports."""
 

@@ -20,6 +20,11 @@ _MOVED_PACKAGES = {
     "simulink": "extensions.simulink",
     "teach": "extensions.pendant",
     "tuning": "extensions.tuning",
+    "importer.mjcf": "extensions.mujoco.mjcf",
+    "importer.options": "robots.imports",
+    "importer.packages": "base.packages",
+    "parts.controllers.policy": "extensions.learning.policy",
+    "stations.mujoco": "extensions.mujoco",
 }
 _MOVED_MODULES = (
     "arguments",
@@ -76,11 +81,15 @@ class FormerNames(MetaPathFinder, Loader):
 
 def _present_name(name: str) -> str | None:
     """Return the present name of a module, or None if the name is no former one."""
-    top, _, rest = name.partition(".")
-    first, dot, further = rest.partition(".")
-    if top != _PACKAGE or first not in _NEW_NAMES:
+    top, *parts = name.split(".")
+    if top != _PACKAGE:
         return None
-    return f"{_PACKAGE}.{_NEW_NAMES[first]}{dot}{further}"
+    # A moved package comes before the modules in it.
+    for count in range(1, len(parts) + 1):
+        present = _NEW_NAMES.get(".".join(parts[:count]))
+        if present is not None:
+            return ".".join([_PACKAGE, present, *parts[count:]])
+    return None
 
 
 def install() -> None:

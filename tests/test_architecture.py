@@ -5,6 +5,7 @@ import subprocess
 import sys
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -19,16 +20,16 @@ EXTENSIONS = [
     "mujoco",
     "linear",
     "rapid",
+    "simulink",
     "comparison",
     "tuning",
     "legged",
     "learning",
-    "simulink",
     "pendant",
     "course",
 ]
 """Our own extensions, in the order of their imports."""
-ORDER = [*CORE, *EXTENSIONS, "cli"]
+ORDER = [*CORE, *EXTENSIONS]
 ROOT = {"former_names"}
 """Modules of the top level that import nothing of the package."""
 MODULES = sorted(file for file in PACKAGE.rglob("*.py") if file.name != "__init__.py")
@@ -61,8 +62,13 @@ def imported(file: Path) -> set[str]:
     return froms | plain
 
 
+def module_of(file: Path) -> str:
+    """Return the dotted name of a module."""
+    return ".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts)
+
+
 def test_imports_point_to_the_left():
-    names = {".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts): file for file in MODULES}
+    names = {module_of(file): file for file in MODULES}
     pairs = [(name, other) for name, file in names.items() for other in imported(file)]
     own = [(name, other) for name, other in pairs if other.startswith("simrob_drake.")]
     assert [f"{name} imports {other}" for name, other in own if place(other) > place(name)] == []
@@ -81,7 +87,7 @@ def test_the_core_imports_no_extension():
     """Imports in functions, those for types alone, and names of modules in strings are counted, too."""
     found = []
     for file in MODULES:
-        module = ".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts)
+        module = module_of(file)
         if package_of(module) not in CORE or module == "simrob_drake.former_names":
             continue
         texts = {node.value for node in ast.walk(parsed(file)) if isinstance(node, ast.Constant)}
@@ -90,9 +96,88 @@ def test_the_core_imports_no_extension():
     assert found == []
 
 
+def extension_of(module: str) -> str:
+    """Return the name of the extension that a module belongs to; empty for a module of the core."""
+    parts = module.split(".")
+    return parts[2] if parts[:2] == ["simrob_drake", "extensions"] and len(parts) > 2 else ""
+
+
+def test_an_extension_imports_only_the_extensions_that_it_declares():
+    found = []
+    for file in MODULES:
+        own = extension_of(module_of(file))
+        if not own:
+            continue
+        announced = import_module(f"simrob_drake.extensions.{own}.extension").EXTENSION
+        others = {extension_of(name) for name in imported(file)} - {"", own}
+        missing = others - {*announced.needs, *announced.uses}
+        found += [f"{module_of(file)} imports {other}, which {own} does not declare" for other in sorted(missing)]
+    assert found == []
+
+
+PUBLIC_UNDERSCORES = {"_replace", "_asdict", "_fields", "_exit"}
+"""Public names of the standard library that begin with an underscore: of named tuples, and of `os`."""
+
+
+def is_private(name: str) -> bool:
+    return name.startswith("_") and not name.startswith("__") and name not in PUBLIC_UNDERSCORES
+
+
+def names_defined(tree: ast.Module) -> set[str]:
+    """Return all names that a module defines or assigns: of functions, classes, variables and attributes."""
+    nodes = list(ast.walk(tree))
+    defined = {node.name for node in nodes if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)}
+    stored = [node for node in nodes if isinstance(getattr(node, "ctx", None), ast.Store)]
+    variables = {node.id for node in stored if isinstance(node, ast.Name)}
+    return defined | variables | {node.attr for node in stored if isinstance(node, ast.Attribute)}
+
+
+def private_names_of_others(files: list[Path], own: str) -> list[str]:
+    """Find the private names in files of a package ``own`` that the package itself does not define."""
+    defined = set().union(*(names_defined(parsed(file)) for file in files))
+    found = []
+    for file in files:
+        for node in ast.walk(parsed(file)):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("simrob_drake"):
+                if f"{node.module}.".startswith(f"{own}."):
+                    continue
+                names = [*str(node.module).split("."), *(alias.name for alias in node.names)]
+            elif isinstance(node, ast.Import):
+                names = [part for alias in node.names for part in alias.name.split(".")]
+            elif isinstance(node, ast.Attribute) and node.attr not in defined:
+                names = [node.attr]
+            else:
+                continue
+            found += [f"{file.name}:{node.lineno}: {name}" for name in names if is_private(name)]
+    return found
+
+
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_an_extension_uses_no_private_name_of_the_core(extension):
+    files = [file for file in MODULES if extension_of(module_of(file)) == extension]
+    files += [PACKAGE / "extensions" / extension / "__init__.py"]
+    assert private_names_of_others(files, f"simrob_drake.extensions.{extension}") == []
+
+
+@pytest.mark.parametrize(
+    ("line", "name"),
+    [
+        ("from simrob_drake.stations.load import _in_short_form", "_in_short_form"),
+        ("from simrob_drake._hidden.load import station", "_hidden"),
+        ("import simrob_drake.stations._load", "_load"),
+        ("def f(station):\n    return station._builder", "_builder"),
+        ("def f(load):\n    load.deep._kept = 1\n    return load._other", "_other"),
+    ],
+)
+def test_a_private_name_of_the_core_is_found(tmp_path, line, name):
+    file = tmp_path / "own.py"
+    file.write_text(line)
+    assert [found.rpartition(": ")[2] for found in private_names_of_others([file], "own")] == [name]
+
+
 def test_no_modules_need_each_other():
     """Imports in functions, and those for types alone, are counted, too."""
-    names = {".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts): file for file in MODULES}
+    names = {module_of(file): file for file in MODULES}
     needs = {name: imported(file) & names.keys() for name, file in names.items()}
     try:
         TopologicalSorter(needs).prepare()
@@ -149,7 +234,7 @@ READERS = {"read_text", "read_bytes", "safe_load", "loadtxt", "genfromtxt"}
 """Functions that read files, or YAML, without the bounds of the border."""
 OWN_FILES = {
     "base/folders.py": "the package's own code, of which a cache's entry is made",
-    "cli/app.py": "its own code",
+    "cli/command_table.py": "its own code",
     "results/animation/recording.py": "its own script",
     "results/animation/window.py": "its own script",
     "extensions/pendant/pages/shell.py": "its own script and style",

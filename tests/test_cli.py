@@ -177,13 +177,15 @@ def test_help_keeps_its_units(capsys, command, unit):
 def test_help_has_its_commands_under_titles_and_flags_without_a_type(capsys, asked):
     assert run_command([asked]) == 0
     shown = capsys.readouterr().out
-    titles = ["Stations", "Robots", "Many runs", "Exchange and other engines", "Teaching", "Extensions"]
-    assert re.findall(r"^╭─ ([\w ]+) ─", shown, re.MULTILINE) == ["Options", *titles]
+    shown_titles = re.findall(r"^╭─ ([\w ]+) ─", shown, re.MULTILINE)
+    own_titles = ["Options", "Stations", "Robots", "Exchange and other engines", "Extensions"]
+    assert [title for title in shown_titles if title in own_titles] == own_titles
+    assert shown_titles[-1] == own_titles[-1]
     assert run_command(["run", asked]) == 0
     assert "<bool>" not in shown + capsys.readouterr().out
 
 
-@pytest.mark.parametrize(("typed", "completed"), [("sw", "sweep"), ("run irb120_kin", "irb120_kinematic")])
+@pytest.mark.parametrize(("typed", "completed"), [("dia", "diagram"), ("run irb120_kin", "irb120_kinematic")])
 def test_a_shell_completes_commands_and_stations(typed, completed):
     words = {"COMP_WORDS": f"simrob {typed}", "COMP_CWORD": str(len(typed.split()))}
     environment = {**os.environ, "_SIMROB_COMPLETE": "complete_bash", **words}
@@ -406,10 +408,8 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 @pytest.mark.parametrize(
     ("file", "said"),
     [
-        (EXAMPLES / "studies" / "irb120_gains.yaml", "is no station but a study: simrob tune "),
         (EXAMPLES / "learning" / "yobotics_walker.onnx", "is no station but a network: controllers: {policy: "),
         (EXAMPLES / "own_loop.py", "is no station but a script: python "),
-        (models_root() / "tasks" / "reach.yaml", "is no station but a task to learn"),
         (models_root() / "roid1" / "gaits.yaml", "is no station but the gaits of a robot"),
         (models_root() / "pieces" / "ball" / "piece.yaml", "is no station but a piece: pieces: {part: {model: "),
         (

@@ -1,6 +1,8 @@
 """Extensions of other packages: what is found, and why one is left out while everything else works."""
 
+import importlib
 import re
+import subprocess
 import sys
 import textwrap
 from importlib.metadata import PathDistribution
@@ -15,20 +17,26 @@ from simrob_drake.base.errors import InvalidConfig
 from simrob_drake.base.extension import (
     BrokenExtension,
     ExtensionWarning,
+    MissingExtension,
     additions,
     installed_extensions,
     load_addition,
+    needed_extension,
 )
+from simrob_drake.base.extras import DISTRIBUTION
 from simrob_drake.base.files import models_root, robot_files
 from simrob_drake.base.sections import _schema_of
+from simrob_drake.cli.app import load as load_command
 from simrob_drake.cli.app import run_command
-from simrob_drake.parts import sensors
+from simrob_drake.cli.command_table import all_commands
+from simrob_drake.parts import controllers, couplings, forces, monitors, references, sensors
 from simrob_drake.programs.gaits import registry as gaits
 from simrob_drake.programs.moves.kinds import check_move
 from simrob_drake.results.plots.own import save_plots
 from simrob_drake.robots.gaits_file import GaitsFile
 from simrob_drake.stations.load import load_station, station_yaml
 from simrob_drake.stations.schema import station_schema
+from simrob_drake.stations.solver_config import SOLVERS
 
 SENSOR = """
 from typing import Literal
@@ -41,16 +49,25 @@ class Warmth(Sensor):
 PARTS = "simrob_drake.parts.sensors.sensor.Sensor"
 
 
+FAMILIES = (sensors, monitors, references, forces, couplings, controllers)
+
+
 def forget_extensions():
-    """Forget all that was found out about installed extensions, as a new process has."""
+    """Look for extensions anew, and forget all that was made of those found before."""
     installed_extensions.cache_clear()
-    sensors.KINDS.forget_extensions()
+    all_commands.cache_clear()
+    for family in FAMILIES:
+        family.KINDS.forget_extensions()
+    SOLVERS.forget_extensions()
     _schema_of.cache_clear()
 
 
 @pytest.fixture
 def install(tmp_path, monkeypatch):
-    """Install packages that announce an extension each: a name, the arguments of `Extension`, and modules."""
+    """Install extensions: a name, the arguments of `Extension`, and modules.
+
+    Each is announced by a package of its own name, or by the ``package`` that is named.
+    """
     monkeypatch.syspath_prepend(tmp_path)
     distributions = []
 
@@ -60,19 +77,19 @@ def install(tmp_path, monkeypatch):
 
     monkeypatch.setattr(extensions, "entry_points", found)
 
-    def install_one(name, arguments, **modules):
+    def install_one(name, arguments, package="", **modules):
         module = name.replace("-", "_")
         for loaded in (module, *(f"{module}.{file}" for file in modules)):
             monkeypatch.delitem(sys.modules, loaded, raising=False)
         text = f"from simrob_drake import Extension\nEXTENSION = Extension({arguments})\n"
-        package = tmp_path / module
-        package.mkdir()
-        (package / "__init__.py").write_text(text)
+        folder = tmp_path / module
+        folder.mkdir()
+        (folder / "__init__.py").write_text(text)
         for file, content in modules.items():
-            (package / f"{file}.py").write_text(textwrap.dedent(content))
+            (folder / f"{file}.py").write_text(textwrap.dedent(content))
         information = tmp_path / f"{module}-1.0.dist-info"
         information.mkdir()
-        (information / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+        (information / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package or name}\nVersion: 1.0\n")
         entry = f"[simrob_drake.extensions]\n{module} = {module}:EXTENSION\n"
         (information / "entry_points.txt").write_text(entry)
         distributions.append(PathDistribution(information))
@@ -157,14 +174,14 @@ def test_a_name_that_two_packages_have_names_both(install):
     install("a-kit", "core='>=0', sensors={'warmth': 'a_kit.parts:Warmth'}", parts=SENSOR)
     install("b-kit", "core='>=0', sensors={'warmth': 'b_kit.parts:Warmth'}", parts=SENSOR)
     assert problem_of("a-kit") == ""
-    assert problem_of("b-kit") == "the kind of sensor 'warmth' is also one of a-kit"
+    assert problem_of("b-kit") == "the kind of sensor 'warmth' is also one of package a-kit, extension a_kit"
 
 
 def test_a_part_that_cannot_be_imported_is_blamed_on_its_package(install):
     install("odd-kit", "core='>=0', sensors={'warmth': 'odd_kit.parts:Warmth'}", parts="import nothing_like_it")
-    with pytest.raises(BrokenExtension, match=r"package odd-kit: odd_kit.parts:Warmth cannot be imported \(Module"):
+    with pytest.raises(BrokenExtension, match=r"extension odd_kit: odd_kit.parts:Warmth cannot be imported \(Module"):
         load_addition(additions("sensors")["warmth"])
-    with pytest.raises(InvalidConfig, match=r"sensors.warmth: package odd-kit: odd_kit.parts:Warmth cannot"):
+    with pytest.raises(InvalidConfig, match=r"sensors.warmth: package odd-kit, extension odd_kit: odd_kit.parts:W"):
         load_station("box_on_floor", {"sensors": {"warmth": {}}})
 
 
@@ -178,7 +195,7 @@ def test_a_station_names_the_packages_that_it_needs(install):
     with pytest.raises(InvalidConfig, match="extensions: the station needs the package warm-kit, which is not instal"):
         load_station("box_on_floor", {"extensions": ["warm-kit"], "sensors": {"warmth": {}}})
     install("warm-kit", "core='>=99', sensors={'warmth': 'warm_kit.parts:Warmth'}", parts=SENSOR)
-    with pytest.raises(InvalidConfig, match="which is left out: it works with simrob_drake >=99"):
+    with pytest.raises(InvalidConfig, match="and the extension warm_kit of warm-kit is left out: it works"):
         load_station("box_on_floor", {"extensions": ["warm-kit"], "sensors": {"warmth": {}}})
 
 
@@ -193,17 +210,17 @@ def test_the_command_lists_them_and_checks_what_they_add(install, capsys):
     assert "broken" not in capsys.readouterr().out  # nothing is imported for a list
     assert run_command(["extensions", "--check"]) == 2
     shown = " ".join(capsys.readouterr().out.split())
-    assert "broken: package odd-kit: there is no folder odd_kit:robots" in shown
-    assert "broken: package odd-kit: odd_kit.b:B cannot be imported" in shown
+    assert "broken: package odd-kit, extension odd_kit: there is no folder odd_kit:robots" in shown
+    assert "broken: package odd-kit, extension odd_kit: odd_kit.b:B cannot be imported" in shown
 
 
 def test_a_move_and_a_gait_that_cannot_be_imported_are_blamed_on_their_package(install, monkeypatch):
     install("odd-kit", "core='>=0', moves={'hover': 'odd_kit.gone:Hover'}, gaits={'hovers': 'odd_kit.gone:Hover'}")
-    with pytest.raises(BrokenExtension, match=r"package odd-kit: odd_kit.gone:Hover cannot be imported"):
+    with pytest.raises(BrokenExtension, match=r"extension odd_kit: odd_kit.gone:Hover cannot be imported"):
         check_move({"hover": {"height": 1}})
     file = GaitsFile(Path("gaits.yaml"), 0.0, {"facing_deg": 0, "hovers": {"high": {}}})
     monkeypatch.setattr(gaits, "gaits_file", lambda _: file)
-    with pytest.raises(BrokenExtension, match=r"package odd-kit: odd_kit.gone:Hover cannot be imported"):
+    with pytest.raises(BrokenExtension, match=r"extension odd_kit: odd_kit.gone:Hover cannot be imported"):
         gaits.load_gaits("roid1")
 
 
@@ -232,20 +249,6 @@ def test_a_folder_in_a_package_that_is_missing_is_no_folder(install, capsys):
     assert load_station("box_on_floor").name == "box_on_floor"
     assert run_command(["extensions", "--check"]) == 2
     assert "there is no folder nothing.like_it:stations" in " ".join(capsys.readouterr().out.split())
-
-
-def test_two_extensions_of_one_package_have_a_row_each(install, tmp_path, capsys):
-    install("warm-kit", "core='>=0', sensors={'warmth': 'warm_kit.parts:Warmth'}", parts=SENSOR)
-    install("cold-kit", "core='>=99'")
-    for package in ("warm", "cold"):  # both entries as of one distribution
-        file = tmp_path / f"{package}_kit-1.0.dist-info" / "METADATA"
-        file.write_text("Metadata-Version: 2.1\nName: kits\nVersion: 1.0\n")
-    installed_extensions.cache_clear()
-    assert run_command(["extensions"]) == 0
-    shown = capsys.readouterr().out
-    assert shown.count("kits ") == 2
-    assert "sensors: warmth" in shown
-    assert shown.count("left out: it works with simrob_drake >=99") == 1
 
 
 WOBBLE = """
@@ -283,7 +286,7 @@ def test_without_the_extension_the_bound_of_its_measure_is_an_unknown_key():
 @pytest.mark.parametrize(
     ("content", "warning"),
     [
-        ("WOBBLE = 3", "package wobble-kit: wobble_kit.verdict:WOBBLE is 3; it must be an instance of"),
+        ("WOBBLE = 3", "extension wobble_kit: wobble_kit.verdict:WOBBLE is 3; it must be an instance of"),
         (WOBBLE.replace('"wobble", "m"', '"wabble", "m"'), "has the name 'wabble', and is announced as 'wobble'"),
         (WOBBLE.replace("np.ptp(heights)", "1 / 0"), "the run is not judged by wobble: ZeroDivisionError"),
     ],
@@ -323,7 +326,7 @@ def test_plots_of_an_extension_are_saved_with_those_of_the_run(install, tmp_path
     ("name", "target", "warning"),
     [
         ("height", "plot_kit.plots:broken", "the plot height of an extension is left out"),
-        ("height", "plot_kit.plots:missing", "package plot-kit: plot_kit.plots:missing cannot be imported"),
+        ("height", "plot_kit.plots:missing", "extension plot_kit: plot_kit.plots:missing cannot be imported"),
         ("piece_box", "plot_kit.plots:height", "the run has a plot of this name already: piece_box.svg"),
     ],
 )
@@ -333,3 +336,178 @@ def test_a_broken_plot_warns_and_the_others_are_saved(install, tmp_path, name, t
     with pytest.warns(ExtensionWarning, match=re.escape(warning)):
         written = save_plots(result, tmp_path / "plots", "svg")
     assert [file.name for file in written] == ["piece_box.svg", "sensors.svg"]
+
+
+def test_two_extensions_of_one_package_have_a_row_each(install, capsys):
+    install("warm-kit", "core='>=0', sensors={'warmth': 'warm_kit.parts:Warmth'}", package="kits", parts=SENSOR)
+    install("cold-kit", "core='>=99'", package="kits")
+    assert [(found.name, found.package) for found in installed_extensions()] == [
+        ("cold_kit", "kits"),
+        ("warm_kit", "kits"),
+    ]
+    assert run_command(["extensions"]) == 0
+    cold, warm = capsys.readouterr().out.splitlines()[1:]
+    assert " ".join(cold.split()) == "cold_kit kits 1.0 left out: it works with simrob_drake >=99, and this is 0.1.0"
+    assert " ".join(warm.split()) == "warm_kit kits 1.0 sensors: warmth"
+
+
+def test_a_station_may_name_one_extension_of_a_package(install):
+    install("warm-kit", "core='>=0', sensors={'warmth': 'warm_kit.parts:Warmth'}", package="kits", parts=SENSOR)
+    install("cold-kit", "core='>=99'", package="kits")
+    assert load_station("box_on_floor", {"extensions": ["warm_kit"], "sensors": {"warmth": {}}}).sensors
+    with pytest.raises(InvalidConfig, match="station needs kits, and the extension cold_kit of kits is left out: it w"):
+        load_station("box_on_floor", {"extensions": ["kits"], "sensors": {"warmth": {}}})
+
+
+COMMAND = """
+def warm():
+    '''Warm something.'''
+    print("warm")
+"""
+
+
+def test_no_other_package_takes_a_name_of_ours(install):
+    """Ours come first, although the name of the other package comes first in the alphabet."""
+    install("a-kit", "core='>=0', commands={'warm': 'a_kit.commands:warm'}", commands=COMMAND)
+    install("our-kit", "core='>=0', commands={'warm': 'our_kit.commands:warm'}", package=DISTRIBUTION, commands=COMMAND)
+    assert problem_of(DISTRIBUTION) == ""
+    assert problem_of("a-kit") == "the command 'warm' is also one of package simrob-drake, extension our_kit"
+
+
+def test_a_name_of_an_extension_stands_for_one_extension(install, tmp_path):
+    install("warm-kit", "core='>=0'", package="b-kits")
+    install("other-kit", "core='>=0'", package="c-kits")
+    entry = tmp_path / "other_kit-1.0.dist-info" / "entry_points.txt"
+    entry.write_text("[simrob_drake.extensions]\nwarm_kit = other_kit:EXTENSION\n")
+    installed_extensions.cache_clear()
+    assert problem_of("c-kits") == "package b-kits has an extension of this name, too"
+
+
+def test_versions_of_our_own_extensions_are_not_compared():
+    """To load the package `packaging` takes a tenth of a second."""
+    code = (
+        "import sys; from simrob_drake.base.extension import installed_extensions; "
+        "print({found.package for found in installed_extensions()}, 'packaging' in sys.modules)"
+    )
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    packages, is_loaded = shown.rsplit(maxsplit=1)
+    assert is_loaded == str(packages != "{'simrob-drake'}")
+
+
+def test_an_extension_is_left_out_where_one_that_it_needs_is_missing(install):
+    install("a-kit", "core='>=0', needs=['b_kit']")
+    install("b-kit", "core='>=0', needs=['c_kit']")
+    assert problem_of("b-kit") == "it needs the extension c_kit, which is not installed"
+    assert problem_of("a-kit") == "it needs the extension b_kit, which is left out"
+    install("c-kit", "core='>=0'")
+    assert [found.problem for found in installed_extensions()] == ["", "", ""]
+
+
+def test_a_conflict_of_names_leaves_those_out_that_need_the_extension(install):
+    install("a-kit", "core='>=0', sensors={'warmth': 'a_kit.parts:Warmth'}", parts=SENSOR)
+    install("b-kit", "core='>=0', sensors={'warmth': 'b_kit.parts:Warmth'}", parts=SENSOR)
+    install("c-kit", "core='>=0', needs=['b_kit']")
+    assert problem_of("c-kit") == "it needs the extension b_kit, which is left out"
+
+
+def test_a_function_that_needs_another_extension_says_so(install):
+    install("cold-kit", "core='>=99'")
+    with pytest.raises(MissingExtension, match=r"^simrob warm needs the extension hot_kit, which is not installed$"):
+        import_with_needed("hot_kit")
+    with pytest.raises(MissingExtension, match="needs the extension cold_kit, which is left out: it works with simrob"):
+        import_with_needed("cold_kit")
+    install("hot-kit", "core='>=0'")
+    import_with_needed("hot_kit")
+
+
+def import_with_needed(name):
+    """Import an extension of another one as its commands do."""
+    with needed_extension(name, "simrob warm"):
+        importlib.import_module(name)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        ("core='>=0', needs='b_kit'", "TypeError: needs is 'b_kit'; it must be a list of names of extensions"),
+        ("core='>=0', uses=[3]", "TypeError: uses is [3]; it must be a list of names of extensions"),
+        ("core='>=0', title=3", "TypeError: title is 3; it must be a text"),
+        (
+            "core='>=0', commands={'kit show': 'odd_kit.commands:show'}",
+            "there is no command 'kit' for the command 'kit show' below it",
+        ),
+    ],
+)
+def test_a_wrong_announcement_is_left_out_with_the_reason(install, arguments, problem):
+    install("odd-kit", arguments)
+    assert problem in problem_of("odd-kit")
+
+
+def test_an_extension_has_commands_below_a_command_under_a_title_of_its_own(install, capsys):
+    commands = '''
+    def kit():
+        """Do things with kits."""
+
+    def show(times: int = 1):
+        """Show a kit."""
+        print("kit" * times)
+    '''
+    announced = "{'kit': 'odd_kit.commands:kit', 'kit show': 'odd_kit.commands:show'}"
+    install("odd-kit", f"core='>=0', title='Kits', commands={announced}", commands=commands)
+    assert run_command(["--help"]) == 0
+    shown = capsys.readouterr().out
+    titles = re.findall(r"^╭─ ([\w ]+) ─", shown, re.MULTILINE)
+    assert titles[-2:] == ["Kits", "Extensions"]
+    assert "Do things with kits." in shown
+    assert "Show a kit." not in shown
+    assert run_command(["kit", "show", "--times", "2"]) == 0
+    assert capsys.readouterr().out == "kitkit\n"
+    assert run_command(["kit", "hide"]) == 2
+    assert "No such command 'hide'" in capsys.readouterr().err
+
+
+def test_a_command_that_cannot_be_imported_is_blamed_on_its_extension(install, capsys):
+    install("odd-kit", "core='>=0', commands={'warm': 'odd_kit.gone:warm'}")
+    load_command(["warm"])  # the problem is reported when the command is run
+    assert run_command(["warm"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("simrob: package odd-kit, extension odd_kit: odd_kit.gone:warm cannot be imported (ModuleN")
+    assert run_command(["--help"]) == 0
+    assert "A command of odd-kit, which cannot be read" in capsys.readouterr().out
+
+
+def test_an_unknown_command_may_be_one_of_an_extension_that_is_left_out(install, capsys):
+    install("odd-kit", "core='>=99', commands={'warm': 'odd_kit.commands:warm'}")
+    assert run_command(["warm"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line == (
+        "simrob: No such command 'warm'. Extensions that are left out: odd_kit; simrob extensions says why."
+    )
+
+
+def test_an_extension_says_what_takes_its_files(install, tmp_path, capsys):
+    install("odd-kit", "core='>=0', other_files={'odd': 'odd_kit:other_files.yaml'}")
+    descriptions = tmp_path / "odd_kit" / "other_files.yaml"
+    descriptions.write_text("keys: [[[warmth], 'a kit: simrob warm {file}']]\nendings: {.kit: 'a kit: {name}'}")
+    kit = tmp_path / "kit.yaml"
+    kit.write_text("warmth: 3")
+    assert run_command(["check", str(kit)]) == 2
+    assert f"{kit}: is no station but a kit: simrob warm {kit}\n" in capsys.readouterr().err
+    (tmp_path / "a.kit").write_text("")
+    assert run_command(["run", str(tmp_path / "a.kit")]) == 2
+    assert "a.kit: is no station but a kit: a.kit\n" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [("ends: {}", "ends: unknown key"), ("keys: 3", "keys: "), ("[", "other_files.yaml"), (None, "there is no file")],
+)
+def test_descriptions_of_files_that_cannot_be_read_disturb_nothing(install, tmp_path, capsys, text, problem):
+    install("odd-kit", "core='>=0', other_files={'odd': 'odd_kit:other_files.yaml'}")
+    if text is not None:
+        (tmp_path / "odd_kit" / "other_files.yaml").write_text(text)
+    (tmp_path / "kit.yaml").write_text("warmth: 3")
+    assert run_command(["check", str(tmp_path / "kit.yaml")]) == 2
+    assert "warmth: unknown key" in capsys.readouterr().err
+    assert run_command(["extensions", "--check"]) == 2
+    assert problem in " ".join(capsys.readouterr().out.split())

@@ -31,7 +31,10 @@ def forget():
         ("simrob_drake.tuning.study", "simrob_drake.extensions.tuning.study"),
         ("simrob_drake.mujoco.runner", "simrob_drake.extensions.mujoco.runner"),
         ("simrob_drake.learning.task", "simrob_drake.extensions.learning.task"),
+        ("simrob_drake.stations.mujoco.coordinates", "simrob_drake.extensions.mujoco.coordinates"),
+        ("simrob_drake.importer.mjcf.reading", "simrob_drake.extensions.mujoco.mjcf.reading"),
         ("simrob_drake.teach.session", "simrob_drake.extensions.pendant.session"),
+        ("simrob_drake.parts.controllers.policy", "simrob_drake.extensions.learning.policy"),
     ],
 )
 def test_a_former_name_is_the_module_itself(former, present):
@@ -54,7 +57,13 @@ def test_every_former_name_is_a_module_of_today():
 
 
 def test_other_names_are_left_to_python():
-    for name in ("simrob_drake.programs", "simrob_drake.base.errors", "numpy", "simrob_drake.nothing"):
+    for name in (
+        "simrob_drake.programs",
+        "simrob_drake.base.errors",
+        "numpy",
+        "simrob_drake.nothing",
+        "simrob_drake.stations.config",
+    ):
         assert former_names._present_name(name) is None
     with pytest.raises(ModuleNotFoundError, match=r"simrob_drake\.nothing"):
         importlib.import_module("simrob_drake.nothing")

@@ -11,18 +11,17 @@ from pydrake.trajectories import PiecewisePolynomial
 from simrob_drake import load_station, simulate
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError
 from simrob_drake.base.files import NotRead, TooLarge, content_of, models_root, read_columns, text_of
+from simrob_drake.base.packages import MANIFEST, manifest_name
 from simrob_drake.base.yaml_files import parse_yaml
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
-from simrob_drake.extensions.simulink.cad.assembly import is_export
 from simrob_drake.importer.importing import REPORT_FILE, import_summary, robot_from_file
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.places import MeshPlaces
 from simrob_drake.importer.meshes.reading import read_mesh
-from simrob_drake.importer.options import ImportOptions, ImportReport
-from simrob_drake.importer.packages import MANIFEST, manifest_name
 from simrob_drake.importer.reading.source import read_source
 from simrob_drake.programs.program import Program
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 from tests.fuzz.valid import mesh
 
 NONE_TO_READ = {
@@ -54,10 +53,9 @@ def test_what_is_no_file_is_not_waited_for(odd: Path, name: str, why: str) -> No
 
 
 def test_what_looks_into_files_does_not_wait_for_a_pipe(odd: Path) -> None:
-    """It would for ever: a manifest beside a robot, and an XML file that may be what a CAD tool exported."""
+    """It would wait for ever for a manifest next to a robot."""
     os.mkfifo(odd / MANIFEST)
     assert manifest_name(odd) == ""
-    assert not is_export(odd / "pipe")
 
 
 def test_a_file_is_read_to_its_last_byte_and_no_further(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ TYPES = {"int": "whole number", "float": "number", "str": "text", "Path": "path"
 def commands() -> dict[str, str]:
     """Return the title of the group in which the help has each command, by its name."""
     group: Any = get_command(app)
-    return {name: command.rich_help_panel for name, command in group.commands.items()}
+    return {name: group.get_command(None, name).rich_help_panel for name in group.list_commands(None)}
 
 
 def _values(annotation: Any) -> str:

@@ -8,7 +8,7 @@ import gymnasium
 import numpy as np
 
 from simrob_drake.base.frames import Vector
-from simrob_drake.parts.controllers.policy import Network
+from simrob_drake.extensions.learning.policy import Network
 
 SEEDS = range(900_000, 900_020)
 

@@ -24,9 +24,9 @@ from stable_baselines3.common.vec_env import VecEnv, VecMonitor, VecNormalize
 from torch import nn, set_num_threads
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.extensions.learning.policy import Network
 from simrob_drake.extensions.learning.vector import StationVectorEnvironment
 from simrob_drake.extensions.learning.writing import write_network
-from simrob_drake.parts.controllers.policy import Network
 
 SETTINGS: dict[str, Any] = {
     "n_steps": 48,

@@ -4,13 +4,16 @@ A package announces an object of class :class:`Extension` under the entry-point 
 object names what the package adds as import strings ``package.module:Name``. Such a string is imported when a station,
 a program or a command first uses the name, so an installed extension costs nothing until then.
 
+The extensions of this package are announced in the same way; the core works without them.
+
 An extension that cannot be used is left out, and everything else works: it fails to import, it works with other
-versions of this package, or it takes a name of another extension. A name of the core always means the core's own thing.
-``simrob extensions`` lists the reasons.
+versions of this package, it needs an extension that is missing, or it takes a name of another extension. A name of the
+core always means the core's own thing. ``simrob extensions`` lists the reasons.
 """
 
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
@@ -20,6 +23,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from simrob_drake.base.errors import SimrobError, shortened
+from simrob_drake.base.extras import DISTRIBUTION
 
 GROUP = "simrob_drake.extensions"
 """Group of entry points under which packages announce their extensions."""
@@ -36,7 +40,11 @@ class Extension:
 
     Attributes:
         core: versions of simrob_drake that the extension works with, as a version specifier such as ``>=0.1,<0.3``.
-        commands: functions that become commands ``simrob <name>``; their docstring is the help.
+        needs: names of extensions without which this one cannot be used: it is left out where one of them is missing.
+        uses: names of extensions that only some functions need; see :func:`needed_extension`.
+        title: title under which ``simrob --help`` lists the commands.
+        commands: functions that become commands ``simrob <name>``; their docstring is the help. A name of two words
+            such as ``course check`` is a command below the command of the first word.
         sensors: sections of a station file under ``sensors``, subclasses of ``Sensor``.
         monitors: sections under ``monitors``, subclasses of ``MonitorSection``.
         references: sections under ``reference``, subclasses of ``ReferenceSection``.
@@ -52,13 +60,23 @@ class Extension:
         measures: instances of :class:`~simrob_drake.results.verdict.verdict.Criterion`, by their ``name``. The verdict
             on each run has them, and the section ``verdict`` of a station file takes their bounds.
         panels: tabs of the pendant's page, instances of its class ``PendantPanel``, by any name.
+        engines: sections ``solver`` by their kind, subclasses of ``OtherEngine``, in place of Drake's plant.
+        importers: subclasses of ``Importer``, by a suffix of files such as ``.slx``, or for XML files of any suffix by
+            the outermost element such as ``<mujoco>``.
+        exporters: subclasses of ``StationExporter`` or ``ProgramExporter``, by the name of the format, which is an
+            option of ``simrob export``.
         robots: folders with one folder for each robot (``robot.yaml``, URDF, meshes), by any name; here the string is
             ``package:folder``.
         pieces: folders with one folder for each piece (``piece.yaml``), likewise.
         stations: folders with one YAML file for each station, likewise.
+        other_files: YAML files that say what files and folders are which are no stations, and which command takes them,
+            as ``cli/others.yaml`` does; likewise ``package:file.yaml``.
     """
 
     core: str
+    needs: Sequence[str] = ()
+    uses: Sequence[str] = ()
+    title: str = "Commands of extensions"
     commands: Additions = field(default_factory=dict)
     sensors: Additions = field(default_factory=dict)
     monitors: Additions = field(default_factory=dict)
@@ -72,14 +90,24 @@ class Extension:
     plots: Additions = field(default_factory=dict)
     measures: Additions = field(default_factory=dict)
     panels: Additions = field(default_factory=dict)
+    engines: Additions = field(default_factory=dict)
+    importers: Additions = field(default_factory=dict)
+    exporters: Additions = field(default_factory=dict)
     robots: Additions = field(default_factory=dict)
     pieces: Additions = field(default_factory=dict)
     stations: Additions = field(default_factory=dict)
+    other_files: Additions = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check the types; raises TypeError if one is wrong. It is reported as a failure of the package's import."""
         if not isinstance(self.core, str):
             raise TypeError(f"core is {self.core!r}; it must be a version specifier such as '>=0.1,<0.3'")
+        if not isinstance(self.title, str):
+            raise TypeError(f"title is {self.title!r}; it must be a text")
+        for key in ("needs", "uses"):
+            names = getattr(self, key)
+            if not isinstance(names, list | tuple) or not all(isinstance(name, str) for name in names):
+                raise TypeError(f"{key} is {names!r}; it must be a list of names of extensions")
         for point in POINTS:
             entries = getattr(self, point)
             if not isinstance(entries, Mapping):
@@ -100,30 +128,51 @@ POINTS = {
     "plots": "plot",
     "measures": "measure of the verdict",
     "panels": "panel of the pendant",
+    "engines": "engine",
+    "importers": "importer of",
+    "exporters": "exporter to",
     "robots": "folder of robots",
     "pieces": "folder of pieces",
     "stations": "folder of stations",
+    "other_files": "file about other files",
 }
 """The extension points: the field of :class:`Extension`, and the words for one of its entries."""
 
 FOLDERS = ("robots", "pieces", "stations")
-"""Extension points whose strings name folders of data instead of Python objects."""
+"""Extension points whose strings name folders of models."""
+
+DATA = (*FOLDERS, "other_files")
+"""Extension points whose strings name folders and files of data instead of Python objects."""
 
 
 class InstalledExtension(NamedTuple):
     """An extension that is installed, whether it can be used or not.
 
     Attributes:
+        name: name of its entry point. One package may announce several extensions.
         package: name of the distribution that announces it, such as ``simrob-thermal``.
         version: version of that distribution.
         extension: what it adds; None if it is left out.
         problem: why it is left out, in one line; empty if it is used.
     """
 
+    name: str
     package: str
     version: str
     extension: Extension | None
     problem: str
+
+    def left_out(self, problem: str) -> "InstalledExtension":
+        """Return this extension as one that is left out because of a problem."""
+        return self._replace(extension=None, problem=problem)
+
+    def additions_at(self, point: str) -> "list[Addition]":
+        """Return what the extension adds at an extension point (a key of POINTS): nothing if it is left out."""
+        entries: Additions = getattr(self.extension, point) if self.extension is not None else {}
+        return [
+            Addition(name=name, package=self.package, target=target, extension=self.name)
+            for name, target in entries.items()
+        ]
 
 
 class Addition(NamedTuple):
@@ -133,15 +182,26 @@ class Addition(NamedTuple):
         name: name by which users refer to it.
         package: name of the distribution that adds it.
         target: its import string ``package.module:Name``, or ``package:folder``.
+        extension: name of the extension, of which the package may have several.
     """
 
     name: str
     package: str
     target: str
+    extension: str
+
+    @property
+    def owner(self) -> str:
+        """Package and extension, as messages name them."""
+        return f"package {self.package}, extension {self.extension}"
 
 
 class BrokenExtension(SimrobError):
     """Raised when something of an extension is used and cannot be imported."""
+
+
+class MissingExtension(SimrobError):
+    """Raised when something needs an extension that is not installed or is left out."""
 
 
 class ExtensionWarning(UserWarning):
@@ -150,9 +210,39 @@ class ExtensionWarning(UserWarning):
 
 @cache
 def installed_extensions() -> tuple[InstalledExtension, ...]:
-    """Find all installed extensions, in the order of their packages' names."""
-    found = [_load_extension(entry) for entry in sorted(entry_points(group=GROUP), key=_package_and_name)]
-    return tuple(_without_conflicts(found))
+    """Find all installed extensions: those of this package first, then in the order of their packages' names.
+
+    The extensions of this package come first so that no other package can take their names.
+    """
+    found = [_load_extension(entry) for entry in sorted(entry_points(group=GROUP), key=_order_of_entry)]
+    # An extension that is left out takes no names from others, so the needs are checked before the names. The
+    # extensions left out because of their names may be needed by others: these are left out at the end.
+    without_conflicts = list(_without_conflicts(_without_missing_needs(found)))
+    return tuple(_without_missing_needs(without_conflicts))
+
+
+def find_extension(name: str) -> InstalledExtension | None:
+    """Find an installed extension by its name. Returns None if there is none."""
+    return next((installed for installed in installed_extensions() if installed.name == name), None)
+
+
+@contextmanager
+def needed_extension(name: str, purpose: str) -> Iterator[None]:
+    """Context manager around the import of another extension, which only one function of an extension needs.
+
+    Args:
+        name: name of the other extension, one of ``uses``.
+        purpose: what needs it, the subject of the message, such as ``simrob legged --tune``.
+
+    Raises:
+        MissingExtension: the other extension is not installed, or is left out. The message says why.
+    """
+    installed = find_extension(name)
+    if installed is None:
+        raise MissingExtension(f"{purpose} needs the extension {name}, which is not installed")
+    if installed.extension is None:
+        raise MissingExtension(f"{purpose} needs the extension {name}, which is left out: {installed.problem}")
+    yield
 
 
 def load_addition_class(addition: Addition, base: Any, named_by: str = "") -> Any:
@@ -169,7 +259,11 @@ def load_addition_class(addition: Addition, base: Any, named_by: str = "") -> An
     found = load_addition(addition)
     if not (isinstance(found, type) and issubclass(found, base)):
         expected = f"a subclass of {base.__module__}.{base.__name__}"
-        raise BrokenExtension(f"package {addition.package}: {addition.target} is {found!r}; it must be {expected}")
+        raise BrokenExtension(f"{addition.owner}: {addition.target} is {found!r}; it must be {expected}")
+    abstract = sorted(getattr(found, "__abstractmethods__", ()))
+    if abstract:
+        lacking = ", ".join(abstract)
+        raise BrokenExtension(f"{addition.owner}: {addition.target} lacks {lacking}, see {base.__name__}")
     if named_by:
         _check_name(addition, found, named_by)
     return found
@@ -223,7 +317,7 @@ def _load_addition_object(addition: Addition, base: Any, named_by: str) -> Any:
     found = load_addition(addition)
     if not isinstance(found, base):
         expected = f"an instance of {base.__module__}.{base.__name__}"
-        raise BrokenExtension(f"package {addition.package}: {addition.target} is {found!r}; it must be {expected}")
+        raise BrokenExtension(f"{addition.owner}: {addition.target} is {found!r}; it must be {expected}")
     if named_by:
         _check_name(addition, found, named_by)
     return found
@@ -234,7 +328,7 @@ def _check_name(addition: Addition, found: Any, named_by: str) -> None:
     own_name = getattr(found, named_by, None)
     if own_name != addition.name:
         problem = f"has the {named_by} {own_name!r}, and is announced as {addition.name!r}"
-        raise BrokenExtension(f"package {addition.package}: {addition.target} {problem}")
+        raise BrokenExtension(f"{addition.owner}: {addition.target} {problem}")
 
 
 def additions(point: str) -> dict[str, Addition]:
@@ -245,12 +339,10 @@ def additions(point: str) -> dict[str, Addition]:
     taken = core_names(point)
     found = {}
     for installed in installed_extensions():
-        if installed.extension is None:
-            continue
-        entries: Additions = getattr(installed.extension, point)
-        for name, target in entries.items():
-            if name not in taken:
-                found[name] = Addition(name=name, package=installed.package, target=target)
+        for addition in installed.additions_at(point):
+            # The first word is the name of a command; of everything else it is the whole name.
+            if addition.name not in taken and addition.name.partition(" ")[0] not in taken:
+                found[addition.name] = addition
     return found
 
 
@@ -265,39 +357,68 @@ def load_addition(addition: Addition) -> Any:
         return getattr(import_module(module_name), name)
     except (Exception, SystemExit) as problem:  # a module of somebody else may raise anything
         reason = shortened(f"{type(problem).__name__}: {problem}", 200)
-        raise BrokenExtension(
-            f"package {addition.package}: {addition.target} cannot be imported ({reason})"
-        ) from problem
+        raise BrokenExtension(f"{addition.owner}: {addition.target} cannot be imported ({reason})") from problem
 
 
-def addition_folder(addition: Addition) -> Path | None:
-    """Find the folder of data that an extension adds, without importing the package.
+@contextmanager
+def code_of_extension(owner: str, name: str) -> Iterator[None]:
+    """Context manager around code of an extension, which blames the extension for errors that no user causes.
 
-    Returns None if there is no such folder.
+    Args:
+        owner: package and extension, see `Addition.owner`.
+        name: what the code is, such as ``the exporter csv``.
+
+    Raises:
+        SimrobError: the code raises one, which is passed on.
+        BrokenExtension: the code raises anything else. The message names the package.
     """
-    package, _, folder = addition.target.partition(":")
+    try:
+        yield
+    except SimrobError:
+        raise
+    except Exception as problem:  # code of somebody else may raise anything
+        reason = shortened(f"{type(problem).__name__}: {problem}", 200)
+        raise BrokenExtension(f"{owner}: {name} fails ({reason})") from problem
+
+
+def addition_path(addition: Addition) -> Path | None:
+    """Find the folder or file of data that an extension adds, without importing the package.
+
+    Returns None if there is no such folder or file.
+    """
+    package, _, name = addition.target.partition(":")
     try:
         spec = find_spec(package)
     except (ImportError, ValueError):  # of a package in a package that is missing, or of an empty name
         return None
     if spec is None or not spec.submodule_search_locations:
         return None
-    path = Path(next(iter(spec.submodule_search_locations)), folder)
-    return path if path.is_dir() else None
+    path = Path(next(iter(spec.submodule_search_locations)), name)
+    return path if path.exists() else None
 
 
 def check_addition(point: str, addition: Addition) -> None:
-    """Check that a thing of an extension can be imported, or that its folder exists; raises BrokenExtension if not."""
-    if point not in FOLDERS:
+    """Check that a thing of an extension can be imported, or that its data exist; raises BrokenExtension if not."""
+    if point not in DATA:
         load_addition(addition)
-    elif addition_folder(addition) is None:
-        raise BrokenExtension(f"package {addition.package}: there is no folder {addition.target}")
+        return
+    path = addition_path(addition)
+    is_there = path is not None and path.is_dir() == (point in FOLDERS)
+    if not is_there:
+        kind = "folder" if point in FOLDERS else "file"
+        raise BrokenExtension(f"{addition.owner}: there is no {kind} {addition.target}")
 
 
 def addition_folders(point: str) -> list[Path]:
     """Find the folders that extensions add at one of the points ``robots``, ``pieces`` and ``stations``."""
-    folders = [addition_folder(addition) for addition in additions(point).values()]
-    return [folder for folder in folders if folder is not None]
+    paths = [addition_path(addition) for addition in additions(point).values()]
+    return [path for path in paths if path is not None and path.is_dir()]
+
+
+def addition_files(point: str) -> list[Path]:
+    """Find the files of data that extensions add at an extension point such as ``other_files``."""
+    paths = [addition_path(addition) for addition in additions(point).values()]
+    return [path for path in paths if path is not None and path.is_file()]
 
 
 def register_core_names(point: str, names: Callable[[], Iterable[str]]) -> None:
@@ -313,9 +434,10 @@ def core_names(point: str) -> set[str]:
 _core_names: dict[str, Callable[[], Iterable[str]]] = {}
 
 
-def _package_and_name(entry: EntryPoint) -> tuple[str, str]:
-    """Sort key of an entry point: the name of its distribution, then its own name."""
-    return (entry.dist.name if entry.dist else "", entry.name)
+def _order_of_entry(entry: EntryPoint) -> tuple[bool, str, str]:
+    """Sort key of an entry point: those of this package first, then by the names of distribution and entry point."""
+    package = entry.dist.name if entry.dist else ""
+    return (package != DISTRIBUTION, package, entry.name)
 
 
 def _load_extension(entry: EntryPoint) -> InstalledExtension:
@@ -323,32 +445,50 @@ def _load_extension(entry: EntryPoint) -> InstalledExtension:
 
     No error is raised: the result gives the problem, and is without the extension then.
     """
-    package = entry.dist.name if entry.dist else entry.name
-    package_version = entry.dist.version if entry.dist else ""
+    found = InstalledExtension(
+        name=entry.name,
+        package=entry.dist.name if entry.dist else entry.name,
+        version=entry.dist.version if entry.dist else "",
+        extension=None,
+        problem="",
+    )
     try:
         extension = entry.load()
     except (Exception, SystemExit) as problem:  # a broken package of somebody else must not stop anything here
-        reason = shortened(f"{entry.value} cannot be imported: {type(problem).__name__}: {problem}", 300)
-        return InstalledExtension(package, package_version, None, reason)
-    reason = _problem_of(extension, entry.value)
-    return InstalledExtension(package, package_version, None if reason else extension, reason)
+        return found.left_out(_import_problem(entry, problem))
+    # The extensions of this package have its version, so there is nothing to compare.
+    is_own = found.package == DISTRIBUTION
+    reason = _problem_of(extension, entry.value, checks_version=not is_own)
+    return found.left_out(reason) if reason else found._replace(extension=extension)
 
 
-def _problem_of(extension: object, where: str) -> str:
+def _import_problem(entry: EntryPoint, problem: BaseException) -> str:
+    """Say in one line why the object of an entry point cannot be imported."""
+    module = getattr(problem, "name", None) if isinstance(problem, ModuleNotFoundError) else None
+    if module and f"{entry.module}.".startswith(f"{module}."):
+        return f"its module {entry.module} is not installed"
+    return shortened(f"{entry.value} cannot be imported: {type(problem).__name__}: {problem}", 300)
+
+
+def _problem_of(extension: object, where: str, *, checks_version: bool) -> str:
     """Find the reason why an object cannot be used as an extension; empty if it can be used."""
-    from packaging.specifiers import InvalidSpecifier, SpecifierSet  # 0.1 s, only where there is an extension
+    if not isinstance(extension, Extension):
+        return f"{where} is of type {type(extension).__name__}; it must be a simrob_drake.Extension"
+    version_problem = _version_problem(extension.core) if checks_version else ""
+    return version_problem or _malformed_addition(extension)
+
+
+def _version_problem(core: str) -> str:
+    """Find the reason why a version specifier does not fit this version of simrob_drake; empty if it fits."""
+    from packaging.specifiers import InvalidSpecifier, SpecifierSet  # 0.1 s, only for other packages' extensions
 
     from simrob_drake import __version__
 
-    if not isinstance(extension, Extension):
-        return f"{where} is of type {type(extension).__name__}; it must be a simrob_drake.Extension"
     try:
-        fits = SpecifierSet(extension.core).contains(__version__, prereleases=True)
+        fits = SpecifierSet(core).contains(__version__, prereleases=True)
     except InvalidSpecifier:
-        return f"core is {extension.core!r}; it must be a version specifier such as '>=0.1,<0.3'"
-    if not fits:
-        return f"it works with simrob_drake {extension.core}, and this is {__version__}"
-    return _malformed_addition(extension)
+        return f"core is {core!r}; it must be a version specifier such as '>=0.1,<0.3'"
+    return "" if fits else f"it works with simrob_drake {core}, and this is {__version__}"
 
 
 def _malformed_addition(extension: Extension) -> str:
@@ -358,7 +498,28 @@ def _malformed_addition(extension: Extension) -> str:
             module_name, _, attribute = str(target).partition(":")
             if not module_name or not attribute:
                 return f"{described} {name!r} is {target!r}; it must be an import string 'package.module:Name'"
+    for name in extension.commands:
+        above, is_below, _ = name.partition(" ")
+        if is_below and above not in extension.commands:
+            return f"there is no command {above!r} for the command {name!r} below it"
     return ""
+
+
+def _without_missing_needs(found: list[InstalledExtension]) -> list[InstalledExtension]:
+    """Leave out the extensions that need one which is not installed or is itself left out."""
+    usable = {installed.name for installed in found if installed.extension is not None}
+    checked = []
+    for installed in found:
+        needs = installed.extension.needs if installed.extension is not None else ()
+        missing = next((name for name in needs if name not in usable), None)
+        if missing is None:
+            checked.append(installed)
+            continue
+        is_installed = any(other.name == missing for other in found)
+        state = "is left out" if is_installed else "is not installed"
+        checked.append(installed.left_out(f"it needs the extension {missing}, which {state}"))
+    # One that has just been left out may be needed by another.
+    return checked if checked == found else _without_missing_needs(checked)
 
 
 def _without_conflicts(found: list[InstalledExtension]) -> Iterator[InstalledExtension]:
@@ -366,19 +527,23 @@ def _without_conflicts(found: list[InstalledExtension]) -> Iterator[InstalledExt
 
     One that takes a name of an earlier extension is yielded as one that is left out, with this problem.
     """
-    owners = dict[tuple[str, str], str]()  # by extension point and name, the package that adds it
+    packages = dict[str, str]()  # by name of an extension, its package
+    owners = dict[tuple[str, str], Addition]()  # by extension point and name
+    # Names of data are the extension's own business: nobody refers to them.
+    points = [point for point in POINTS if point not in DATA]
     for installed in found:
         if installed.extension is None:  # left out already, so that it takes no names
             yield installed
             continue
-        # Names of folders are the extension's own business: nobody refers to them.
-        points = [point for point in POINTS if point not in FOLDERS]
-        own = {(point, name) for point in points for name in getattr(installed.extension, point)}
-        taken = sorted(own & owners.keys())
+        if installed.name in packages:
+            yield installed.left_out(f"package {packages[installed.name]} has an extension of this name, too")
+            continue
+        own = {(point, addition.name): addition for point in points for addition in installed.additions_at(point)}
+        taken = sorted(own.keys() & owners.keys())
         if taken:
             point, name = taken[0]
-            problem = f"the {POINTS[point]} {name!r} is also one of {owners[point, name]}"
-            yield installed._replace(extension=None, problem=problem)
+            yield installed.left_out(f"the {POINTS[point]} {name!r} is also one of {owners[point, name].owner}")
             continue
-        owners |= dict.fromkeys(own, installed.package)
+        packages[installed.name] = installed.package
+        owners |= own
         yield installed

@@ -8,17 +8,18 @@ from importlib.util import find_spec
 
 from simrob_drake.base.errors import SimrobError
 
-_OWN = "simrob-drake"
+DISTRIBUTION = "simrob-drake"
+"""Name of the distribution of this package, as pip knows it."""
 
 
 def install_line(extra: str) -> str:
     """Return the command that installs what an extra brings, by the packages' names: it works for a checkout, too."""
     try:
-        lines = [line.partition(";") for line in requires(_OWN) or ()]
+        lines = [line.partition(";") for line in requires(DISTRIBUTION) or ()]
     except PackageNotFoundError:  # run from a folder that was not installed
         lines = []
     named = [name.strip() for name, _, where in lines if re.search(rf"extra == ['\"]{extra}['\"]", where)]
-    return " ".join(["pip install", *(f'"{name}"' for name in named or (f"{_OWN}[{extra}]",))])
+    return " ".join(["pip install", *(f'"{name}"' for name in named or (f"{DISTRIBUTION}[{extra}]",))])
 
 
 def lacking(what: str, extra: str) -> str:

@@ -275,3 +275,18 @@ def _checked_matrices(matrices: Vector, name: str) -> Vector:
         bad = int(np.argmin(rigid))
         raise InvalidParameter(f"{name}[{bad}]", matrices[bad].tolist(), "a rotation, a place, and a last row 0 0 0 1")
     return matrices
+
+
+def rotated(quaternions: Vector, vectors: Vector, sense: float = 1.0) -> Vector:
+    r"""Rotate m vectors by unit quaternions: :math:`v + 2 w (u \times v) + 2 u \times (u \times v)`.
+
+    Args:
+        quaternions: w x y z of each rotation, shape (m, 4); u is the vector part.
+        vectors: vectors v, shape (m, 3).
+        sense: 1 for the rotations, -1 for their inverses.
+    """
+    scalar = quaternions[:, :1]
+    axis = sense * quaternions[:, 1:]
+    # Keep the order of the arithmetic: results are compared to the last bit.
+    twice = 2 * np.cross(axis, vectors)
+    return np.asarray(vectors + scalar * twice + np.cross(axis, twice))

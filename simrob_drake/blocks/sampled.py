@@ -211,6 +211,10 @@ class SampledBlock(Block):
         if at_once:
             self.DeclareInitializationDiscreteUpdateEvent(self._sample_early)
 
+    def set_output(self, context: Context, name: str, values: Vector) -> None:
+        """Set an output of ``gives`` in a context of the block. It holds until the next sample."""
+        context.SetDiscreteState(self._output_memory[name], values)
+
     def _declare_delay_line(self, initial: Vector) -> _DelayLine:
         """Declare the groups of the discrete state that delay an output, with its initial value (n,).
 

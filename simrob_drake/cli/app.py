@@ -1,19 +1,16 @@
-"""The application that all commands hang on, how it is run, and what its errors become.
+"""The application to which all commands belong: how it is run, and how it reports errors.
 
-A command is imported when it is called: what is said of all of them, ``simrob --help``, is read in their files.
+A command is imported when it is called; see :mod:`simrob_drake.cli.command_table`.
 """
 
-import ast
 import os
 import sys
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
-from functools import cache
+from contextlib import contextmanager, suppress
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import typer
 from rich.text import Text
@@ -21,93 +18,18 @@ from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import TyperException
 
 import simrob_drake
-from simrob_drake.base.errors import InvalidParameter, SimrobError, shortened
-from simrob_drake.base.extension import additions, load_addition, register_core_names
+from simrob_drake.base.errors import InvalidParameter, SimrobError, UnknownName, shortened
 from simrob_drake.cli import ExitCode
+from simrob_drake.cli.command_table import (
+    CommandEntry,
+    all_commands,
+    command_function,
+    core_commands,
+    extensions_left_out,
+    find_command,
+    subcommand_functions,
+)
 from simrob_drake.cli.screen import Interrupted, console, errors, tell
-
-_MODULES = {
-    **dict.fromkeys(("listing", "stations", "linear", "legged"), "Stations"),
-    **dict.fromkeys(("robots", "teach"), "Robots"),
-    **dict.fromkeys(("sweep", "tune", "pushes"), "Many runs"),
-    **dict.fromkeys(("simulink", "engines"), "Exchange and other engines"),
-    "exercises": "Teaching",
-    "extensions": "Extensions",
-}
-"""Modules of this package with commands, and the title under which the help lists them, in this order."""
-
-_EXTENSION_TITLE = "Commands of extensions"
-
-
-class _Entry(NamedTuple):
-    """A command as it is known before its module is imported.
-
-    Attributes:
-        module: name of the module.
-        title: title of the help under which the command is listed.
-        function: name of the function in the module.
-        help: docstring of the function.
-    """
-
-    module: str
-    title: str
-    function: str
-    help: str
-
-
-@cache
-def _entries() -> dict[str, _Entry]:
-    """Find all commands by name, those of the core first. No module of a command is imported."""
-    return _core_entries() | _extension_entries()
-
-
-def _core_entries() -> dict[str, _Entry]:
-    """Find the commands in the tables ``COMMANDS`` of this package's modules."""
-    found = {}
-    for name, title in _MODULES.items():
-        tree = ast.parse(Path(__file__).with_name(f"{name}.py").read_text(encoding="utf-8"))
-        helps = _docstrings(tree)
-        table = next(node for node in tree.body if isinstance(node, ast.AnnAssign) and _name(node.target) == "COMMANDS")
-        assert isinstance(table.value, ast.Dict)
-        for key, value in zip(table.value.keys, table.value.values, strict=True):
-            function = _name(value)
-            module = f"simrob_drake.cli.{name}"
-            found[str(ast.literal_eval(key or value))] = _Entry(module, title, function, helps[function])
-    return found
-
-
-def _extension_entries() -> dict[str, _Entry]:
-    """Find the commands that installed extensions add."""
-    found = {}
-    for name, addition in additions("commands").items():
-        module, _, function = addition.target.partition(":")
-        found[name] = _Entry(module, _EXTENSION_TITLE, function, _help_of(module, function, addition.package))
-    return found
-
-
-def _help_of(module: str, function: str, package: str) -> str:
-    """Read the docstring of a command's function from the source of its module, which is not imported.
-
-    A sentence with the name of the package takes its place if there is no docstring, or no source that can be read.
-    """
-    try:
-        spec = find_spec(module)
-        source = Path(spec.origin).read_text(encoding="utf-8") if spec and spec.origin else ""
-        return _docstrings(ast.parse(source)).get(function, f"A command of {package}.")
-    except (ImportError, OSError, SyntaxError, ValueError):
-        return f"A command of {package}, which cannot be read: see `simrob extensions`."
-
-
-def _docstrings(tree: ast.Module) -> dict[str, str]:
-    """Docstrings of the functions of a module, by name."""
-    return {node.name: ast.get_docstring(node) or "" for node in tree.body if isinstance(node, ast.FunctionDef)}
-
-
-register_core_names("commands", _core_entries)
-
-
-def _name(node: ast.expr) -> str:
-    return node.id if isinstance(node, ast.Name) else ""
 
 
 def _typer(**more: Any) -> typer.Typer:
@@ -138,52 +60,76 @@ class _Group(TyperGroup):
 
 
 class _Commands(_Group):
-    """The commands; typer alone would leave without a word when a user interrupts one."""
+    """All commands, which typer knows by name and help alone until one is called."""
 
     def __init__(self, **options: Any) -> None:
-        """Know the names and helps of the commands alone."""
-        named = {
-            name: TyperCommand(name, help=entry.help, rich_help_panel=entry.title) for name, entry in _entries().items()
-        }
+        """Begin with the commands of the core. Those of extensions are added when they are asked for."""
+        named = {name: _named_command(name, entry) for name, entry in core_commands().items()}
         super().__init__(**{**options, "commands": named})
 
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Names of all commands in the order of the help."""
+        self._add_extensions()
+        return list(all_commands())
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Find a command by name. Returns None if there is none."""
+        if cmd_name not in self.commands:
+            self._add_extensions()
+        return super().get_command(ctx, cmd_name)
+
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Return the command that is called, whole."""
-        name, command, rest = super().resolve_command(ctx, args)
+        """Find the command that is called, with its options.
+
+        The message for an unknown command also names the extensions that are left out: one of them may have it.
+        """
+        try:
+            name, command, rest = super().resolve_command(ctx, args)
+        except TyperException as problem:
+            if left_out := extensions_left_out():
+                names = ", ".join(left_out)
+                problem.message += f" Extensions that are left out: {names}; simrob extensions says why."
+            raise
         return name, command and whole_command(str(name)), rest
 
     def invoke(self, ctx: Any) -> Any:
+        """Run the command that is called. Typer alone would leave without a message on an interrupt by the user."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
             raise Interrupted("interrupted") from None
 
+    def _add_extensions(self) -> None:
+        """Add the commands of extensions."""
+        for name, entry in all_commands().items():
+            if name not in self.commands:
+                self.commands[name] = _named_command(name, entry)
+
+
+def _named_command(name: str, entry: CommandEntry) -> TyperCommand:
+    """Make a command for lists: with name, help and title, without a function."""
+    return TyperCommand(name, help=entry.help, rich_help_panel=entry.title)
+
 
 def whole_command(name: str) -> Any:
-    """Return a command of ``simrob`` by its name, with all of its options."""
-    entry = _entries()[name]
+    """Make a command of ``simrob``, with all of its options and the commands below it.
+
+    Raises:
+        BrokenExtension: an extension adds the command, and it cannot be imported.
+    """
+    entry = find_command(name)
+    if entry is None:
+        raise UnknownName("command", name, all_commands())
     alone = _typer(add_completion=False)
-    function = _function_of(name, entry)
-    parts = getattr(import_module(entry.module), "SUBCOMMANDS", {}).get(name, {})
-    if parts:
+    function = command_function(entry)
+    below = subcommand_functions(name)
+    if below:
         alone.callback(cls=_Group, no_args_is_help=True)(function)
-        for part, own in parts.items():
-            alone.command(part, cls=_Command)(own)
+        for subcommand, own_function in below.items():
+            alone.command(subcommand, cls=_Command)(own_function)
     else:
         alone.command(name, cls=_Command)(function)
     return typer.main.get_command(alone)
-
-
-def _function_of(name: str, entry: _Entry) -> Any:
-    """Import the function of a command.
-
-    Raises:
-        BrokenExtension: an extension adds the command, and its function cannot be imported.
-    """
-    addition = additions("commands").get(name)
-    if addition is not None:
-        return load_addition(addition)
-    return getattr(import_module(entry.module), entry.function)
 
 
 app = _typer(
@@ -195,9 +141,14 @@ app = _typer(
 
 
 def load(arguments: list[str]) -> None:
-    """Import what the command of some arguments needs."""
-    if arguments and (entry := _entries().get(arguments[0])):
-        import_module(entry.module)
+    """Import the module of the command that the arguments call.
+
+    A problem is not reported here: it occurs again, and is reported, when the command is run.
+    """
+    entry = find_command(arguments[0]) if arguments else None
+    if entry is not None:
+        with suppress(Exception, SystemExit):  # a module of another package may raise anything
+            import_module(entry.module)
 
 
 def run_command(arguments: list[str]) -> int:

@@ -1,14 +1,14 @@
-"""What the arguments and options of a command ask for, those that would do nothing, and files that others take."""
+"""What the arguments and options of a command ask for, and those that would do nothing."""
 
 from collections.abc import Iterator, Mapping
-from os.path import isdir, isfile  # which are false for names that no file can have
 from pathlib import Path
 from typing import Any
 
-from simrob_drake.base.errors import InvalidConfig, InvalidParameter, OutputError, Unsuitable
+from simrob_drake.base.errors import InvalidParameter, OutputError, Unsuitable
+from simrob_drake.base.packages import Border
 from simrob_drake.base.yaml_files import YAML_SUFFIXES, parse_yaml, read_yaml
-from simrob_drake.importer.options import ImportOptions
-from simrob_drake.importer.packages import Border
+from simrob_drake.cli.other_files import refuse_other
+from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.located import located
@@ -89,27 +89,3 @@ def check_file(file: Path, *, force: bool) -> None:
     """Check that a file may be written; raises OutputError: it exists and is not to be replaced."""
     if file.exists() and not force:
         raise OutputError(f"{file} exists already; choose another file or replace it with --force")
-
-
-_READ = "stations and programs are read from .yaml, robots from .urdf, .xacro, .xml and .sdf, models from .slx"
-
-
-def refuse_other(text: str) -> None:
-    """Say what a file or a folder is, and what takes it, if that is known and no station does.
-
-    Raises InvalidConfig: that, or a YAML file that cannot be read.
-    """
-    file = Path(text)
-    if not isdir(file) and not isfile(file):
-        return
-    others = read_yaml(Path(__file__).with_name("others.yaml"))
-    if isdir(file):
-        known = next((known for name, known in others["folders"].items() if isfile(file / name)), None)
-    elif file.suffix.lower() in YAML_SUFFIXES:
-        keys = read_yaml(file).keys()
-        known = next((known for needed, known in others["keys"] if keys >= {*needed}), None)
-    elif (known := others["endings"].get(file.suffix.lower())) is None:
-        raise InvalidConfig(file, "", f"is neither a station nor a robot; {_READ}")
-    if known is not None:
-        remedy = known.format(file=file, name=file.name, folder=file.parent)
-        raise InvalidConfig(file, "", f"is no station but {remedy}")

@@ -3,29 +3,30 @@
 import json
 from collections.abc import Callable
 from importlib import import_module
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.text import Text
 
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.extension import (
     FOLDERS,
     POINTS,
-    Addition,
-    BrokenExtension,
     Extension,
     InstalledExtension,
-    addition_folder,
+    addition_path,
     check_addition,
     core_names,
     installed_extensions,
 )
 from simrob_drake.base.files import hidden_models
 from simrob_drake.cli import ExitCode
+from simrob_drake.cli.other_files import read_descriptions
 from simrob_drake.cli.screen import console, table
 
 _REGISTRIES = {
-    "commands": "simrob_drake.cli.app",
+    "commands": "simrob_drake.cli.command_table",
     "sensors": "simrob_drake.parts.sensors",
     "monitors": "simrob_drake.parts.monitors",
     "references": "simrob_drake.parts.references",
@@ -36,6 +37,9 @@ _REGISTRIES = {
     "gaits": "simrob_drake.programs.gaits.registry",
     "inverse_kinematics": "simrob_drake.kinematics.registry",
     "measures": "simrob_drake.results.verdict.judge",
+    "engines": "simrob_drake.stations.solver_config",
+    "importers": "simrob_drake.importer.importer",
+    "exporters": "simrob_drake.programs.exporter",
 }
 """Modules that register the core's names at the extension points. They are imported only if an extension uses them."""
 
@@ -53,7 +57,7 @@ def extensions(
     # A list in the order of the extensions: one package may announce several of them.
     problems = [_problems(entry, is_thorough=check) for entry in installed]
     rows = [_row(entry, found) for entry, found in zip(installed, problems, strict=True)]
-    console.print(table(("package", "version", "adds"), *rows, numbers=False))
+    console.print(table(("extension", "package", "version", "adds"), *rows, numbers=False))
     # Without --check problems are only shown: the other extensions work in spite of them.
     return ExitCode.BAD_INPUT if check and any(problems) else ExitCode.DONE
 
@@ -74,10 +78,12 @@ def _problems(entry: InstalledExtension, *, is_thorough: bool) -> list[str]:
     if not is_thorough:
         return problems
     for point in POINTS:
-        for name, target in getattr(entry.extension, point).items():
+        for addition in entry.additions_at(point):
             try:
-                check_addition(point, Addition(name, entry.package, target))
-            except BrokenExtension as problem:
+                check_addition(point, addition)
+                if point == "other_files":
+                    read_descriptions(Path(str(addition_path(addition))))
+            except SimrobError as problem:
                 problems.append(str(problem))
     return problems
 
@@ -102,22 +108,22 @@ def _hidden_models(entry: InstalledExtension) -> list[str]:
     """Find the robots, pieces and stations of an extension that nobody can use, since others have their names."""
     problems = []
     for point in FOLDERS:
-        for name, target in getattr(entry.extension, point).items():
-            folder = addition_folder(Addition(name, entry.package, target))
-            hidden = [] if folder is None else hidden_models(point, folder)
+        for addition in entry.additions_at(point):
+            folder = addition_path(addition)
+            hidden = hidden_models(point, folder) if folder is not None and folder.is_dir() else []
             problems += [f"{model!r} of its {point} is hidden by another one of this name" for model in hidden]
     return problems
 
 
-def _row(entry: InstalledExtension, problems: list[str]) -> tuple[str, str, Text]:
-    """Make the row of an extension: package, version, and what it adds, with its problems in red below."""
+def _row(entry: InstalledExtension, problems: list[str]) -> tuple[str, str, str, Text]:
+    """Make the row of an extension: name, package, version, and what it adds, with its problems in red below."""
     lines = [] if entry.extension is None else _added_lines(entry.extension)
     text = Text("\n".join(lines))
     for problem in problems:
         if text:
             text.append("\n")
         text.append(("left out: " if entry.extension is None else "broken: ") + problem, style="red")
-    return entry.package, entry.version, text
+    return entry.name, entry.package, entry.version, text
 
 
 def _added_lines(extension: Extension) -> list[str]:

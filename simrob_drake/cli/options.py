@@ -1,7 +1,7 @@
 """The arguments and options that several commands share, each with its help."""
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, fields
 from functools import wraps
 from pathlib import Path
@@ -10,12 +10,13 @@ from typing import Annotated, Any, Literal, get_args, get_type_hints
 import typer
 from pydantic.fields import FieldInfo
 
+from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.files import station_files
+from simrob_drake.base.packages import MESH_PATH_VARIABLE, granting
 from simrob_drake.base.sections import Pose, field_texts, validated
-from simrob_drake.importer.options import ImportOptions
-from simrob_drake.importer.packages import MESH_PATH_VARIABLE, granting
 from simrob_drake.results.files import Saved
 from simrob_drake.results.plots.formats import PlotFormat
+from simrob_drake.robots.imports import ImportOptions
 
 
 def completed_station(typed: str) -> list[str]:
@@ -90,20 +91,22 @@ class Saving:
 
 
 @dataclass(frozen=True)
-class RapidOptions:
-    """Where a RAPID program is done, and what its signals mean."""
+class LanguageOptions:
+    """How a program in the language of a robot, such as RAPID, is done."""
 
     robot: Annotated[
-        str | None, typer.Option(metavar="ROBOT", help="Who does a RAPID program: a robot, alone, or one of --on.")
+        str | None, typer.Option(metavar="ROBOT", help="Robot that does a RAPID module: alone, or one of --on.")
     ] = None
-    on: Annotated[str | None, typer.Option("--on", metavar="STATION", help="Where a RAPID program is done.")] = None
+    on: Annotated[
+        str | None, typer.Option("--on", metavar="STATION", help="Station on which a RAPID module is done.")
+    ] = None
     io: Annotated[
-        Path | None, typer.Option("--io", metavar="FILE", help="A table of what the signals of a RAPID program mean.")
+        Path | None, typer.Option("--io", metavar="FILE", help="Table of what the signals of a RAPID module mean.")
     ] = None
-    cycles: Annotated[int, typer.Option(min=1, help="How often WHILE TRUE of a RAPID program is done.")] = 1
+    cycles: Annotated[int, typer.Option(min=1, help="Repetitions of WHILE TRUE in a RAPID module.")] = 1
     check: Annotated[
         Literal["collision", "limits", "nothing"],
-        typer.Option(help="What is looked at before each move of a RAPID program beside its reach."),
+        typer.Option(help="What is checked before each move of a RAPID module, in addition to the reach."),
     ] = "collision"
     allow_losses: Annotated[
         bool, typer.Option("--allow-losses", help="Take a RAPID or Simulink import though parts of it are lost.")
@@ -131,7 +134,67 @@ def with_group(group: type[Any], name: str) -> Callable[[Callable[..., Any]], Ca
 
 
 with_saving = with_group(Saving, "saving")  # give a command the options of :class:`Saving`
-with_rapid = with_group(RapidOptions, "rapid")  # give a command those of :class:`RapidOptions`
+with_language = with_group(LanguageOptions, "language")  # give a command those of :class:`LanguageOptions`
+
+
+@dataclass(frozen=True)
+class ChosenOptions:
+    """Values of the options of several groups, such as those of all importers. A command uses one of the groups.
+
+    Attributes:
+        groups: dataclasses whose fields are the options, by the condition under which they may be given.
+        values: value of each option by the name of its field.
+    """
+
+    groups: Mapping[str, type[Any]]
+    values: Mapping[str, Any]
+
+    def of(self, group: type[Any]) -> Any:
+        """Make an object of a group from the values of its options."""
+        return group(**{field.name: self.values[field.name] for field in fields(group)})
+
+    def refuse_all_but(self, groups: Collection[type[Any]]) -> None:
+        """Check that no option is given that belongs to none of some groups.
+
+        Raises:
+            InvalidParameter: such an option is given; the message says when it may be.
+        """
+        allowed = {field.name for group in groups for field in fields(group)}
+        for condition, other in self.groups.items():
+            for field in fields(other):
+                is_given = self.values[field.name] != field.default
+                if is_given and field.name not in allowed:
+                    raise InvalidParameter(f"--{field.name.replace('_', '-')}", "given", condition)
+
+
+def with_groups(groups: Mapping[str, type[Any]], name: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Make a decorator that gives a command the options of several dataclasses; it takes :class:`ChosenOptions`.
+
+    A field that two dataclasses share is one option of both.
+
+    Args:
+        groups: the dataclasses, by the condition under which their options may be given.
+        name: parameter of the command that takes the chosen options.
+    """
+    parameters = dict[str, inspect.Parameter]()
+    for group in groups.values():
+        hints = get_type_hints(group, include_extras=True)
+        for field in fields(group):
+            parameter = inspect.Parameter(
+                field.name, inspect.Parameter.KEYWORD_ONLY, default=field.default, annotation=hints[field.name]
+            )
+            parameters.setdefault(field.name, parameter)
+
+    def with_options(command: Callable[..., Any]) -> Callable[..., Any]:
+        @wraps(command)
+        def called(**arguments: Any) -> Any:
+            values = {field: arguments.pop(field) for field in parameters}
+            return command(**arguments, **{name: ChosenOptions(groups, values)})
+
+        vars(called)["__signature__"] = _signature(command, name, list(parameters.values()))
+        return called
+
+    return with_options
 
 
 def _signature(command: Callable[..., Any], name: str, instead: list[inspect.Parameter]) -> inspect.Signature:

@@ -1,4 +1,4 @@
-"""Programs from the command line, of arms, of legged robots and of RAPID: run, checked, imported, exported."""
+"""Programs from the command line, of arms, of legged robots and in languages of robots: run, checked, imported."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError
+from simrob_drake.base.extension import code_of_extension
 from simrob_drake.base.folders import written_at_once
+from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.cli import ExitCode
-from simrob_drake.cli.arguments import changes_of, check_file, is_program_file, refuse, station_from
-from simrob_drake.cli.options import RapidOptions, Saving
+from simrob_drake.cli.arguments import changes_of, check_file, refuse, station_from
+from simrob_drake.cli.options import LanguageOptions, Saving
 from simrob_drake.cli.saving import Frames, done_in_workcell, way_of
 from simrob_drake.cli.screen import errors, say
+from simrob_drake.importer.importer import CORE_SUFFIXES, load_importer
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.findings import Finding
@@ -22,9 +25,9 @@ from simrob_drake.stations.load import bare_station, station_yaml
 from simrob_drake.stations.located import located_station
 
 if TYPE_CHECKING:  # few commands need programs, which load scipy
-    from simrob_drake.extensions.rapid.importing import Imported
     from simrob_drake.programs.arm import Workcell
     from simrob_drake.programs.program import Program
+    from simrob_drake.programs.program_importer import ImportedProgram, ProgramImporter
 
 
 def run_program(
@@ -101,39 +104,65 @@ def check_program(program: Program, config: StationConfig, file: str = "") -> Fi
     return Finding("note", "program", message)
 
 
-_SUFFIXES = (".mod", ".modx", ".prg", ".sys", ".sysx", ".pgf")
+def is_language_file(file: Path | str) -> bool:
+    """Whether a file holds a program in the language of a robot, such as RAPID."""
+    return program_importer(file) is not None
 
 
-def is_rapid_file(file: Path | str) -> bool:
-    """Tell whether a file is a RAPID module or a list of them."""
-    return Path(file).suffix.lower() in _SUFFIXES
+def program_importer(file: Path | str) -> ProgramImporter | None:
+    """Find the importer of a program in the language of a robot. Returns None if the file is something else.
+
+    Raises:
+        BrokenExtension: the importer cannot be used.
+        MissingExtension: an extension of this project imports such files, and it is missing.
+    """
+    suffix = Path(file).suffix.lower()
+    if suffix in ("", *YAML_SUFFIXES, *CORE_SUFFIXES):  # most stations: no extension is looked for
+        return None
+    importer = load_importer(suffix)
+    from simrob_drake.programs.program_importer import ProgramImporter
+
+    return importer if isinstance(importer, ProgramImporter) else None
 
 
-def refuse_rapid(options: RapidOptions) -> bool:
-    """Refuse options of RAPID where there is none, and return what else `--allow-losses` is for."""
-    chosen = {name: value for name, value in asdict(options).items() if value != getattr(RapidOptions(), name)}
+def refuse_language(options: LanguageOptions) -> bool:
+    """Refuse options of programs in the language of a robot where there is none.
+
+    Returns:
+        whether losses of an import are allowed: importers of other files have this option, too.
+
+    Raises:
+        InvalidParameter: such an option is given.
+    """
+    defaults = LanguageOptions()
+    chosen = {name: value for name, value in asdict(options).items() if value != getattr(defaults, name)}
     allow_losses = bool(chosen.pop("allow_losses", False))
     refuse("given with a RAPID module", **chosen)
     return allow_losses
 
 
-def module_program(
-    file: Path, options: RapidOptions, set_: list[str] | None
+def language_program(
+    file: Path, options: LanguageOptions, set_: list[str] | None
 ) -> tuple[Program, StationConfig, Mapping[int, str]]:
-    """Return the program of a RAPID module, the station on which it is done, and the lines of its moves.
+    """Read a program in the language of a robot, to be run.
 
-    Raises SimrobError: what is wrong or not understood, unless losses are allowed; names the file and the line.
+    Returns:
+        the program, the station on which it is done, and the lines of its moves.
+
+    Raises:
+        SimrobError: the program is wrong, or lines are not understood and losses are not allowed.
     """
     imported, config = _imported(file, options, set_)
-    _tell(imported)
-    if imported.lost and not options.allow_losses:
-        more = f", and {len(imported.lost) - 1} more" if len(imported.lost) > 1 else ""
-        raise SimrobError(f"{imported.lost[0]}{more}; nothing moved: --allow-losses runs it without")
+    _tell_remarks(imported)
+    losses = imported.losses
+    if losses and not options.allow_losses:
+        more = f", and {len(losses) - 1} more" if len(losses) > 1 else ""
+        raise SimrobError(f"{losses[0]}{more}; nothing moved: --allow-losses runs it without")
     return imported.program, config, imported.lines
 
 
-def import_module(file: Path, out: Path | None, options: RapidOptions, *, force: bool) -> ExitCode:
-    """Write the program of a RAPID module, and the station of a robot alone beside it."""
+def import_program(file: Path, out: Path | None, options: LanguageOptions, *, force: bool) -> ExitCode:
+    """Write a program in the language of a robot as YAML, and the station of the robot if it is alone."""
     target = out or Path(f"{file.stem}.yaml")
     station = target.with_name(f"{target.stem}_station.yaml")
     written = [target] if options.on else [target, station]
@@ -143,59 +172,41 @@ def import_module(file: Path, out: Path | None, options: RapidOptions, *, force:
     written_at_once(target, imported.program.on(options.on or station.name).text())
     if options.on is None:
         written_at_once(station, station_yaml(config))
-    _tell(imported)
-    say(f"program {target}: {imported.time:.3f} s")
+    _tell_remarks(imported)
+    say(f"program {target}: {imported.duration:.3f} s")
     say(f"next    simrob run {target}")
-    if imported.lost and not options.allow_losses:
-        errors.print(f"lost: {len(imported.lost)} lines; --allow-losses takes the program as it is", highlight=False)
+    losses = imported.losses
+    if losses and not options.allow_losses:
+        errors.print(f"lost: {len(losses)} lines; --allow-losses takes the program as it is", highlight=False)
         return ExitCode.BEYOND
     return ExitCode.DONE
 
 
-def export_program(
-    file: str, set_: list[str] | None, rapid: Path | None, urscript: Path | None, *, force: bool
-) -> None:
-    """Write a program as a RAPID module, with a table of its signals beside it, and as URScript.
+def _imported(file: Path, options: LanguageOptions, set_: list[str] | None) -> tuple[ImportedProgram, StationConfig]:
+    """Read a program in the language of a robot, and find the station on which it is done.
 
-    Raises SimrobError: no program, or one that cannot be done or said.
+    Raises:
+        SimrobError: neither a robot nor a station is named, or the program cannot be read.
     """
-    from simrob_drake.extensions.rapid.exporting import ExportedProgram, rapid_text, urscript_text
-    from simrob_drake.programs.arm import Workcell
+    from simrob_drake.programs.program_importer import ProgramRequest
 
-    if not is_program_file(file):
-        raise InvalidConfig(file, "", "is no program: --rapid and --urscript write the moves of one")
-    program, config = program_from(file, set_)
-    steps = ExportedProgram.of(program, Workcell(config), file)
-    texts: dict[Path, str] = {}
-    if rapid is not None:
-        texts[rapid], table = rapid_text(steps, rapid.stem)
-        if table:
-            texts[rapid.with_name(f"{rapid.stem}_io.yaml")] = table
-    if urscript is not None:
-        texts[urscript] = urscript_text(steps, urscript.stem)
-    for target in texts:
-        check_file(target, force=force)
-    for target, text in texts.items():
-        written_at_once(target, text)
-        say(f"written {target}")
-    for remark in steps.remarks:
-        say(remark)
-
-
-def _imported(file: Path, options: RapidOptions, set_: list[str] | None) -> tuple[Imported, StationConfig]:
-    from simrob_drake.extensions.rapid.importing import import_rapid
-
+    importer = program_importer(file)
+    assert importer is not None  # the caller has looked
     if options.on is None and options.robot is None:
         raise InvalidParameter("--robot", "missing", "who does it, as --robot irb120; or --on a station")
+    robot = None
     if options.on is not None:
-        config, robot = station_from(options.on, set_), options.robot
+        config = station_from(options.on, set_)
+        robot = options.robot
     else:
-        config, robot = bare_station(str(options.robot), changes_of(set_, "--set")), None
-    imported = import_rapid(file, config, robot=robot, signals=options.io, cycles=options.cycles, check=options.check)
-    return imported, config
+        config = bare_station(str(options.robot), changes_of(set_, "--set"))
+    request = ProgramRequest(config=config, robot=robot, signals=options.io, cycles=options.cycles, check=options.check)
+    with code_of_extension(importer.owner, f"the importer of {file.suffix}"):
+        return importer.read_program(file, request), config
 
 
-def _tell(imported: Imported) -> None:
+def _tell_remarks(imported: ImportedProgram) -> None:
+    """Show the remarks about lines of an imported program."""
     for remark in imported.remarks:
-        mark = "lost " if remark.lost else ""
-        say(f"{mark}{remark}")
+        mark = "lost " if remark.is_lost else ""
+        say(f"{mark}{remark.text}")

@@ -1,4 +1,4 @@
-"""The commands about robots: import, view, station, legged."""
+"""The commands about robots: import, view, station."""
 
 import shlex
 from collections.abc import Callable, Iterable
@@ -8,32 +8,33 @@ from typing import Annotated, Any
 import typer
 from rich.text import Text
 
-from simrob_drake.base.errors import InvalidParameter, SimrobError
+from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.folders import written_at_once
+from simrob_drake.base.packages import package_root, resolved
 from simrob_drake.cli import ExitCode
-from simrob_drake.cli.arguments import check_file, refuse_import
-from simrob_drake.cli.options import FileArgument, Force, RapidOptions, with_import_options, with_rapid
-from simrob_drake.cli.programs import import_module, is_rapid_file, refuse_rapid
-from simrob_drake.cli.screen import console, errors, say
-from simrob_drake.cli.simulink import (
-    ModelImport,
-    import_model,
-    is_model_file,
-    model_options,
-    refuse_model,
-    with_model_import,
+from simrob_drake.cli.arguments import check_file, refuse, refuse_import
+from simrob_drake.cli.importers import import_with, importer_request, other_importer, with_importer_options
+from simrob_drake.cli.options import (
+    ChosenOptions,
+    FileArgument,
+    Force,
+    LanguageOptions,
+    with_import_options,
+    with_language,
 )
+from simrob_drake.cli.programs import import_program, is_language_file, refuse_language
+from simrob_drake.cli.screen import console, errors, say
 from simrob_drake.cli.tables import payload_lines, report_table, robot_table
 from simrob_drake.importer.importing import ImportedRobot, default_folder, examine_robot, import_robot, robot_from_file
-from simrob_drake.importer.options import ImportOptions
-from simrob_drake.importer.packages import is_robot_file, package_root, resolved
+from simrob_drake.importer.robot_files import is_robot_file
 from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
 from simrob_drake.robots.description_files import is_description_file
+from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.stations.draft import draft_station
 
 
-@with_rapid
-@with_model_import
+@with_language
+@with_importer_options("options_class")
 @with_import_options()
 def import_file(
     *,
@@ -48,8 +49,8 @@ def import_file(
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="A variable of a Simulink model; may be given often."),
     ] = None,
-    reading: ModelImport,
-    rapid: RapidOptions,
+    importer_options: ChosenOptions,
+    language: LanguageOptions,
 ) -> ExitCode:
     """Make a published robot, a Simulink model, a CAD assembly or a RAPID program run, and tell all that was done.
 
@@ -61,15 +62,18 @@ def import_file(
 
         simrob import Module.mod --robot irb120
     """
-    if is_rapid_file(file):
+    if is_language_file(file):
         refuse_import("left out with a RAPID program", options)
-        refuse_model(reading, set=set_)
-        return import_module(file, out, rapid, force=force)
-    allow_losses = refuse_rapid(rapid)
-    if is_model_file(file):
-        read = model_options(options, reading, set_)
-        return import_model(file, out, read, force=force, allow_losses=allow_losses)
-    refuse_model(reading, set=set_, allow_losses=allow_losses)
+        importer_options.refuse_all_but([])
+        refuse("given with a Simulink model only", set=set_)
+        return import_program(file, out, language, force=force)
+    allow_losses = refuse_language(language)
+    importer = other_importer(file)
+    if importer is not None:
+        request = importer_request(importer, "options_class", importer_options, options, set_, out=out, force=force)
+        return import_with(importer, file, request, allow_losses=allow_losses)
+    importer_options.refuse_all_but([])
+    refuse("given with a Simulink model only", set=set_, allow_losses=allow_losses)
     folder = out or default_folder(file)
     with errors.status(Text(f"importing {file}")):
         imported = import_robot(file, folder, options, force=force)
@@ -145,45 +149,6 @@ def station(
     say(f"        simrob run {target}{leave}")
 
 
-@with_import_options("mesh_path", "collision", "estimate_inertia", "xacro_arg", "drop_loops")
-def legged(
-    *,
-    file: FileArgument,
-    out: Annotated[Path | None, typer.Option(help="Folder of the result; NAME_legged unless given.")] = None,
-    tune: Annotated[
-        float, typer.Option(min=0, metavar="MINUTES", help="Search for better figures that long, and prove them.")
-    ] = 0.0,
-    options: ImportOptions | None,
-    force: Force = False,
-) -> ExitCode:
-    """Make a robot on legs ready to stand and to walk: robot, gait, stations and a report, from its tree alone.
-
-    What cannot be done is told in a line, and the parts that could be are kept.
-
-    For example:
-
-        simrob legged robot.urdf --out robots/robot
-
-        simrob legged robot.urdf --out robots/robot --tune 20
-    """
-    from simrob_drake.extensions.legged.making import WALK, make_legged  # loads what runs stations
-    from simrob_drake.extensions.legged.report import REPORT
-    from simrob_drake.extensions.legged.tuning import tune_walk
-
-    folder = out or Path(f"{file.stem}_legged")
-    with errors.status(Text(f"making and trying {file}")):
-        made = make_legged(file, folder, options, force=force)
-    for line in (*made.found, *made.assumed, *(f"{one.trial}: {one.outcome}" for one in made.attempts)):
-        say(line)
-    say(f"report  {folder / REPORT}")
-    if made.problem:
-        raise SimrobError(f"{made.problem.rstrip('.')}. What could be done is in {folder}")
-    say(f"next    simrob run {folder / WALK}")
-    for sentence in tune_walk(folder, tune) if tune else ():
-        say(sentence)
-    return ExitCode.DONE
-
-
 def _leave_to_read(station: Path, places: Iterable[Path]) -> str:
     """Return the options that let a station read files and folders that lie outside of its own package."""
     own = package_root(resolved(station))
@@ -196,4 +161,4 @@ def _tell(imported: ImportedRobot) -> None:
     say(f"{imported.report.source.name}: {imported.report.summary()}")
 
 
-COMMANDS: dict[str, Callable[..., Any]] = {"import": import_file, "view": view, "station": station, "legged": legged}
+COMMANDS: dict[str, Callable[..., Any]] = {"import": import_file, "view": view, "station": station}

@@ -1,4 +1,4 @@
-"""The commands about stations: run, check, diagram."""
+"""The commands that run and draw stations: demo, run, diagram."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -8,54 +8,38 @@ import typer
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.cli import ExitCode
-from simrob_drake.cli.arguments import check_file, is_program_file, refuse, refuse_import, station_from
+from simrob_drake.cli.arguments import check_file, is_program_file, refuse, station_from
 from simrob_drake.cli.options import (
     AllowCode,
     Force,
-    RapidOptions,
+    LanguageOptions,
     Saving,
     Settings,
     StationArgument,
     completed_station,
-    with_import_options,
+    with_language,
     with_mesh_path,
-    with_rapid,
     with_saving,
 )
 from simrob_drake.cli.programs import (
-    check_program,
-    is_rapid_file,
-    module_program,
+    is_language_file,
+    language_program,
     own_program,
     program_from,
-    refuse_rapid,
+    refuse_language,
     run_program,
 )
-from simrob_drake.cli.robots import examine_file, show_robot
 from simrob_drake.cli.saving import Frames, exit_code, prepared_folder, saved, wait_for_watcher
 from simrob_drake.cli.screen import console, say
-from simrob_drake.cli.simulink import (
-    ModelReading,
-    examine_model,
-    is_model_file,
-    model_options,
-    refuse_model,
-    with_model_reading,
-)
-from simrob_drake.cli.tables import convergence_table, findings_table
-from simrob_drake.importer.options import ImportOptions
-from simrob_drake.importer.packages import is_robot_file
+from simrob_drake.cli.tables import convergence_table
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.robots.catalog import load_robot, load_robot_file, robot_names
-from simrob_drake.robots.description_files import is_description_file
-from simrob_drake.simulation import Runner, simulate
-from simrob_drake.stations.checks import check_station
+from simrob_drake.simulation import simulate
 from simrob_drake.stations.config import StationConfig
 
 
 @with_mesh_path
 @with_saving
-@with_rapid
+@with_language
 def run(
     *,
     station: Annotated[
@@ -76,7 +60,7 @@ def run(
         bool, typer.Option("--converge", help="Run again ten times tighter and print the difference.")
     ] = False,
     allow_code: AllowCode = False,
-    rapid: RapidOptions,
+    language: LanguageOptions,
 ) -> int:
     """Run a station, or a program on the station that it names, and save signals, plots and a recording.
 
@@ -91,11 +75,11 @@ def run(
         simrob run Module.mod --robot irb120
     """
     shown = _frames(frames)
-    if is_rapid_file(station):
+    if is_language_file(station):
         refuse("left out with a program", duration=duration, converge=converge, allow_code=allow_code)
-        program, config, lines = module_program(Path(station), rapid, set_)
+        program, config, lines = language_program(Path(station), language, set_)
         return run_program(program, config, saving, shown, lines=lines)
-    refuse_rapid(rapid)
+    refuse_language(language)
     if is_program_file(station):
         refuse("left out with a program", duration=duration, converge=converge, allow_code=allow_code)
         program, config = program_from(station, set_)
@@ -122,55 +106,6 @@ def demo(
     saving = Saving(out=out, force=True)
     folder = prepared_folder(config, saving)
     return saved(_simulated(config, live=False), folder, saving)
-
-
-@with_model_reading
-@with_import_options("mesh_path", "estimate_inertia", "xacro_arg", "drop_loops")
-def check(
-    *,
-    station: Annotated[
-        str,
-        typer.Argument(
-            metavar="STATION|ROBOT|FILE",
-            help="A station, a program, a robot or its file, a Simulink model, or a CAD assembly.",
-        ),
-    ],
-    set_: Settings = None,
-    options: ImportOptions | None,
-    allow_code: AllowCode = False,
-    reading: ModelReading,
-) -> None:
-    """Say before any run what will go wrong in a station, what a robot can carry, or what an import would do."""
-    if is_model_file(station):
-        examine_model(Path(station), model_options(options, reading, set_))
-        return
-    refuse_model(reading)
-    choices = options and options.model_copy(update={"mesh_path": ()})
-    if is_program_file(station):
-        refuse_import("left out with a program: it goes with a robot's file", choices)
-        refuse("left out with a program", allow_code=allow_code)
-        program, config = program_from(station, set_)
-        console.print(findings_table([check_program(program, config, station)]))
-        return
-    if is_robot_file(station):
-        refuse("left out with a robot's file: it changes stations", set=set_, allow_code=allow_code)
-        examine_file(Path(station), options)
-        return
-    if is_description_file(station):
-        refuse("left out with a robot's file: it changes stations", set=set_, allow_code=allow_code)
-        refuse_import("left out with a robot's description: it is no import", options)
-        show_robot(load_robot_file(station))
-        return
-    if station in robot_names():
-        refuse("left out with a robot: it changes stations", set=set_, allow_code=allow_code)
-        refuse_import("left out with a robot of the package: it is no import", options)
-        show_robot(load_robot(station))
-        return
-    refuse_import("left out with a station: it goes with a robot's file", choices)
-    config = station_from(station, set_, allow_code=allow_code)
-    Runner(config).check()
-    own = [] if config.program is None else [check_program(own_program(config), config)]
-    console.print(findings_table([*check_station(config), *own]))
 
 
 @with_mesh_path
@@ -221,7 +156,7 @@ def _simulated(config: StationConfig, live: bool) -> SimulationResult:
 
 def _converged(result: SimulationResult) -> ExitCode:
     """Show the difference to a tighter run, and return the exit code of that."""
-    if result.config.mode == "kinematic":
+    if not result.config.engine.moves_by_forces:
         console.print("a kinematic station has no solver: nothing to converge")
         return ExitCode.DONE
     tight = simulate(result.config.model_copy(update={"solver": result.config.solver.tighter()}))
@@ -229,4 +164,4 @@ def _converged(result: SimulationResult) -> ExitCode:
     return exit_code(tight)
 
 
-COMMANDS: dict[str, Callable[..., Any]] = {"demo": demo, "run": run, "check": check, "diagram": diagram}
+COMMANDS: dict[str, Callable[..., Any]] = {"demo": demo, "run": run, "diagram": diagram}

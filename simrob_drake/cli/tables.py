@@ -1,7 +1,5 @@
 """What the command line shows: results, findings and robots as tables."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from rich.table import Table
 from rich.text import Text
@@ -10,14 +8,11 @@ from simrob_drake.base.errors import listed
 from simrob_drake.base.frames import Vector
 from simrob_drake.cli.screen import table
 from simrob_drake.dynamics import Dynamics
-from simrob_drake.importer.options import ENTRY_KINDS, EntryKind, ImportReport
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.imports import ENTRY_KINDS, EntryKind, ImportReport
 from simrob_drake.robots.plausibility import moving_mass, payload_doubt
 from simrob_drake.stations.findings import Finding
-
-if TYPE_CHECKING:
-    from simrob_drake.extensions.linear import LinearModel
 
 _COLOURS: dict[EntryKind, str] = {
     "read": "dim", "repaired": "green", "approximated": "green", "defaulted": "yellow", "dropped": "magenta",
@@ -106,15 +101,6 @@ def payload_lines(robot: RobotModel) -> list[str]:
             line = f"payload at {next(iter(robot.tools))} {where} ({shown}): {least}"
             lines.append(f"{line}; {doubt}" if doubt else line)
     return lines
-
-
-def modes_table(model: "LinearModel") -> Table:
-    """Return the motions of a linear model, those of slow poles first."""
-    rows = list[tuple[str, ...]]()
-    for mode in model.modes:
-        pole = f"{mode.pole.real:.4g}" + (f" ± {mode.pole.imag:.4g}i" if mode.pole.imag else "")
-        rows.append((mode.mostly, pole, f"{mode.frequency:.3f}", f"{mode.damping:.3f}", f"{mode.time_constant:.4g}"))
-    return table(("mostly", "pole [1/s]", "frequency [Hz]", "damping ratio", "fades in [s]"), *rows)
 
 
 def report_table(report: ImportReport) -> Table:

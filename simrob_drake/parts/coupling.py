@@ -10,13 +10,16 @@ constraint, or the stiff spring in its place. The types of a station in this mod
 """
 
 from abc import ABC, abstractmethod
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 from pydrake.systems.framework import Context, DiagramBuilder
 
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.sections import Strict
-from simrob_drake.parts.site import Site, StationPlant, Surroundings
+from simrob_drake.parts.engine import Engine
+from simrob_drake.parts.resolved import Surroundings
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationPlant
 
 STIFFNESS = 2000.0**2
 """Stiffness of a coupling for each unit of the inertia that it holds [1/s²]. Under continuous schemes a coupling is a
@@ -26,32 +29,14 @@ DAMPING_TIME = 2e-4
 _LARGEST_GAP_AT_START = 1e-3  # [m or rad]
 
 
-class SolverDescription(Protocol):
-    """Properties of a station's solver on which it depends which couplings the solver can hold."""
-
-    @property
-    def mode(self) -> str:
-        """``dynamic`` or ``kinematic``."""
-
-    @property
-    def scheme(self) -> str:
-        """Name of the scheme, such as ``cenic``; an empty text in a kinematic station."""
-
-    @property
-    def time_step(self) -> float:
-        """Step of a discrete solver [s]. It is 0 if the solver is not discrete."""
-
-
 class CouplingSection(Strict, ABC):
     """A section of ``couplings``: the base class of all couplings."""
 
     constrains: ClassVar[bool] = True
     """Whether the coupling is a constraint, or a spring that is stiff enough to count as one. Such a coupling needs a
     solver that can hold it; a soft spring needs none."""
-    schemes: ClassVar[tuple[str, ...]] = ("radau3", "radau1", "implicit_euler", "velocity_implicit_euler")
-    """Continuous schemes that hold the coupling."""
-    engines: ClassVar[tuple[str, ...]] = ()
-    """Engines other than Drake's plant that hold the coupling."""
+    has_springs: ClassVar[bool] = True
+    """Whether stiff springs can hold the coupling where the engine has no constraint for it."""
     guides_references: ClassVar[bool] = False
     """Whether references obey the coupling, so that a kinematic station can have it, too."""
     words: ClassVar[str]
@@ -78,22 +63,24 @@ class CouplingSection(Strict, ABC):
         Raises:
             SimrobError: the coupling does not fit the station; the message names the key.
         """
-        if station.mode == "kinematic" and not self.guides_references:
+        if not station.engine.moves_by_forces and not self.guides_references:
             raise Unsuitable(key, "the reference of a kinematic station moves all joints, and no force acts")
-        if not self.is_held(station):
-            continuous = "radau3, or " if self.schemes else ""
+        if not self.is_held(station.engine):
+            continuous = "radau3, or " if self.has_springs else ""
             expected = f"{continuous}kind: discrete with scheme: sap, which hold {key}"
-            raise InvalidParameter("solver", station.scheme, expected)
+            raise InvalidParameter("solver", station.engine.name, expected)
 
-    def is_held(self, station: SolverDescription) -> bool:
-        """Whether the solver of a station can hold this coupling."""
-        # In a kinematic station the references obey couplings, and soft springs need no particular solver.
-        if station.mode == "kinematic" or not self.constrains:
+    def is_held(self, engine: Engine) -> bool:
+        """Whether the engine of a station can hold this coupling."""
+        # In a kinematic station the references obey couplings, and soft springs need no particular engine.
+        if not engine.moves_by_forces or not self.constrains:
             return True
-        if station.scheme == "mujoco":
-            return "mujoco" in self.engines
-        # Drake's discrete solvers, the only ones with a time step here, hold every coupling as a constraint.
-        return station.time_step > 0 or station.scheme in self.schemes
+        is_held_by_springs = self.has_springs and engine.holds_stiff_springs
+        return is_held_by_springs or self.is_constrained(engine)
+
+    def is_constrained(self, engine: Engine) -> bool:
+        """Whether the engine of a station has a constraint for this coupling."""
+        return engine.constrains_bodies
 
     def add_forces(self, builder: DiagramBuilder, site: Site, key: str) -> None:
         """Add the forces that hold the coupling if the plant has no constraint for it: by default, no forces.

@@ -36,8 +36,11 @@ from simrob_drake.base.frames import Vector, transform_from_pose
 from simrob_drake.base.sections import ORIGIN, NotNegative, Number, Pose, Positive, Strict, Triple
 from simrob_drake.blocks.block import fed, joined, mapped
 from simrob_drake.parts.coupling import DAMPING_TIME, STIFFNESS, CouplingSection
+from simrob_drake.parts.engine import Engine
 from simrob_drake.parts.kinds import Kinds
-from simrob_drake.parts.site import WORLD, Site, StationPlant, StationRobot, Surroundings
+from simrob_drake.parts.resolved import WORLD, Surroundings
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.parts.targets import check_frame, frame_of
 from simrob_drake.robots.coupled_axes import Equation
 
@@ -183,7 +186,7 @@ class BetweenPoints(Between, CouplingSection):
 class Ball(BetweenPoints):
     """Two points that stay together, as in a ball and socket."""
 
-    schemes: ClassVar[tuple[str, ...]] = ()
+    has_springs: ClassVar[bool] = False
     kind: Literal["ball"]
     words: ClassVar[str] = "a ball joint between {it.body} and {it.other}"
 
@@ -200,7 +203,7 @@ class Ball(BetweenPoints):
 class Rod(BetweenPoints):
     """Two points that keep a distance, as the ends of a massless rod with ball joints."""
 
-    schemes: ClassVar[tuple[str, ...]] = ()
+    has_springs: ClassVar[bool] = False
     kind: Literal["rod"]
     words: ClassVar[str] = "a rod of {it.length:g} m from {it.body} to {it.other}"
     length: Positive
@@ -314,8 +317,6 @@ class Gear(CouplingSection):
     2; a planetary gear couples three axes; a rack slides by its pinion's radius a radian.
     """
 
-    schemes: ClassVar[tuple[str, ...]] = (*CouplingSection.schemes, "cenic")
-    engines: ClassVar[tuple[str, ...]] = ("mujoco",)
     guides_references: ClassVar[bool] = True
     kind: Literal["gear"]
     ratios: Annotated[dict[str, Number], Field(min_length=2)]
@@ -340,15 +341,20 @@ class Gear(CouplingSection):
         for name in self.ratios:
             one_of(f"axis for {key}.ratios", name, known)
         # Every solver that holds gears holds gears of two axes. In a kinematic station the references obey any gear.
-        if len(self.ratios) == 2 or station.mode == "kinematic":
+        if len(self.ratios) == 2 or not station.engine.moves_by_forces:
             return
-        if station.scheme == "cenic":
-            expected = f"radau3, or kind: discrete: cenic holds gears of two axes, and {key} has {len(self.ratios)}"
-            raise InvalidParameter("solver.scheme", station.scheme, expected)
+        engine = station.engine
+        if not engine.constrains_many_axes:
+            others = f"{engine.name} holds gears of two axes, and {key} has {len(self.ratios)}"
+            raise InvalidParameter("solver.scheme", engine.name, f"radau3, or kind: discrete: {others}")
         # The constraint by which `add` couples more than two joints in a discrete plant.
-        if station.time_step and not hasattr(MultibodyPlant, "AddTendonConstraint"):
+        if engine.has_discrete_states and not hasattr(MultibodyPlant, "AddTendonConstraint"):
             older = "of two: older Drake couples no more"
             raise InvalidParameter(f"{key}.ratios", f"of {len(self.ratios)} axes", older)
+
+    def is_constrained(self, engine: Engine) -> bool:
+        """Whether the engine of a station has a constraint for gears."""
+        return engine.constrains_gears
 
     def equation(self, key: str) -> Equation:
         """Make the gear's equation between positions of axes. ``key``, its key in the station, is the label."""
@@ -416,7 +422,7 @@ class Gear(CouplingSection):
             key: key of the gear in the station, which begins the names of the added blocks.
         """
         plant = site.plant.plant
-        if site.plant.holds_constraints or site.plant.engine is not None:
+        if site.plant.holds_constraints or site.plant.stand_in is not None:
             return
         # Products of these rows with the plant's state (nq + nv,) are s and its rate. The row `ratios` (nv,) holds the
         # ratio of each velocity of the plant, and so the direction of the spring's force.
@@ -443,8 +449,8 @@ class Gear(CouplingSection):
         forces = mapped(builder, f"{key}.force", np.outer(ratios, force_row), state_and_one)
         site.generalized_forces.append(forces)
         # In the picture of the diagram the first two blocks are only wires.
-        site.draw_nothing(f"{key}.one", f"{key}.bus")
-        site.draw(f"{key}.force", "force", f"What couples\n{', '.join(self.ratios)}")
+        site.picture.draw_nothing(f"{key}.one", f"{key}.bus")
+        site.picture.draw(f"{key}.force", "force", f"What couples\n{', '.join(self.ratios)}")
 
     def caption(self) -> str:
         """Describe the gear in words."""

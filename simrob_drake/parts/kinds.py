@@ -15,12 +15,21 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, SchemaValidator, core_schema
 
 from simrob_drake.base.extension import additions, classes_of_extensions, load_addition_class, register_core_names
+from simrob_drake.base.known_extensions import check_provided
 
 
 class Kinds:
     """A family of kinds. As the annotation of a type, it checks a section by the class of the kind that it names."""
 
-    def __init__(self, family: str, classes: Mapping[str, str], *, base: type[BaseModel], point: str) -> None:
+    def __init__(
+        self,
+        family: str,
+        classes: Mapping[str, str],
+        *,
+        base: type[BaseModel],
+        point: str,
+        base_of_extensions: str = "",
+    ) -> None:
         """Declare the kinds of the core.
 
         Args:
@@ -28,11 +37,13 @@ class Kinds:
             classes: for each kind its class in the family: ``Class``, or ``module.Class`` in a package.
             base: class that the class of every kind is derived from.
             point: extension point at which extensions add further kinds, such as ``sensors``.
+            base_of_extensions: import string of the class that kinds of extensions are derived from; `base` if empty.
         """
         self._family = family
         self._classes = classes
         self._base = base
         self._point = point
+        self._base_of_extensions = base_of_extensions
         self._validator = lru_cache(self._make_validator)
         register_core_names(point, lambda: classes)
 
@@ -53,17 +64,26 @@ class Kinds:
                 derived from that of the family.
         """
         if kind not in self._classes:
-            added: type[BaseModel] = load_addition_class(additions(self._point)[kind], self._base)
+            added: type[BaseModel] = load_addition_class(additions(self._point)[kind], self._extension_base)
             return added
         module, _, name = f"{self._family}.{self._classes[kind]}".rpartition(".")
         model: type[BaseModel] = getattr(import_module(module), name)
         return model
 
+    @property
+    def _extension_base(self) -> type[BaseModel]:
+        """Class that kinds of extensions are derived from."""
+        if not self._base_of_extensions:
+            return self._base
+        module, _, name = self._base_of_extensions.partition(":")
+        base: type[BaseModel] = getattr(import_module(module), name)
+        return base
+
     @cached_property
     def models(self) -> dict[str, type[BaseModel]]:
         """The classes of all kinds, those of extensions that cannot be imported left out."""
         core = {kind: self.model(kind) for kind in self._classes}
-        return core | classes_of_extensions(self._point, self._base)
+        return core | classes_of_extensions(self._point, self._extension_base)
 
     def forget_extensions(self) -> None:
         """Forget the classes of extensions that were imported, for tests that install others."""
@@ -97,6 +117,8 @@ class Kinds:
     def _check(self, section: Any) -> Any:
         """Return a section as an object of the class of its kind; pydantic reports what is wrong with it."""
         kind = section.get("kind") if isinstance(section, dict) else getattr(section, "kind", None)
+        if isinstance(kind, str) and kind not in self:
+            check_provided(self._point, kind, f"the kind {kind}")
         return self._validator(kind if kind in self else None).validate_python(section)
 
     def _make_validator(self, kind: str | None) -> SchemaValidator:

@@ -9,7 +9,8 @@ from pydrake.multibody.tree import Frame
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
-from simrob_drake.parts.site import WORLD, StationRobot
+from simrob_drake.parts.resolved import WORLD
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.parts.targets import own_name
 from simrob_drake.programs.model import StationModel, reparented
 from simrob_drake.stations.config import StationConfig
@@ -50,7 +51,7 @@ def let_go(
     if piece in model.config.pieces and model.resolved.pieces[piece].parent == WORLD:
         raise InvalidParameter(f"{piece}, to be let go,", "held by nothing", "a piece that hangs on a robot or a piece")
     changed = reparented(model, piece, parent, frame=frame)
-    if fixed or parent != WORLD or changed.mode == "kinematic":
+    if fixed or parent != WORLD or not changed.engine.moves_by_forces:
         return changed
     free = changed.pieces[piece].model_copy(update={"free": True})
     piece_model, missing = model.resolved.pieces[piece].model, ""

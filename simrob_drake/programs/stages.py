@@ -107,7 +107,7 @@ def joint_reference(robot: LeggedGeometry, moves: Sequence[Move]) -> tuple[Refer
             raise InvalidParameter(f"move {number}", move.key, "a move of joints, to be run with other robots'")
         joint_moves.append(move)
     times, postures = postures_of(robot.model, joint_moves, robot.reference)
-    if robot.cell.config.mode == "dynamic":
+    if robot.cell.config.engine.moves_by_forces:
         return (times, postures), float(times[-1])
     return sequence(postures[0], times[1:].tolist(), list(postures[1:])), float(times[-1])
 

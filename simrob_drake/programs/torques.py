@@ -34,7 +34,7 @@ def slowed_for_motors(motors: Motors, plan: Plan) -> Plan:
         motors: motors of the robots that move together, in the order of the plan's axes.
         plan: plan whose duration is not fixed by the user.
     """
-    if motors.model.config.mode == "kinematic" or _needs_too_much(motors, plan, speed=0.0):
+    if not motors.model.config.engine.moves_by_forces or _needs_too_much(motors, plan, speed=0.0):
         return plan
     factor = 1.0
     for _ in range(_MOST_TRIES):
@@ -70,7 +70,7 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
     Warns:
         TorqueShortage: the move in its given time needs more torque than a motor gives.
     """
-    if motors.model.config.mode == "kinematic":
+    if not motors.model.config.engine.moves_by_forces:
         return
     own = motors.model.robots[robot]
     limits = own.gains.torque_limit

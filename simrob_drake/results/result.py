@@ -34,7 +34,7 @@ from typing import TypeVar
 from pydrake.multibody.plant import MultibodyPlant
 
 from simrob_drake.base.frames import XYZ_QUATERNION_NAMES, Vector, xyz_quaternion_from_transform
-from simrob_drake.parts.site import StationPlant
+from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.results.record.run import begins_of
 from simrob_drake.results.record.state import State, free_joint, joints_of
 from simrob_drake.results.record.touch import Event
@@ -55,7 +55,7 @@ def table_of(result: RecordedRun) -> list[list[str]]:
             place, velocity = result.piece_pose(piece)[-1, :3], result.piece_velocity(piece)[-1, :3]
             table.append([piece, *(f"{value:.4f}" for value in place), f"{np.linalg.norm(velocity):.4f}"])
         return table
-    kinematic = result.config.mode == "kinematic"
+    kinematic = not result.config.engine.moves_by_forces
     table = [["joint", "reference", "position", "unit", "torque", "peak torque", "limit", "unit"]]
     for robot in result.plant.robots.values():
         for index, (axis, limit) in enumerate(zip(robot.axes, robot.gains.torque_limit, strict=True)):

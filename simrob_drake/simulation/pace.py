@@ -33,7 +33,7 @@ from simrob_drake.results.record.state import State
 from simrob_drake.stations.closed import ClosedStation, closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, FixedSteps
+from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver
 from simrob_drake.stations.steps import DISCRETE, apply_solver, bound_steps, controlled_by, stiffest
 
 _TRIAL = 0.3  # duration of a trial, by a clock [s]
@@ -102,7 +102,7 @@ class Slow:
             problem = "forces that are stiff for what they move make"
             if spring:
                 problem = f"{spring} is so stiff that it makes"
-        is_cenic_better = pair is not None and solver.scheme != "cenic"
+        is_cenic_better = pair is not None and not solver.engine.takes_any_contact_stiffness
         remedy = _cenic(self.config) if is_cenic_better else _discrete(self.config)
         return f"{problem} {solver.scheme} take steps of {self.step:.2g} s; {self._with_trial(remedy)}"
 
@@ -178,16 +178,14 @@ class Slow:
         # Nothing dominates: only fewer, longer steps help.
         if controlled is not None and self.step < _HALF * controlled.max_step:
             key = "accuracy"  # the steps are shorter than allowed, so the accuracy limits them
-        elif isinstance(self.config.solver, FixedSteps):
-            key = "time_step"
         else:
-            key = "max_step"
+            key = self.config.solver.step_key
         return f"; take longer ones (solver.{key})"
 
     def _expenses(self) -> list[Expense]:
         """Measure the costs of finding contacts, and of each block that samples, such as a camera."""
         expenses = []
-        if self.config.contact is not None and self.config.mode == "dynamic":
+        if self.config.contact is not None and self.config.engine.moves_by_forces:
             has_surfaces = self.config.contact.model != "point"
             cost = _seconds(partial(self._find_contacts, self.context.Clone(), has_surfaces))
             remedy = "give bodies fewer collision shapes"

@@ -20,7 +20,7 @@ from simrob_drake.base.arguments import instance, seconds, truth
 from simrob_drake.base.errors import InvalidParameter, one_of, quoted
 from simrob_drake.base.frames import Vector, numbers
 from simrob_drake.base.progress import note, progress_bar
-from simrob_drake.blocks.references import Reference, Samples, SineReference
+from simrob_drake.blocks.references import Reference, ReferenceSignal, Samples
 from simrob_drake.parts.forces import Push
 from simrob_drake.results.record.history import Recorder, StateHistory
 from simrob_drake.results.record.run import FAILED
@@ -33,7 +33,6 @@ from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig, check_effort
 from simrob_drake.stations.physics_findings import physics_warnings
 from simrob_drake.stations.ports import StationPorts
-from simrob_drake.stations.solver_config import FixedSteps
 
 OnStep = Callable[[float, Vector], None]
 """Callback of the user after each step, with the time [s] and the positions of the plant (nq,)."""
@@ -120,10 +119,9 @@ class Run:
         stop = watch.stop if outcome.ending == "monitor" else None
         history = recorder.history(stop.count if stop else None)
         tolerant = outcome.ending in _INCOMPLETE_ENDINGS
-        # A monitor sees the ends of steps only. If steps have no fixed length, the time at which its condition is met
-        # is searched within the last step.
-        has_fixed_steps = isinstance(self.config.solver, FixedSteps) and self.config.mode == "dynamic"
-        if stop is not None and not has_fixed_steps:
+        # A monitor sees the ends of steps only. In continuous time, the time at which its condition is met is searched
+        # within the last step.
+        if stop is not None and not self.config.engine.has_discrete_states:
             history = self._cut_history(history, watch, stop)
         sampler = self._sampler(history, tolerant=tolerant)
         self.forget()
@@ -137,16 +135,16 @@ class Run:
         samples = self._sample(sampler, outcome)
         outcome = samples.outcome
         position_count = ports.plant.plant.num_positions()
-        has_contacts = self.config.contact is not None and self.config.mode == "dynamic"
+        has_contacts = self.config.has_contact_forces
         result = SimulationResult(
             config=config,
             plant=ports.plant,
             ending=outcome.ending,
             stopped_by=outcome.stopped_by,
             message=outcome.message,
-            names=[name for signal in ports.signals for name in signal.names],
-            signals=tuple(ports.signals),
-            notes=ports.notes,
+            names=[name for signal in ports.outputs.signals for name in signal.names],
+            signals=tuple(ports.outputs.signals),
+            notes=ports.outputs.notes,
             times=samples.times,
             values=samples.values,
             step_times=sampler.history.times,
@@ -154,7 +152,7 @@ class Run:
             signal_time=perf_counter() - began,
             contacts_at=sampler.contact_results if has_contacts else None,
             solver_warnings=physics_warnings(self.config, ports),
-            context=None if self.config.mode == "kinematic" else lambda: sampler.looked_at,
+            context=None if not self.config.engine.moves_by_forces else lambda: sampler.looked_at,
             shortened=self.stepper.shortened,
             final_state=State.of(
                 self.whole.diagram,
@@ -200,7 +198,7 @@ class Run:
             """Whether the condition of the monitor is met at a time [s]."""
             return watch.holds(stop.name, sampler, time)
 
-        hold = self.whole.ports.monitors[stop.name].hold
+        hold = self.whole.ports.outputs.monitors[stop.name].hold
         cut_at_stop(probe, holds, self.stepper.step, onset=stop.onset, hold=hold)
         return probe.history
 
@@ -233,19 +231,18 @@ def torques_held_over_steps(ports: StationPorts) -> list[OutputPort]:
     Samplers and monitors need this list: between two steps, such a torque is the value that the solver applied in the
     step, not a value computed from the interpolated state. The cases are:
 
-    - ``cenic``: all torques. It holds references over a step, and servos act on the state at the step's end.
-    - MuJoCo with implicit servos, which are part of its motors: MuJoCo reports the torques of the step that ended.
-    - All other schemes, MuJoCo with servos as blocks, and kinematic stations: none. Blocks compute torques from the
-      present state, and a kinematic station has no torques.
+    - Engines such as ``cenic``: all torques. They hold references over a step, and servos act on the state at its end.
+    - Engines such as MuJoCo with implicit servos, which are part of its motors: they report the torques of the step
+      that ended.
+    - All others, servos as blocks, and kinematic stations: none. Blocks compute torques from the present state, and a
+      kinematic station has no torques of its own.
     """
     config = ports.config
-    if config.mode == "kinematic":
-        return []
-    scheme = config.solver.scheme
+    engine = config.engine
     held = []
     for robot in ports.plant.robots.values():
         is_implicit = config.servo_of(robot.name).realization == "implicit"
-        if scheme == "cenic" or (scheme == "mujoco" and is_implicit):
+        if engine.holds_inputs_over_steps or (engine.reports_torques_of_last_step and is_implicit):
             held.append(ports.outputs[f"{robot.prefix}torque"])
     return held
 
@@ -264,7 +261,7 @@ def watched(stepper: Stepper, whole: ClosedStation, *watchers: Callable[[Context
     sampler = Sampler(whole.diagram, ports, _NO_STATES)
     held = torques_held_over_steps(ports)
     watch = Watch(ports, sampler, held=held, begins_in_motion=stepper.begins_in_motion)
-    look = watch.look if ports.monitors else None
+    look = watch.look if ports.outputs.monitors else None
     recorder = Recorder(stepper.simulator, *watchers, look=look, pace=stepper.pace())
     return recorder, watch
 
@@ -375,7 +372,7 @@ def _trajectory_or_samples(reference: Any) -> Reference | Samples:
     Raises:
         InvalidParameter: the reference has another type or shape.
     """
-    if isinstance(reference, SineReference):
+    if isinstance(reference, ReferenceSignal):
         return reference
     if isinstance(reference, Trajectory):
         empty = isinstance(reference, PiecewisePolynomial) and reference.get_number_of_segments() < 1

@@ -15,14 +15,8 @@ from pydantic import BaseModel
 
 from simrob_drake.parts import controllers, couplings, forces, monitors, references, sensors
 from simrob_drake.parts.kinds import Kinds
-from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, MujocoSolver
+from simrob_drake.stations.solver_config import SOLVERS
 
-# Class of the section `solver`, by its kind.
-_SOLVERS: dict[str, type[BaseModel]] = {
-    "continuous": ContinuousSolver,
-    "discrete": DiscreteSolver,
-    "mujoco": MujocoSolver,
-}
 # Sections that hold entries by name, such as ``monitors.fall``: the kinds that their entries may have.
 _ENTRY_KINDS: dict[str, Kinds] = {
     "controllers": controllers.KINDS,
@@ -127,8 +121,8 @@ def _is_default(section: Mapping[str, Any], key: str, section_class: type[BaseMo
 def _class_of(path: list[str], kind: str) -> type[BaseModel] | None:
     """Find the class of a section by its path of keys and its kind. Returns None if the class is not known."""
     if path == ["solver"]:
-        return _SOLVERS.get(kind)
-    if _is_entry(path):
+        kinds = SOLVERS
+    elif _is_entry(path):
         kinds = _ENTRY_KINDS[path[0]]
     elif path[-1] == "reference":  # of the only robot or, as robots.<name>.reference, of one of several
         kinds = references.KINDS

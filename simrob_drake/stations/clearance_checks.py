@@ -15,7 +15,7 @@ import numpy as np
 from simrob_drake.base.errors import counted, listed
 from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.references import Reference
-from simrob_drake.parts.site import StationRobot
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations.clearance import Clearance
 from simrob_drake.stations.closed import reference_samples
 from simrob_drake.stations.collisions import Bodies, Overlap
@@ -258,7 +258,9 @@ def _contact_finding(clearance: Clearance, subject: str, text: str, remedy: str,
     """
     contact = clearance.config.contact
     # Contact forces hold bodies apart in a dynamic station; between links of one robot they are optional.
-    is_simulated = clearance.config.mode == "dynamic" and contact is not None and (contact.self_collision or not is_own)
+    is_simulated = (
+        clearance.config.engine.moves_by_forces and contact is not None and (contact.self_collision or not is_own)
+    )
     if is_simulated:
         return Finding("note", subject, f"{text}, if nothing held them back; the run shows what comes of it")
     why = "contact.self_collision is off" if is_own and contact is not None else "the station has no contact"

@@ -27,22 +27,21 @@ from simrob_drake.base.sections import (
     check_plain,
     default_of,
 )
-from simrob_drake.importer.options import ImportOptions
 from simrob_drake.parts.controllers import Controllers
 from simrob_drake.parts.couplings import Couplings
+from simrob_drake.parts.engine import KINEMATIC, Engine
 from simrob_drake.parts.forces import Forces
 from simrob_drake.parts.monitors import Monitors
 from simrob_drake.parts.references import Hold, ReferenceConfig
 from simrob_drake.parts.sensors import Sensors
 from simrob_drake.parts.terrain import Terrain
 from simrob_drake.robots.axis_map import AxisValues, NotNegativeAxisValues, PositiveAxisValues, every_axis
+from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.robots.motors import CommandBusConfig, Drives, Motors
 from simrob_drake.stations.piece_config import PieceConfig, scattered
 from simrob_drake.stations.solver_config import (
     ContactConfig,
     ContinuousSolver,
-    FixedSteps,
-    MujocoSolver,
     SolverConfig,
     VerdictConfig,
 )
@@ -303,19 +302,30 @@ class StationConfig(Renamed):
         """The names of the pieces that nothing holds."""
         return [name for name, piece in self.pieces.items() if piece.free]
 
+    @property
+    def engine(self) -> Engine:
+        """What moves the station: its reference if it is kinematic, otherwise its solver."""
+        return KINEMATIC if self.mode == "kinematic" else self.solver.engine
+
+    @property
+    def has_contact_forces(self) -> bool:
+        """Whether bodies that touch push each other."""
+        return self.contact is not None and self.engine.moves_by_forces
+
     def servo_of(self, robot: str) -> ServoConfig:
         """Return a robot's own servo section, or the station's."""
         return self.robots[robot].servo or self.servo
 
     def motors_are_dampers(self, robot: str) -> bool:
         """Tell whether the lines of a robot's motors are dampers of Drake's joints, as its actuators need it."""
-        if self.mode == "kinematic" or isinstance(self.solver, MujocoSolver):
+        engine = self.engine
+        if not (engine.moves_by_forces and engine.allows_dampers_of_motors):
             return False
-        return self.servo_of(robot).realization == "implicit" or self.solver.scheme == "cenic"
+        return self.servo_of(robot).realization == "implicit" or engine.limits_torques_in_actuators
 
     def follows_speed(self, robot: str) -> bool:
         """Tell whether a robot is given the speed that it is asked for, so that samples are joined smoothly."""
-        speed_is_input = self.mode == "kinematic" or "reference_velocity" in self.inputs
+        speed_is_input = not self.engine.moves_by_forces or "reference_velocity" in self.inputs
         return speed_is_input or self.servo_of(robot).follows_motion
 
     def reference_of(self, robot: str) -> ReferenceConfig:
@@ -342,11 +352,9 @@ def check_effort(config: StationConfig) -> None:
     if duration * rate > MOST_SAMPLES:
         longest = f"at most {MOST_SAMPLES / rate:g} s at a sample_rate of {rate:g} Hz: {MOST_SAMPLES:g} samples"
         raise InvalidParameter("duration", f"{duration:g} s", longest)
-    if config.mode == "dynamic":
-        key = "time_step" if isinstance(solver, FixedSteps) else "max_step"
-        if duration > MOST_STEPS * getattr(solver, key):
-            shortest = f"at least {duration / MOST_STEPS:g} s for a duration of {duration:g} s: {MOST_STEPS:g} steps"
-            raise InvalidParameter(f"solver.{key}", f"{getattr(solver, key):g} s", shortest)
+    if config.engine.moves_by_forces and duration > MOST_STEPS * solver.step:
+        shortest = f"at least {duration / MOST_STEPS:g} s for a duration of {duration:g} s: {MOST_STEPS:g} steps"
+        raise InvalidParameter(f"solver.{solver.step_key}", f"{solver.step:g} s", shortest)
     for name, sensor in config.sensors.items():
         often = getattr(sensor, "rate", None) or 0.0
         if duration * often > MOST_STEPS:

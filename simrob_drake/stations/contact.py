@@ -31,7 +31,7 @@ from pydrake.systems.primitives import ConstantVectorSource, Saturation
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.block import fed, mapped, summed
-from simrob_drake.parts.site import StationRobot
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.parts.targets import FLOOR, piece_of_shape
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.ports import StationPorts
@@ -39,9 +39,6 @@ from simrob_drake.stations.resolve import ResolvedStation
 from simrob_drake.stations.solver_config import (
     ContactConfig,
     ContactMaterial,
-    ContinuousSolver,
-    DiscreteSolver,
-    FixedSteps,
     SolverConfig,
 )
 
@@ -61,9 +58,9 @@ MODULUS = 1e7  # hydroelastic modulus [Pa] where none is given: stiff rubber
 
 
 def needs_shapes(config: StationConfig) -> bool:
-    """Whether a station's plant needs collision shapes: for contact, or for distance sensors of a kinematic station."""
-    has_distances = any(sensor.kind == "distance" for sensor in config.sensors.values())
-    return config.contact is not None or (config.mode == "kinematic" and has_distances)
+    """Whether a plant needs collision shapes: for contact, or in a kinematic station for sensors that measure them."""
+    measures_shapes = any(sensor.measures_shapes for sensor in config.sensors.values())
+    return config.contact is not None or (not config.engine.moves_by_forces and measures_shapes)
 
 
 def apply_materials(plant: MultibodyPlant, scene_graph: SceneGraph, station: ResolvedStation) -> None:
@@ -142,7 +139,7 @@ def check_stiffnesses(plant: MultibodyPlant, scene_graph: SceneGraph, station: R
         InvalidParameter: a stiffness is too large; the message gives the largest one that the solver can hold.
     """
     config = station.config
-    if config.contact is None or config.mode == "kinematic":
+    if config.contact is None or not config.engine.moves_by_forces:
         return
     inspector = scene_graph.model_inspector()
     for shape in inspector.GetAllGeometryIds(Role.kProximity):
@@ -227,20 +224,20 @@ def largest_stiffness(solver: SolverConfig, mass: float) -> float:
     * Schemes of fixed steps need ten of them for a contact, which lasts :math:`\pi\sqrt{m/k}`.
     * ``sap`` never lets a contact be stiffer than :math:`k = 4\pi^2 m / (3.3\,h\,(h + 0.1\,\mathrm{s}))`, whatever it
       is told (measured within 5 % on a ball at rest, for steps of 1 and 5 ms): it would soften a stiffer one silently.
-    * ``lagged``, ``similar``, ``cenic`` and MuJoCo treat the spring implicitly and hold any.
+    * Engines that treat the spring implicitly, such as ``lagged`` and ``cenic``, hold any.
 
     Args:
         solver: the solver of the station.
         mass: mass m of the body in contact [kg].
     """
-    if isinstance(solver, DiscreteSolver):
-        step = solver.time_step
-        softened = 4 * np.pi**2 * mass / (_SAP_FACTOR * step * (step + _SAP_RELAXATION))
-        return float(softened) if solver.scheme == "sap" else np.inf
-    if not isinstance(solver, ContinuousSolver) or solver.scheme == "cenic":
+    engine = solver.engine
+    if engine.softens_contacts:
+        softened = 4 * np.pi**2 * mass / (_SAP_FACTOR * solver.step * (solver.step + _SAP_RELAXATION))
+        return float(softened)
+    if engine.takes_any_contact_stiffness:
         return np.inf
-    if solver.fixed_steps:
-        return float(mass * (np.pi / (_STEPS_A_CONTACT * solver.max_step)) ** 2)
+    if engine.has_fixed_steps:
+        return float(mass * (np.pi / (_STEPS_A_CONTACT * solver.step)) ** 2)
     return mass * (_STABLE / _FINEST_STEP) ** 2
 
 
@@ -252,9 +249,9 @@ def _check_stiffness(solver: SolverConfig, body: RigidBody, stiffness: float) ->
     """
     largest = largest_stiffness(solver, body.default_mass())
     if stiffness > largest:
-        step = f"steps of {solver.time_step:g} s" if isinstance(solver, FixedSteps) else solver.kind
+        step = f"steps of {solver.step:g} s" if solver.engine.has_discrete_states else solver.kind
         allowed = f"at most {largest:.3g} N/m for {body.name()} ({body.default_mass():.3g} kg) with the solver"
-        raise InvalidParameter("contact.stiffness", stiffness, f"{allowed} {solver.scheme}, {step}")
+        raise InvalidParameter("contact.stiffness", stiffness, f"{allowed} {solver.engine.name}, {step}")
 
 
 def wire_friction(builder: DiagramBuilder, ports: StationPorts) -> None:
@@ -271,14 +268,15 @@ def wire_friction(builder: DiagramBuilder, ports: StationPorts) -> None:
     M of the axis if all other axes are free.
     """
     config = ports.config
-    if ports.plant.engine is not None:
+    engine = config.engine
+    if engine.has_friction_of_joints:
         return
     for robot in ports.plant.robots.values():
         friction = robot.model.friction
         if not friction.any():
             continue
-        if isinstance(config.solver, ContinuousSolver) and config.solver.scheme == "cenic":
-            slowest = friction * config.solver.max_step / robot.free_inertias()
+        if not engine.puts_friction_in_actuators:
+            slowest = friction * config.solver.step / robot.free_inertias()
             speed = np.maximum(robot.model.drives.friction_speed, slowest)
             sliding = _sliding(builder, ports, robot, speed)
             # Friction acts against the motion: from the n axes to the generalized forces of the plant, with a minus.
@@ -288,7 +286,7 @@ def wire_friction(builder: DiagramBuilder, ports: StationPorts) -> None:
             desired_state = ports.plant.plant.get_desired_state_input_port(robot.instance)
             rest = ConstantVectorSource(np.zeros(desired_state.size()))
             builder.Connect(fed(builder, f"{robot.prefix}rest", rest), desired_state)
-            ports.draw_nothing(f"{robot.prefix}rest")
+            ports.picture.draw_nothing(f"{robot.prefix}rest")
 
 
 def with_friction(
@@ -348,7 +346,7 @@ def _sliding(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, 
     """
     name = f"{robot.prefix}friction"
     friction = robot.model.friction
-    ports.draw(name, "force", f"Friction\nof {robot.model.name}", robot)
+    ports.picture.draw(name, "force", f"Friction\nof {robot.model.name}", robot)
     # The lower half of the state matrix gives the speeds of the axes.
     speeds_of_state = robot.axis_map.state_matrix[len(friction) :]
     slope = (friction / speed)[:, np.newaxis] * speeds_of_state

@@ -44,7 +44,8 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
 from simrob_drake.base.frames import Vector
-from simrob_drake.parts.site import WORLD, StationRobot
+from simrob_drake.parts.resolved import WORLD
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.parts.targets import FLOOR, own_name, piece_of_shape
 from simrob_drake.robots.outlines import shape_corners
 from simrob_drake.stations.config import StationConfig
@@ -132,10 +133,10 @@ class ContactPoints:
 def uses_contact_points(config: StationConfig) -> bool:
     """Whether the flat shapes of a station get balls: in point contact, unless ``contact.corners`` is false.
 
-    MuJoCo needs no balls, since it finds several contact points for each pair of shapes.
+    Engines that find several contact points for each pair of shapes need no balls.
     """
     contact = config.contact
-    if config.mode != "dynamic" or contact is None or config.solver.scheme == "mujoco":
+    if contact is None or not config.has_contact_forces or config.engine.touches_at_several_points:
         return False
     return contact.model == "point" and contact.corners
 

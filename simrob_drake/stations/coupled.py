@@ -7,7 +7,7 @@ its name with a prefix of its robot, if the station has several robots.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from simrob_drake.parts.couplings import Gear
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.coupled_axes import AxisCondition, ConditionViolation, CoupledAxes, Firmness
 from simrob_drake.stations.config import RobotConfig, StationConfig
-from simrob_drake.stations.solver_config import FixedSteps
 
 # Deviations from a coupling that count as rounding, of revolute axes [deg] and of prismatic axes [m]: stations hold
 # degrees with four decimals, and the grippers of robot.yaml have six digits.
@@ -71,30 +70,14 @@ class MimicPair(NamedTuple):
     leader: str
 
 
-class SolverTraits(NamedTuple):
-    """The properties of a station's solver that decide which couplings it can hold."""
-
-    mode: Literal["dynamic", "kinematic"]
-    scheme: str  # name of the scheme, such as "radau3"; an empty text in a kinematic station
-    time_step: float  # of a discrete solver [s]; 0 for others
-
-
-def solver_traits(config: StationConfig) -> SolverTraits:
-    """Read the solver's traits from the configuration of a station."""
-    scheme = config.solver.scheme if config.mode == "dynamic" else ""
-    time_step = config.solver.time_step if isinstance(config.solver, FixedSteps) else 0.0
-    return SolverTraits(config.mode, scheme, time_step)
-
-
 def unheld_mimics(config: StationConfig, robot: str, model: RobotModel) -> list[MimicPair]:
     """Find the mimic joints of a robot that the solver of a station cannot hold during a run.
 
     Those that :func:`mimic_gears` leaves out, since the station replaces or drops them, are not among them.
     """
-    traits = solver_traits(config)
     pairs = []
     for gear in mimic_gears(config, {robot: model}).values():
-        if not gear.is_held(traits):
+        if not gear.is_held(config.engine):
             # The gear of a mimic joint has the ratios of two axes, the follower first.
             follower, leader = gear.ratios
             pairs.append(MimicPair(follower, leader))

@@ -17,7 +17,9 @@ from simrob_drake.blocks.model_torque import add_admittance, add_computed_torque
 from simrob_drake.blocks.monitor import SteadySteps
 from simrob_drake.blocks.passive_joints import add_external_force, add_joint_stops
 from simrob_drake.blocks.servo import ServoSignals, add_actuator_servos, add_motor, add_servos
-from simrob_drake.parts.site import FromState, Site, StationPlant, StationRobot
+from simrob_drake.parts.outputs import FromState
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.robots.motors import CommandBusConfig
 from simrob_drake.stations.config import JointStops, StationConfig
 from simrob_drake.stations.contact import wire_friction, with_friction
@@ -30,7 +32,6 @@ from simrob_drake.stations.ports import (
     draw_servos,
 )
 from simrob_drake.stations.prescribed import add_prescribed_motion, add_prescribed_torque, uses_reaction_forces
-from simrob_drake.stations.solver_config import DiscreteSolver, FixedSteps
 
 _DERIVATIVES = "reference_velocity", "reference_acceleration"
 _STABLE = 2.0
@@ -58,11 +59,12 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
             ports.inputs[name] = entry.get_input_port()
             output, unit = name.replace("external", "applied"), "N·m" if turns else "N"
             title = f"{external.replace('_', ' ')} at {robot.prefix}{robot.tcp}, in its axes"
-            ports.add(output, entry.get_output_port(), applied_signal(output, unit, title))
+            ports.outputs.add(output, entry.get_output_port(), applied_signal(output, unit, title))
             ports.spatial_forces.append(block.get_spatial_forces_output_port())
-            ports.draw(name, "force", f"{external.replace('_', ' ').capitalize()}\nat {robot.prefix}{robot.tcp}")
+            label = f"{external.replace('_', ' ').capitalize()}\nat {robot.prefix}{robot.tcp}"
+            ports.picture.draw(name, "force", label)
     wire_friction(builder, ports)
-    if not config.solver.holds_joint_limits:
+    if not config.engine.holds_joint_limits:
         stiffness, damping = stops_of(config, ports.plant)
         stops = add_joint_stops(builder, ports.plant.plant, stiffness=stiffness, damping=damping)
         ports.generalized_forces.extend([stops] if stops is not None else [])
@@ -100,7 +102,7 @@ def check_servo_steps(config: StationConfig, plant: StationPlant) -> None:
     for robot in plant.robots.values():
         steps = largest_explicit_steps(config, robot)
         worst = int(np.argmin(steps))
-        step = config.solver.time_step if isinstance(config.solver, FixedSteps) else 0.0
+        step = config.engine.time_step
         if config.servo_of(robot.name).realization != "implicit" and step > steps[worst]:
             why = f"blocks damp {robot.prefix}{robot.axes[worst]} with a kd of {robot.gains.kd[worst]:g}"
             expected = f"at most {steps[worst]:.2g} s, or servo.realization implicit: {why}"
@@ -120,18 +122,18 @@ def add_motion(
 ) -> None:
     """Declare what a robot is asked and how it moves, which the plant's state tells at once."""
     rows, count = robot.axis_map.state_matrix, len(robot.axes)
-    site.add(f"{robot.prefix}reference", reference, axis_signal(robot, "q_ref", "reference", "reference"))
+    site.outputs.add(f"{robot.prefix}reference", reference, axis_signal(robot, "q_ref", "reference", "reference"))
     motion = axis_signal(robot, "q", "position", "motion")
-    site.add(f"{robot.prefix}position", position, motion, of_state=FromState(rows[:count]))
+    site.outputs.add(f"{robot.prefix}position", position, motion, of_state=FromState(rows[:count]))
     speed = axis_signal(robot, "v", "velocity", "motion")
-    site.add(f"{robot.prefix}velocity", velocity, speed, of_state=FromState(rows[count:]))
+    site.outputs.add(f"{robot.prefix}velocity", velocity, speed, of_state=FromState(rows[count:]))
 
 
 def _add_signals(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot) -> ServoSignals:
     prefix, count, listed = robot.prefix, len(robot.joints), ports.config.inputs
     state = mapped(builder, f"{prefix}axes", robot.axis_map.state_matrix, ports.state)
     split = Demultiplexer([count, count])
-    ports.add_report(builder, f"{prefix}state", split, state, f"{prefix}position", f"{prefix}velocity")
+    ports.outputs.add_report(builder, f"{prefix}state", split, state, f"{prefix}position", f"{prefix}velocity")
     reference = ports.add_input(builder, robot, "reference")
     if robot.prescribed:
         reference = add_prescribed_motion(builder, ports, robot, reference)
@@ -173,7 +175,7 @@ def _add_bus(
         own[key] = block.GetOutputPort(key)
     optional.update({key: own[key] for key in optional})
     late = f", {1000 * bus.delay / bus.rate:g} ms late" if bus.delay else ""
-    ports.draw(name, "servo", f"Bus\n{bus.rate:g} Hz{late}", robot)
+    ports.picture.draw(name, "servo", f"Bus\n{bus.rate:g} Hz{late}", robot)
     return own["reference"]
 
 
@@ -202,7 +204,7 @@ def _with_feedforward(
 
 def declare_torque(site: Site, robot: StationRobot, torque: OutputPort) -> None:
     """Declare the torques of a robot's axes, size n [N·m or N]."""
-    site.add(f"{robot.prefix}torque", torque, axis_signal(robot, "tau", "torque", "effort"))
+    site.outputs.add(f"{robot.prefix}torque", torque, axis_signal(robot, "tau", "torque", "effort"))
 
 
 def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, signals: ServoSignals) -> None:
@@ -218,7 +220,7 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
             actuation_map=actuation,
             prefix=robot.prefix,
         )
-        if isinstance(ports.config.solver, DiscreteSolver):  # which tells each actuator the sum of its joint's
+        if ports.config.engine.actuator_torques_lack_friction:
             torque = with_friction(builder, ports, robot, torque)
         declare_torque(ports, robot, torque)
         draw_actuator_servos(ports, robot)
@@ -238,9 +240,11 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
 def _add_servo_blocks(
     builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, signals: ServoSignals
 ) -> OutputPort:
-    """Add servos as blocks; return their torques. Under ``cenic`` the actuators are what saturates."""
+    """Add servos as blocks; return their torques. With some engines the actuators limit the torques, not blocks."""
     plant, servo, count = ports.plant.plant, ports.config.servo_of(robot.name), len(robot.axes)
-    cenic, prefix, per_joint = ports.config.solver.scheme == "cenic", robot.prefix, servo.realization == "per_joint"
+    in_actuators = ports.config.engine.limits_torques_in_actuators
+    prefix = robot.prefix
+    per_joint = servo.realization == "per_joint"
     speed, every = np.eye(2 * count)[count:], list(range(count))
 
     def limited(command: OutputPort) -> OutputPort:
@@ -250,11 +254,17 @@ def _add_servo_blocks(
     if servo.law == "computed_torque":
         name = f"{prefix}computed_torque"
         command = add_computed_torque(builder, plant, ports.state, robot.axis_map, signals, robot.gains, name=name)
-        command = command if cenic else limited(command)
+        command = command if in_actuators else limited(command)
         draw_computed_torque(ports, robot)
     else:
         command = add_servos(
-            builder, signals, robot.gains, names=robot.axes, prefix=prefix, per_joint=per_joint, saturated=not cenic
+            builder,
+            signals,
+            robot.gains,
+            names=robot.axes,
+            prefix=prefix,
+            per_joint=per_joint,
+            saturated=not in_actuators,
         )
         draw_servos(ports, robot, per_joint=per_joint)
     matrix = robot.axis_map.actuation_matrix(plant, robot.instance)
@@ -265,7 +275,7 @@ def _add_servo_blocks(
         driven = mapped(builder, f"{prefix}motors.driven", dampers, bus)
     actuation = mapped(builder, f"{prefix}actuators", matrix, driven)
     builder.Connect(actuation, ports.plant.stepped.get_actuation_input_port(robot.instance))
-    return limited(command) if cenic else command
+    return limited(command) if in_actuators else command
 
 
 def _add_admittance_servos(
@@ -281,13 +291,13 @@ def _add_admittance_servos(
     total = summed(builder, f"{prefix}feedforward_sum", *feedforward, extra)
     torque = _add_servo_blocks(builder, ports, robot, replace(signals, feedforward=total))
     declare_torque(ports, robot, torque)
-    ports.draw(f"{prefix}admittance", "servo", f"Admittance\nintegrator, {gain:g} 1/s", robot)
-    ports.draw(f"{prefix}model_torque", "servo", "Torque of the model\nat this speed", robot)
-    ports.draw_nothing(f"{prefix}felt_torque", f"{prefix}model_torque.axes", f"{prefix}admittance.bus")
+    ports.picture.draw(f"{prefix}admittance", "servo", f"Admittance\nintegrator, {gain:g} 1/s", robot)
+    ports.picture.draw(f"{prefix}model_torque", "servo", "Torque of the model\nat this speed", robot)
+    ports.picture.draw_nothing(f"{prefix}felt_torque", f"{prefix}model_torque.axes", f"{prefix}admittance.bus")
     felt = joined(builder, f"{prefix}felt_torque.bus", model, torque)
     difference = np.hstack([np.eye(len(robot.joints)), -np.eye(len(robot.joints))])
     output, port = f"{prefix}felt_torque", mapped(builder, f"{prefix}felt_torque", difference, felt)
-    ports.add(output, port, axis_signal(robot, "felt", "felt_torque", "effort"))
+    ports.outputs.add(output, port, axis_signal(robot, "felt", "felt_torque", "effort"))
 
 
 STEP = 0.01  # how often monitors look [s]: nothing is integrated here, so a simulator would go to the end in one step

@@ -32,7 +32,7 @@ def loops_known(station: StationConfig) -> KnownLoops:
     stations with this model.
     """
     known: KnownLoops = {name: {} for name in station.controllers}
-    if len(station.robots) != 1 or station.mode != "dynamic":
+    if len(station.robots) != 1 or not station.engine.moves_by_forces:
         return known
     (robot,) = station.robots.values()
     # The stations of the package name models. A robot of a URDF file has none.

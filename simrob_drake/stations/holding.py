@@ -14,7 +14,7 @@ import numpy as np
 
 from simrob_drake.base.frames import Vector
 from simrob_drake.dynamics import Dynamics
-from simrob_drake.parts.site import StationRobot
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.motors import rated_torques
 from simrob_drake.robots.plausibility import moving_mass, payload_doubt
 from simrob_drake.stations.config import StationConfig
@@ -78,7 +78,7 @@ def _axis_finding(config: StationConfig, robot: StationRobot, axis: int, torques
         text += f", at most {largest:.2f} {effort_unit}, and the limit is {limit:g} {effort_unit}: "
         text += "the joint will not hold; raise servo.torque_limit or lighten the load"
         return Finding("warning", subject, text)
-    if config.mode == "kinematic":
+    if not config.engine.moves_by_forces:
         # A kinematic station has no servos, so there is nothing more to judge than the limit above.
         return Finding("note", subject, text)
 
@@ -158,7 +158,7 @@ def _sags(config: StationConfig, robot: StationRobot, dynamics: Dynamics, refere
     from scipy.optimize import root  # loaded where it is needed: commands that do not check start without SciPy
 
     gains = robot.gains
-    if config.mode == "kinematic" or holds_by_model(config, robot) or not (gains.kp > 0).all():
+    if not config.engine.moves_by_forces or holds_by_model(config, robot) or not (gains.kp > 0).all():
         return None
     has_integral = gains.ki > 0
     if has_integral.all():

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from simrob_drake.parts.sensors.sensor import SampledSensor
 from simrob_drake.stations.config import JointStops, StationConfig
 from simrob_drake.stations.findings import Finding
-from simrob_drake.stations.solver_config import ContactConfig, ContactMaterial, DiscreteSolver, FixedSteps
+from simrob_drake.stations.solver_config import ContactConfig, ContactMaterial
 
 SHORTEST_DELAY = 1e-6
 """Delays that differ by at most this time count as equal [s]."""
@@ -27,14 +27,14 @@ class _DelaySetting(NamedTuple):
 
 def ignored_settings(config: StationConfig) -> list[Finding]:
     """Find the settings of surfaces and joint stops that the station's solver or its contact model ignores."""
-    if config.mode == "kinematic":
+    if not config.engine.moves_by_forces:
         return []
     findings = list[Finding]()
     if config.contact is not None:
         findings += _ignored_contact_settings(config, config.contact)
     has_own_stops = config.joint_stops != JointStops()
-    if has_own_stops and config.solver.holds_joint_limits:
-        text = f"the solver {config.solver.scheme} stops joints at their limits by itself and ignores joint_stops"
+    if has_own_stops and config.engine.holds_joint_limits:
+        text = f"the solver {config.engine.name} stops joints at their limits by itself and ignores joint_stops"
         findings.append(Finding("warning", "joint_stops", f"{text}; take solver.scheme radau3"))
     return findings
 
@@ -89,16 +89,14 @@ def _ignored_by_solver(config: StationConfig, key: str, material: ContactMateria
         key: key of the section in which the surface is described.
         material: the settings of the surface.
     """
-    solver = config.solver
-    is_sap = isinstance(solver, DiscreteSolver) and solver.scheme == "sap"
-    if is_sap and material.dissipation:
-        yield f"the solver scheme sap ignores {key}.dissipation; take solver.scheme lagged or similar"
+    engine = config.engine
+    if not engine.has_contact_dissipation and material.dissipation:
+        yield f"the solver scheme {engine.name} ignores {key}.dissipation; take solver.scheme lagged or similar"
     friction = material.friction
     if friction is None:
         return
-    # Solvers with steps of one length know one friction only.
-    if isinstance(solver, FixedSteps) and friction.static != friction.dynamic:
-        text = f"the solver {solver.scheme} ignores {key}.friction.static ({friction.static:g}): bodies begin to "
+    if not engine.has_static_friction and friction.static != friction.dynamic:
+        text = f"the solver {engine.name} ignores {key}.friction.static ({friction.static:g}): bodies begin to "
         yield f"{text}slide at the dynamic one, {friction.dynamic:g}; take a continuous solver, such as cenic"
 
 

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from simrob_drake.base.errors import listed
-from simrob_drake.importer.options import Entry, read_report
-from simrob_drake.parts.site import ResolvedRobot
+from simrob_drake.parts.resolved import ResolvedRobot
+from simrob_drake.robots.imports import Entry, read_report
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.coupled import unheld_mimics
 from simrob_drake.stations.findings import Finding
@@ -94,7 +94,7 @@ def _unheld_mimic_finding(config: StationConfig, follower: str, leader: str) -> 
         follower: name of the axis of the mimic joint.
         leader: name of the axis that it follows.
     """
-    scheme = config.solver.scheme
+    scheme = config.engine.name
     text = f"{follower} follows {leader} in the robot's file, but solver {scheme} holds no coupling: each moves by its "
     text += "own motor; take solver.kind discrete, or scheme radau3 or cenic"
     return Finding("warning", f"mimic of {follower}", text)

@@ -23,9 +23,10 @@ from simrob_drake.base.arguments import as_path, instance
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName, quoted
 from simrob_drake.base.extension import installed_extensions
 from simrob_drake.base.files import model_file, station_files
+from simrob_drake.base.packages import Border
 from simrob_drake.base.sections import validated
 from simrob_drake.base.yaml_files import YAML_SUFFIXES, place_of, read_yaml
-from simrob_drake.importer.packages import Border, is_robot_file
+from simrob_drake.importer.robot_files import is_robot_file
 from simrob_drake.stations.change_of_kind import KeyLosses, kind_of
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.located import located, located_program
@@ -185,7 +186,7 @@ def with_settings(config: StationConfig, settings: Mapping[str, Any], where: str
     """
     if not settings:
         return config
-    has_own_code = any(controller.kind == "own" for controller in config.controllers.values())
+    has_own_code = any(controller.runs_code for controller in config.controllers.values())
     content = station_content(config)
     return _make_config(content, settings, where, allow_code=has_own_code, is_complete=True)
 
@@ -255,7 +256,7 @@ def _validate(content: Content, where: Path | str, allow_code: bool) -> StationC
     except InvalidConfig as problem:
         raise InvalidConfig(where, _in_short_form(problem.key), _in_short_form(problem.problem)) from problem
     for name, controller in config.controllers.items():
-        if controller.kind == "own" and not allow_code:
+        if controller.runs_code and not allow_code:
             expected = f"would run the code {controller.class_}; if you trust it, say allow_code=True, or --allow-code"
             raise InvalidConfig(where, f"controllers.{name}", expected)
     try:
@@ -266,21 +267,23 @@ def _validate(content: Content, where: Path | str, allow_code: bool) -> StationC
 
 
 def _check_extensions(content: Content, where: Path | str) -> None:
-    """Check that the packages under ``extensions`` are installed and in use; raises InvalidConfig if one is not.
+    """Check that the entries of ``extensions`` are installed and in use; raises InvalidConfig if one is not.
 
-    It is checked before the parts: an unknown kind of part would only be a consequence.
+    An entry names a package, with all of its extensions, or one extension. The entries are checked before the parts:
+    an unknown kind of part would only be a consequence.
     """
-    needed = content.get("extensions", ())
-    if not needed or not isinstance(needed, list | tuple) or not all(isinstance(package, str) for package in needed):
+    entries = content.get("extensions", ())
+    if not entries or not isinstance(entries, list | tuple) or not all(isinstance(entry, str) for entry in entries):
         return  # none are needed, or the validation refuses the value
-    known = {extension.package: extension for extension in installed_extensions()}
-    for package in needed:
-        if package not in known:
-            problem = f"the station needs the package {package}, which is not installed: pip install {package}"
+    for entry in entries:
+        matching = [found for found in installed_extensions() if entry in (found.package, found.name)]
+        if not matching:
+            problem = f"the station needs the package {entry}, which is not installed: pip install {entry}"
             raise InvalidConfig(where, "extensions", problem)
-        if known[package].problem:
-            problem = f"the station needs the package {package}, which is left out: {known[package].problem}"
-            raise InvalidConfig(where, "extensions", problem)
+        for found in matching:
+            if found.problem:
+                state = f"the extension {found.name} of {found.package} is left out: {found.problem}"
+                raise InvalidConfig(where, "extensions", f"the station needs {entry}, and {state}")
 
 
 def _add_mesh_path(content: Content, mesh_path: tuple[Path, ...]) -> None:

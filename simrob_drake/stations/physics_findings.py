@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 from simrob_drake.blocks.references import Reference
 from simrob_drake.parts.controllers import loops_of
-from simrob_drake.parts.site import StationPlant
+from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import pairs_without_surface
 from simrob_drake.stations.contact_points import is_flat, uses_contact_points
@@ -36,7 +36,7 @@ def physics_findings(
     findings += plausibility_findings(config, ports.station)
     for robot in ports.plant.robots.values():
         findings += import_findings(config, robot)
-    if config.mode == "kinematic":
+    if not config.engine.moves_by_forces:
         return findings
     findings += ignored_settings(config)
     findings += _grip_findings(config, ports)
@@ -71,8 +71,8 @@ def _grip_findings(config: StationConfig, ports: StationPorts) -> list[Finding]:
         problem = "the station has no contact: fingers hold nothing; add contact: {model: hydroelastic}"
     elif config.contact.model == "point" and not uses_contact_points(config):
         problem = "points let a held piece turn and creep; take contact.model hydroelastic"
-    elif config.solver.scheme == "sap":
-        problem = "sap lets fingers hold several times what friction holds; take solver.scheme lagged"
+    elif not config.engine.has_realistic_grip:
+        problem = f"{config.engine.name} lets fingers hold several times what friction holds; take solver.scheme lagged"
     if not problem:
         return []
     grippers = [robot for robot in ports.plant.robots.values() if robot.model.fingers]
@@ -96,8 +96,8 @@ def _surface_findings(config: StationConfig, plant: StationPlant) -> list[Findin
             return []
         text = f"both are rigid, so {', '.join(pairs)} meet in points; make one of them compliant"
         return [Finding("warning", "contact", text)]
-    # Contact points at the corners carry a flat body, and so does MuJoCo's own contact.
-    if uses_contact_points(config) or config.solver.scheme == "mujoco":
+    # Contact points at the corners carry a flat body, and so do several points of the engine itself.
+    if uses_contact_points(config) or config.engine.touches_at_several_points:
         return []
     for name, body in plant.free_pieces.items():
         shapes = plant.plant.GetCollisionGeometriesForBody(body)

@@ -21,11 +21,11 @@ from pydrake.multibody.tree import FixedOffsetFrame, JointActuatorIndex, ModelIn
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.base.errors import InvalidModel, InvalidParameter
-from simrob_drake.base.extras import needed
 from simrob_drake.base.frames import transform_from_pose
 from simrob_drake.blocks.passive_joints import set_friction
 from simrob_drake.blocks.servo import set_actuators
-from simrob_drake.parts.site import WORLD, ResolvedRobot, StationPlant, StationRobot
+from simrob_drake.parts.resolved import WORLD, ResolvedRobot
+from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.parts.targets import FLOOR
 from simrob_drake.robots.feet import put_on_feet
 from simrob_drake.robots.motors import add_play
@@ -35,9 +35,10 @@ from simrob_drake.robots.urdf import scale_masses, with_absolute_meshes
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import apply_materials, check_stiffnesses, needs_shapes
 from simrob_drake.stations.contact_points import add_contact_points, filter_contact_points
+from simrob_drake.stations.other_engine import add_plant_block, other_engine
 from simrob_drake.stations.prescribed import set_rotors
 from simrob_drake.stations.resolve import ResolvedStation
-from simrob_drake.stations.solver_config import ContactConfig, DiscreteSolver, MujocoSolver
+from simrob_drake.stations.solver_config import ContactConfig
 
 _NEEDLESS = re.compile("deformable contact|does not handle joint limits for continuous models")
 """Warnings of Drake: a station has no deformable bodies, and its joints have stops of its own."""
@@ -53,20 +54,27 @@ _FLOOR_FRICTION = CoulombFriction(FRICTION["mu_static"], FRICTION["mu_dynamic"])
 
 
 def add_plant(builder: DiagramBuilder, resolved: ResolvedStation) -> StationPlant:
-    """Add a station's scene graph and plant, outside if kinematic; raises InvalidModel: not for this mode."""
+    """Add a station's scene graph and plant to a diagram.
+
+    The plant stays outside of the diagram if the station is kinematic, or if another engine stands in for it.
+
+    Raises:
+        SimrobError: a robot does not suit the mode of the station, or the engine cannot simulate the station.
+    """
     config = resolved.config
+    engine = config.engine
+    stand_in = other_engine(config)
     collision = needs_shapes(config)  # without any, the plant never asks the scene graph: a fifth less work
-    in_mujoco = config.mode == "dynamic" and isinstance(config.solver, MujocoSolver)
-    if config.mode == "kinematic" or in_mujoco:
+    if not engine.moves_by_forces or stand_in is not None:
         plant = MultibodyPlant(0.0)
         scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
         plant.RegisterAsSourceForSceneGraph(scene_graph)
     else:
         settings = MultibodyPlantConfig(
-            time_step=0.0, contact_model=config.contact.model if config.contact else "point"
+            time_step=engine.time_step, contact_model=config.contact.model if config.contact else "point"
         )
-        if isinstance(config.solver, DiscreteSolver):
-            settings.time_step, settings.discrete_contact_approximation = config.solver.time_step, config.solver.scheme
+        if engine.has_discrete_states:
+            settings.discrete_contact_approximation = engine.name
             settings.use_sampled_output_ports = False  # so that signals can be evaluated again from a recorded state
         plant, scene_graph = AddMultibodyPlant(settings, builder)
     plant.set_name("plant")
@@ -77,11 +85,10 @@ def add_plant(builder: DiagramBuilder, resolved: ResolvedStation) -> StationPlan
     _add_floor(plant, resolved, collision)
     points = add_contact_points(plant, scene_graph, resolved, [*robots.values()])
     apply_materials(plant, scene_graph, resolved)
-    holds_constraints = plant.time_step() > 0 or (config.mode == "dynamic" and config.solver.scheme == "cenic")
     station = StationPlant(
-        plant, scene_graph, robots, free_pieces, resolved.ground, holds_constraints=holds_constraints
+        plant, scene_graph, robots, free_pieces, resolved.ground, holds_constraints=engine.constrains_in_plant
     )
-    for coupling in config.couplings.values() if config.mode == "dynamic" else ():
+    for coupling in config.couplings.values() if engine.moves_by_forces else ():
         coupling.add(station)
     plant.Finalize()
     for robot in robots.values():
@@ -96,15 +103,9 @@ def add_plant(builder: DiagramBuilder, resolved: ResolvedStation) -> StationPlan
     _filter_collisions(station, config.contact)
     replaced = filter_contact_points(scene_graph, points)
     station = replace(station, contact_points=frozenset(points.balls), replaced_pairs=tuple(replaced))
-    return _in_mujoco(builder, resolved, station) if in_mujoco else station
-
-
-def _in_mujoco(builder: DiagramBuilder, resolved: ResolvedStation, station: StationPlant) -> StationPlant:
-    with needed("solver.kind mujoco", "mujoco"):
-        from simrob_drake.stations.mujoco.plant import MujocoPlant  # only with the extra
-    engine = builder.AddSystem(MujocoPlant(resolved, station))
-    builder.Connect(engine.get_state_output_port(), station.add_geometry_poses(builder, of_state=True))
-    return replace(station, engine=engine)
+    if stand_in is None:
+        return station
+    return replace(station, stand_in=add_plant_block(builder, stand_in, resolved, station))
 
 
 def _add_standing_pieces(plant: MultibodyPlant, station: ResolvedStation, collision: bool) -> dict[str, RigidBody]:
@@ -181,14 +182,14 @@ def add_robot(
 ) -> StationRobot:
     """Add a robot and what it carries to an unfinished plant; raises InvalidModel: one not for the station's mode."""
     model = robot.model
-    if station.mode == "dynamic" and model.links_without_inertia:
+    if station.engine.moves_by_forces and model.links_without_inertia:
         listed = ", ".join(model.links_without_inertia)
         remedy = "take mode: kinematic, or estimate them with robot.import_options.estimate_inertia: true"
         where = station.config.robots[robot.name].urdf or model.urdf_path
         raise InvalidModel(where, "", f"the moving links {listed} have no inertia; {remedy}")
     urdf = urdf_with_pieces(station, robot)
     scale_masses(urdf, station.config.robots[robot.name].mass_factors)
-    if station.mode == "dynamic":
+    if station.engine.moves_by_forces:
         add_play(urdf, dict(zip([axis.joint for axis in model.axes.values()], model.play.tolist(), strict=True)))
     instance = add_urdf(plant, urdf, name=robot.name, where=model.urdf_path, collision=collision)
     root = plant.GetFrameByName(model.root, instance)
@@ -203,7 +204,7 @@ def add_robot(
         offset = FixedOffsetFrame(f"{robot.name}_tcp_offset", tools[tcp], pose, instance)
         tcp, tools[TCP] = TCP, plant.AddFrame(offset)
     joints = [plant.GetJointByName(axis.joint, instance) for axis in model.axes.values()]
-    if station.mode == "dynamic":
+    if station.engine.moves_by_forces:
         motors = [plant.get_joint_actuator(JointActuatorIndex(index)) for index in range(plant.num_actuators())]
         turning = {motor.joint().index() for motor in motors if motor.default_reflected_inertia() > 0}
         for axis, joint, play in zip(robot.axes, joints, robot.model.play, strict=True):
@@ -211,9 +212,9 @@ def add_robot(
                 expected = f"0, or {axis} have a rotor_inertia, which its motor moves alone in the play"
                 raise InvalidParameter(f"robots.{robot.name}.drives.backlash_deg", f"given for {axis}", expected)
         implicit = station.config.servo_of(robot.name).realization == "implicit"
-        if implicit or station.scheme == "cenic":
+        if implicit or station.engine.limits_torques_in_actuators:
             set_actuators(plant, [joint.index() for joint in joints], robot.gains, with_servos=implicit)
-        if station.scheme not in ("cenic", "mujoco"):
+        if station.engine.puts_friction_in_actuators:
             set_friction(plant, joints, model.friction, model.drives.friction_speed)
     own = {**vars(robot), "tcp": tcp}
     return StationRobot(**own, plant=plant, instance=instance, joints=joints, root=root, tools=tools)

@@ -21,7 +21,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.lifetime import built
-from simrob_drake.parts.site import StationPlant, StationRobot
+from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.parts.targets import owner_of_shape
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.plant import add_plant
@@ -63,13 +63,13 @@ class PosedStation:
         # The plant of a kinematic station is not part of the diagram, so an extra system computes the poses. The
         # positions are fixed at the input port of that system.
         # Another engine, such as MuJoCo, has its own model in the diagram, whose positions are set separately.
-        is_dynamic = config.mode == "dynamic"
+        is_dynamic = config.engine.moves_by_forces
         self._positions_port = None if is_dynamic else self.station.add_geometry_poses(builder)
         add(builder, self.station)
         self._diagram = built(builder)
         self._root_context = self._diagram.CreateDefaultContext()
         own_context = self.plant.CreateDefaultContext()
-        is_plant_in_diagram = is_dynamic and self.station.engine is None
+        is_plant_in_diagram = is_dynamic and self.station.stand_in is None
         if is_plant_in_diagram:
             self.context = self.plant.GetMyMutableContextFromRoot(self._root_context)
         else:
@@ -80,7 +80,7 @@ class PosedStation:
     def place(self, positions: Vector) -> None:
         """Set the positions of the plant, shape (nq,) [rad or m], and move all shapes accordingly."""
         self.plant.SetPositions(self.context, positions)
-        if self.station.engine is not None:
+        if self.station.stand_in is not None:
             self.station.place(self._root_context, positions)
         if self._positions_port is not None:
             system = self._positions_port.get_system()

@@ -51,11 +51,11 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.block import fed, joined, mapped
 from simrob_drake.blocks.joint_torque import JointTorqueSensor
 from simrob_drake.blocks.references import reference_values
-from simrob_drake.parts.site import ResolvedRobot, StationRobot
+from simrob_drake.parts.resolved import ResolvedRobot
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import ServoConfig, StationConfig
 from simrob_drake.stations.ports import StationPorts
-from simrob_drake.stations.solver_config import DiscreteSolver
 
 _ROTOR_FACTOR = 1e6
 """Inertia of a prescribed joint's rotor, as a multiple of the joint's diagonal element of the mass matrix."""
@@ -97,7 +97,7 @@ def prescribed_axes(config: StationConfig, robot: str, model: RobotModel) -> dic
             keys.append(key)
     if not keys:
         return {}
-    if config.mode == "kinematic":
+    if not config.engine.moves_by_forces:
         raise Unsuitable("prescribed", "the reference of a kinematic station moves all joints")
     _check_servo(config.servo_of(robot))
     prefix = config.prefix(robot)
@@ -224,7 +224,7 @@ def add_prescribed_motion(
         name = f"{robot.prefix}prescribed.{robot.axes[axis]}"
         block = builder.AddNamedSystem(name, PassThrough(_MOTION_SIZE))
         ports.inputs[name] = block.get_input_port()
-        ports.draw(name, "reference", f"Prescribed motion\nof {axis_name}", robot)
+        ports.picture.draw(name, "reference", f"Prescribed motion\nof {axis_name}", robot)
         motions.append(block.get_output_port())
     name = f"{robot.prefix}prescribed"
     multiplexer = Multiplexer([_MOTION_SIZE] * len(motions))
@@ -239,7 +239,7 @@ def add_prescribed_motion(
     for index, axis in enumerate(axes):
         selection[axis, count + _MOTION_SIZE * index] = 1.0
     both = joined(builder, f"{name}.references", reference, all_motions)
-    ports.draw_nothing(name, f"{name}.references", f"{name}.whole")
+    ports.picture.draw_nothing(name, f"{name}.references", f"{name}.whole")
     return mapped(builder, f"{name}.whole", selection, both)
 
 
@@ -263,7 +263,6 @@ def add_prescribed_torque(
         and the caller adds it.
     """
     plant = ports.plant.plant
-    solver = ports.config.solver
     name = f"{robot.prefix}prescribed"
     axes = list(robot.prescribed)
     motors = [_motor(plant, robot.joints[axis]) for axis in axes]
@@ -275,9 +274,10 @@ def add_prescribed_torque(
     # values for each prescribed joint), then the plant's state.
     motions = builder.GetSubsystemByName(name).get_output_port()
     bus = joined(builder, f"{name}.bus", motions, ports.state)
-    # Solvers that hold joint limits by themselves, discrete ones and cenic, take the reference as it is at the start
+    # Engines that hold joint limits by themselves, discrete ones and cenic, take the reference as it is at the start
     # of a step.
-    rate = _STEPPED_RATE if solver.holds_joint_limits else _CONTINUOUS_RATE
+    engine = ports.config.engine
+    rate = _STEPPED_RATE if engine.holds_joint_limits else _CONTINUOUS_RATE
     law = _rotor_law(robot, rotors, rate)
     force = mapped(builder, f"{name}.force", to_plant @ law, bus)
     ports.generalized_forces.append(force)
@@ -286,10 +286,10 @@ def add_prescribed_torque(
     acceleration = plant.get_generalized_acceleration_output_port()
     missed = _missed_torque(robot, plant, rotors)
     signals = [torque, bus, acceleration]
-    if isinstance(solver, DiscreteSolver) and uses_reaction_forces(ports.config):
+    if uses_reaction_forces(ports.config):
         # tau = S (ddq_r - dv/dt) + d (v + h dv/dt) + f, where f, the reaction forces, follows the accelerations.
         signals.append(_add_joint_forces(builder, ports, robot))
-        resistance = _joint_resistance(robot, solver.time_step)
+        resistance = _joint_resistance(robot, engine.time_step)
         motion_torque = np.hstack([missed + resistance, np.eye(len(axes))])
     else:
         # tau = S (ddq_r - dv/dt) + u - J dv/dt
@@ -299,8 +299,8 @@ def add_prescribed_torque(
     every_axis = np.eye(len(robot.axes))
     matrix = np.hstack([every_axis, every_axis[:, axes] @ motion_torque])
     efforts = joined(builder, f"{name}.efforts", *signals)
-    ports.draw_nothing(f"{name}.bus", f"{name}.efforts", f"{name}.torque")
-    ports.draw(f"{name}.force", "force", "What moves\nprescribed joints", robot)
+    ports.picture.draw_nothing(f"{name}.bus", f"{name}.efforts", f"{name}.torque")
+    ports.picture.draw(f"{name}.force", "force", "What moves\nprescribed joints", robot)
     return mapped(builder, f"{name}.torque", matrix, efforts)
 
 
@@ -366,7 +366,7 @@ def uses_reaction_forces(config: StationConfig) -> bool:
 
 def is_discrete_with_contact(config: StationConfig) -> bool:
     """Whether the station has contact and is stepped by one of Drake's discrete solvers."""
-    return isinstance(config.solver, DiscreteSolver) and config.contact is not None
+    return config.engine.has_discrete_states and config.contact is not None
 
 
 def constraining_couplings(config: StationConfig) -> list[str]:
@@ -386,7 +386,7 @@ def _add_joint_forces(builder: DiagramBuilder, ports: StationPorts, robot: Stati
         signs=robot.axis_map.signs[axes],
     )
     name = f"{robot.prefix}prescribed.joint_forces"
-    ports.draw_nothing(name)
+    ports.picture.draw_nothing(name)
     return fed(builder, name, block, ports.plant.plant.get_reaction_forces_output_port())
 
 

@@ -10,14 +10,16 @@ from pydrake.geometry import ReadObjToTriangleSurfaceMesh
 from pydrake.math import RigidTransform
 
 from simrob_drake.base.errors import InvalidModel, InvalidParameter, UnknownName, Unsuitable, one_of
+from simrob_drake.base.file_cache import FileCache
 from simrob_drake.base.frames import Vector, transform_from_pose
+from simrob_drake.base.packages import granted
 from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.parts.controllers import flows_of, loops_of, readers_of
 from simrob_drake.parts.controllers.loop import check_loops, sensors_read
 from simrob_drake.parts.couplings import Gear
 from simrob_drake.parts.ground import Ground
+from simrob_drake.parts.resolved import WORLD, ResolvedPiece, ResolvedRobot, Surroundings
 from simrob_drake.parts.sensors.sensor import SampledSensor
-from simrob_drake.parts.site import WORLD, ResolvedPiece, ResolvedRobot, Surroundings
 from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
 from simrob_drake.robots.coupled_axes import CoupledAxes
@@ -25,11 +27,10 @@ from simrob_drake.robots.motors import Drives
 from simrob_drake.robots.pieces import FORMS, TCP, PieceModel, PieceShape, described_piece, piece_file, with_changes
 from simrob_drake.robots.urdf import with_absolute_meshes
 from simrob_drake.stations.config import FloorConfig, JointStops, RobotConfig, ServoConfig, StationConfig
-from simrob_drake.stations.coupled import coupled_axes, mimic_gears, solver_traits, starting_positions
+from simrob_drake.stations.coupled import coupled_axes, mimic_gears, starting_positions
 from simrob_drake.stations.piece_config import PieceConfig
 from simrob_drake.stations.prescribed import with_prescribed_axes
 from simrob_drake.stations.servos import check_motors, check_servo_without_model, drives_of, servo_gains, station_motors
-from simrob_drake.stations.solver_config import MujocoSolver
 from simrob_drake.stations.target_limits import check_targets
 
 
@@ -54,13 +55,36 @@ _SERVO_KEYS = "kp", "ki", "kd", "torque_limit", "integral_limit", "speed_limit"
 _FOOT = "foot"  # how tools on feet are called, after their side
 
 
+# Stations that were resolved last, by the identity of their configuration. A run resolves the same configuration
+# when it is loaded and checked, and when its diagram is built.
+_STATIONS: FileCache[tuple[StationConfig, ResolvedStation]] = FileCache(size=8)
+# Robots that were read last, by the name or file that a station gives for them. Changed copies of a configuration,
+# such as those with other pieces or forces, have the same robots.
+_ROBOTS: FileCache[RobotModel] = FileCache(size=32)
+
+
 def resolve(config: StationConfig) -> ResolvedStation:
-    """Read a station's robots and pieces; raises SimrobError: the key whose name or figure does not fit."""
+    """Read the robots and pieces of a station, and check that its keys fit them.
+
+    The result for a configuration object is kept, and returned again until one of the station's files changes.
+
+    Raises:
+        SimrobError: a name or a value does not fit; the message names its key.
+    """
+    # The folders that the user allows decide which files a robot may name.
+    key = (id(config), tuple(granted()))
+    # The cached value contains the configuration: as long as it is there, no other object can have the same identity.
+    _, station = _STATIONS.value(key, lambda: (config, _resolve_from_files(config)))
+    return station
+
+
+def _resolve_from_files(config: StationConfig) -> ResolvedStation:
+    """Resolve a station without a look at former results. Raises the errors of `resolve`."""
     driven = {name for loop in readers_of(config.controllers).values() for name in loop.needs} - set(config.inputs)
     config = config.model_copy(update={"inputs": (*config.inputs, *sorted(driven))}) if driven else config
     models = {name: _robot_model(entry, config.servo_of(name)) for name, entry in config.robots.items()}
     mimics = mimic_gears(config, models)
-    held = {name: gear for name, gear in mimics.items() if gear.is_held(solver_traits(config))}
+    held = {name: gear for name, gear in mimics.items() if gear.is_held(config.engine)}
     unheld_gears = {name: gear for name, gear in mimics.items() if name not in held}
     config = config.model_copy(update={"couplings": {**config.couplings, **held}}) if held else config
     starts = starting_positions(config, models, unheld_gears)
@@ -75,7 +99,7 @@ def resolve(config: StationConfig) -> ResolvedStation:
         if isinstance(sensors[name], SampledSensor):
             sensors[name] = sensors[name].model_copy(update={"in_loop": True})
     return ResolvedStation(
-        **solver_traits(config)._asdict(),
+        engine=config.engine,
         has_contact=config.contact is not None,
         ground=ground,
         robots=robots,
@@ -94,7 +118,7 @@ def check_parts(station: ResolvedStation) -> None:
     if not (config.robots or free):
         expected = "given as robot: {model: ...}, or a piece have free: true: a station needs something that moves"
         raise InvalidParameter("robots", "empty", expected)
-    if free and config.mode == "kinematic":
+    if free and not config.engine.moves_by_forces:
         raise InvalidParameter(f"pieces.{free[0]}.free", True, "false in a kinematic station, which moves robots only")
     _check_engine(config)
     for robot in station.robots.values():
@@ -114,16 +138,25 @@ def check_parts(station: ResolvedStation) -> None:
 
 
 def _check_engine(config: StationConfig) -> None:
-    if config.mode == "kinematic" or not isinstance(config.solver, MujocoSolver):
-        return
-    if config.contact is not None and config.contact.model != "point":
-        expected = "point with solver.kind mujoco, which knows no pressure over a surface"
+    """Check that the engine of a station knows what the station contains.
+
+    Raises:
+        InvalidParameter: it does not know the contact model, prescribed joints, or a coupling.
+    """
+    engine = config.engine
+    if config.contact is not None and config.contact.model != "point" and not engine.has_surface_contact:
+        expected = f"point with solver.kind {engine.name}, which knows no pressure over a surface"
         raise InvalidParameter("contact.model", config.contact.model, expected)
-    unknown = [name for name, coupling in config.couplings.items() if "mujoco" not in coupling.engines]
-    for key, refused in (("prescribed", list(config.prescribed)), ("couplings", unknown)):
-        if refused:
-            expected = "left out with solver.kind mujoco, which is given a tree of joints moved by forces, and gears"
-            raise InvalidParameter(key, ", ".join(refused), expected)
+    refused = dict[str, list[str]]()
+    if not engine.has_prescribed_joints:
+        refused["prescribed"] = list(config.prescribed)
+    if not engine.has_forces_of_couplings:
+        unknown = [name for name, coupling in config.couplings.items() if not coupling.is_constrained(engine)]
+        refused["couplings"] = unknown
+    for key, names in refused.items():
+        if names:
+            expected = f"left out with solver.kind {engine.name}, which has joints moved by forces, and gears alone"
+            raise InvalidParameter(key, ", ".join(names), expected)
 
 
 def _robot_model(entry: RobotConfig, servo: ServoConfig) -> RobotModel:
@@ -137,6 +170,21 @@ def _robot_model(entry: RobotConfig, servo: ServoConfig) -> RobotModel:
 
 
 def _robot_as_described(entry: RobotConfig) -> RobotModel:
+    """Read a robot from its files, or take it from the cache. Raises SimrobError if the files have a defect."""
+    options = "" if entry.import_options is None else entry.import_options.model_dump_json()
+    key = (entry.urdf, entry.model, options, tuple(granted()))
+    return _ROBOTS.value(key, lambda: _robot_from_files(entry))
+
+
+def _robot_from_files(entry: RobotConfig) -> RobotModel:
+    """Read a robot with its URDF from its files. Raises SimrobError if the files have a defect."""
+    robot = _described_robot(entry)
+    robot.element  # noqa: B018  # reads the URDF now, so that the cache records its file
+    return robot
+
+
+def _described_robot(entry: RobotConfig) -> RobotModel:
+    """Read the description of a robot: a URDF, a YAML file, or a robot of the package by its name."""
     if entry.urdf is not None:
         from simrob_drake.importer.importing import robot_from_file  # few stations need the importer
 
@@ -204,7 +252,7 @@ def _robot(
     for key, value in values.items():
         if value is not None:
             model.axis_vector(value, key)
-    if config.mode == "dynamic" and model.base == "floating":
+    if config.engine.moves_by_forces and model.base == "floating":
         check_servo_without_model(servo)
     if model.feet is None and entry.feet is not None:
         raise Unsuitable(f"robots.{name}.feet", f"{model.name} has no feet")
@@ -230,7 +278,7 @@ def _robot(
             prefix=config.prefix(name),
             model=model,
             base=(ground.tilt if model.base == "floating" else RigidTransform()) @ transform_from_pose(entry.base),
-            floats=config.mode == "dynamic" and model.base == "floating",
+            floats=config.engine.moves_by_forces and model.base == "floating",
             gains=servo_gains(model, servo, dampers=config.motors_are_dampers(name)),
             motors=tuple(station_motors(model, servo)),
             stops=(stiffness, damping),

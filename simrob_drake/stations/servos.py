@@ -5,7 +5,7 @@ import numpy as np
 from simrob_drake.base.errors import InvalidParameter, UnknownName, Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.servo import MotorLine, ServoGains
-from simrob_drake.parts.site import ResolvedRobot
+from simrob_drake.parts.resolved import ResolvedRobot
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.motors import NO_MOTOR, OF_URDF, Drives, Motor, known_motors
 from simrob_drake.stations.config import ServoConfig, StationConfig
@@ -115,9 +115,11 @@ def servo_gains(robot: RobotModel, servo: ServoConfig, *, dampers: bool = False)
 
 def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:
     """Check that servos and solver can realize a robot's motors; raises InvalidParameter: the key, what is right."""
-    gains, servo, solver = robot.gains, config.servo_of(robot.name), config.solver
-    in_actuators = servo.realization == "implicit" or (config.mode == "dynamic" and solver.scheme == "cenic")
-    if gains.line is None or config.mode == "kinematic" or not in_actuators:
+    gains = robot.gains
+    servo = config.servo_of(robot.name)
+    engine = config.engine
+    in_actuators = servo.realization == "implicit" or engine.limits_torques_in_actuators
+    if gains.line is None or not engine.moves_by_forces or not in_actuators:
         return
     blocks = "realization per_joint and a solver other than cenic"
     if servo.law == "computed_torque":

@@ -1,5 +1,7 @@
 """How a station's time advances, what happens where things touch, and what bounds its verdict has."""
 
+from abc import ABC, abstractmethod
+from dataclasses import replace
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
@@ -15,6 +17,8 @@ from pydantic_core import CoreSchema, InitErrorDetails
 
 from simrob_drake.base.extension import usable_objects
 from simrob_drake.base.sections import Boolean, NotNegative, Number, Positive, Strict
+from simrob_drake.parts.engine import Engine
+from simrob_drake.parts.kinds import Kinds
 
 TIGHTER = 10.0  # how much tighter `simrob run --converge` reruns
 
@@ -31,11 +35,100 @@ ContinuousScheme = Literal[
     "explicit_euler",
     "semi_explicit_euler",
 ]
-FIXED_STEP_SCHEMES = ("explicit_euler", "semi_explicit_euler", "runge_kutta2", "radau1")
-"""Continuous schemes of Drake without error control: they take steps of ``max_step``."""
+DiscreteScheme = Literal["sap", "lagged", "similar"]
 
 
-class ContinuousSolver(Strict):
+def _implicit(name: str, *, has_fixed_steps: bool = False) -> Engine:
+    """Describe an implicit integrator of Drake."""
+    return Engine(name=name, holds_stiff_springs=True, has_fixed_steps=has_fixed_steps)
+
+
+def _explicit(name: str, *, has_fixed_steps: bool = False) -> Engine:
+    """Describe an explicit integrator of Drake."""
+    return Engine(name=name, is_explicit=True, has_fixed_steps=has_fixed_steps)
+
+
+# Schemes with fixed steps are those of Drake without an estimate of the error.
+CONTINUOUS_SCHEMES = {
+    # A convex problem in each step, with contacts, joint limits and gears as constraints. Forces of other blocks are
+    # linearised at the start of the step.
+    "cenic": Engine(
+        name="cenic",
+        needs_plant_as_direct_child=True,
+        holds_joint_limits=True,
+        constrains_gears=True,
+        constrains_many_axes=False,
+        constrains_in_plant=True,
+        holds_inputs_over_steps=True,
+        limits_torques_in_actuators=True,
+        puts_friction_in_actuators=False,
+        reports_forces_of_joints=False,
+        reports_friction_of_contacts=False,
+        takes_any_contact_stiffness=True,
+    ),
+    "radau3": _implicit("radau3"),
+    "implicit_euler": _implicit("implicit_euler"),
+    "velocity_implicit_euler": _implicit("velocity_implicit_euler"),
+    "radau1": _implicit("radau1", has_fixed_steps=True),
+    "runge_kutta3": _explicit("runge_kutta3"),
+    "runge_kutta5": _explicit("runge_kutta5"),
+    "bogacki_shampine3": _explicit("bogacki_shampine3"),
+    "runge_kutta2": _explicit("runge_kutta2", has_fixed_steps=True),
+    "explicit_euler": _explicit("explicit_euler", has_fixed_steps=True),
+    "semi_explicit_euler": _explicit("semi_explicit_euler", has_fixed_steps=True),
+}
+"""Drake's integrators of continuous time, by name. A further one is one entry here, and in `ContinuousScheme`."""
+
+
+def _discrete(name: str) -> Engine:
+    """Describe a discrete solver of Drake. The length of its steps is that of the section."""
+    return Engine(
+        name=name,
+        has_fixed_steps=True,
+        holds_joint_limits=True,
+        constrains_gears=True,
+        constrains_bodies=True,
+        constrains_in_plant=True,
+        takes_any_contact_stiffness=True,
+        actuator_torques_lack_friction=True,
+        has_static_friction=False,
+    )
+
+
+DISCRETE_SCHEMES = {
+    "sap": replace(_discrete("sap"), softens_contacts=True, has_contact_dissipation=False, has_realistic_grip=False),
+    "lagged": _discrete("lagged"),
+    "similar": _discrete("similar"),
+}
+"""Drake's discrete solvers, by the name of their approximation of contacts."""
+
+
+class SolverSection(Strict, ABC):
+    """A section ``solver``: the base class of all kinds."""
+
+    kind: str
+
+    @property
+    @abstractmethod
+    def engine(self) -> Engine:
+        """Answers of this solver."""
+
+    @abstractmethod
+    def tighter(self, factor: float = TIGHTER) -> Self:
+        """The same solver with steps and errors divided by a factor."""
+
+    @property
+    @abstractmethod
+    def step_key(self) -> str:
+        """Key that holds the length of the steps."""
+
+    @property
+    def step(self) -> float:
+        """Length of a step, or of the longest one [s]."""
+        return float(getattr(self, self.step_key))
+
+
+class ContinuousSolver(SolverSection):
     """One of Drake's integrators of continuous time."""
 
     kind: Literal["continuous"]
@@ -49,62 +142,55 @@ class ContinuousSolver(Strict):
     """Steps as short as the accuracy asks for. Without it each is max_step long: a third of the work with cenic, which
     stays stable, but nothing looks after impacts."""
 
+    @property
+    def engine(self) -> Engine:
+        """Answers of the scheme. Without error control its steps have the same length."""
+        known = CONTINUOUS_SCHEMES[self.scheme]
+        return known if self.error_control else replace(known, has_fixed_steps=True)
+
+    @property
+    def step_key(self) -> str:
+        """Key that holds the length of the longest step."""
+        return "max_step"
+
     def tighter(self, factor: float = TIGHTER) -> Self:
         """Return the same scheme with accuracy and step divided by ``factor``."""
         return self.model_copy(update={"accuracy": self.accuracy / factor, "max_step": self.max_step / factor})
 
-    @property
-    def holds_joint_limits(self) -> bool:
-        """Whether the scheme itself keeps joints within their limits; the others need stop forces.
 
-        Such schemes take what drives the plant as it is at the start of a step.
-        """
-        return self.scheme == "cenic"
+class DiscreteSolver(SolverSection):
+    """Drake's discrete contact solvers with fixed steps."""
 
-    @property
-    def fixed_steps(self) -> bool:
-        """Whether every step is ``max_step`` long."""
-        return not self.error_control or self.scheme in FIXED_STEP_SCHEMES
-
-
-class FixedSteps(Strict):
-    """Steps of one length, contacts and joint limits within them."""
-
+    kind: Literal["discrete"]
     time_step: Positive = 1e-3
     """Length of a step [s]."""
+    scheme: DiscreteScheme = "sap"
+    """Drake's contact approximation; sap always converges, and does not know dissipation."""
+
+    @property
+    def engine(self) -> Engine:
+        """Answers of the scheme, with the length of its steps."""
+        return replace(DISCRETE_SCHEMES[self.scheme], time_step=self.time_step)
+
+    @property
+    def step_key(self) -> str:
+        """Key that holds the length of the steps."""
+        return "time_step"
 
     def tighter(self, factor: float = TIGHTER) -> Self:
         """Return the same solver with its step divided by ``factor``."""
         return self.model_copy(update={"time_step": self.time_step / factor})
 
-    @property
-    def holds_joint_limits(self) -> bool:
-        """Discrete solvers keep joints within their limits."""
-        return True
 
-
-class DiscreteSolver(FixedSteps):
-    """Drake's discrete contact solvers with fixed steps."""
-
-    kind: Literal["discrete"]
-    scheme: Literal["sap", "lagged", "similar"] = "sap"
-    """Drake's contact approximation; sap always converges, and does not know dissipation."""
-
-
-class MujocoSolver(FixedSteps):
-    """MuJoCo in the place of Drake's plant, its servos and contacts in one implicit step (extra `mujoco`)."""
-
-    kind: Literal["mujoco"]
-    time_step: Positive = 2e-3
-    """Length of a step [s]."""
-
-    @property
-    def scheme(self) -> str:
-        """What it is called among Drake's."""
-        return "mujoco"
-
-
-SolverConfig = Annotated[ContinuousSolver | DiscreteSolver | MujocoSolver, Field(discriminator="kind")]
+SOLVERS = Kinds(
+    __name__,
+    {"continuous": "ContinuousSolver", "discrete": "DiscreteSolver"},
+    base=SolverSection,
+    base_of_extensions="simrob_drake.stations.other_engine:OtherEngine",
+    point="engines",
+)
+"""The kinds of the section ``solver``. Extensions add engines that stand in for Drake's plant."""
+SolverConfig = Annotated[SolverSection, SOLVERS]
 
 
 class Friction(Strict):

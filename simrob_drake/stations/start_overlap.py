@@ -93,7 +93,7 @@ def check_start_overlap(config: StationConfig, ports: StationPorts, root: Contex
     Raises:
         InvalidParameter: a piece overlaps too deeply; the message names both bodies and what to change.
     """
-    if config.mode == "kinematic" or config.contact is None:
+    if not config.engine.moves_by_forces or config.contact is None:
         return
     overlap = deepest_overlap(ports, root, of_pieces=True)
     allowed = allowed_overlap(config)

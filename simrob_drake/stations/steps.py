@@ -17,15 +17,13 @@ from pydrake.systems.framework import Context, Diagram
 from simrob_drake.base.errors import UnsupportedSolver
 from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.references import Reference
-from simrob_drake.parts.site import StationPlant, StationRobot
+from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.stations.closed import reference_samples
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.dynamic import largest_explicit_steps, servo_inertias
 from simrob_drake.stations.findings import Finding
 from simrob_drake.stations.prescribed import constraining_couplings, is_discrete_with_contact
-from simrob_drake.stations.solver_config import FIXED_STEP_SCHEMES, ContinuousSolver, FixedSteps
-
-_EXPLICIT_SCHEMES = ("runge_kutta3", "runge_kutta5", "bogacki_shampine3", *FIXED_STEP_SCHEMES)
+from simrob_drake.stations.solver_config import ContinuousSolver
 
 _STIFF_STOPS = 2e10
 """Largest stiffness of a stop, divided by the inertia of its axis, at which an implicit scheme does not creep [1/s²].
@@ -82,19 +80,20 @@ def _damping_findings(config: StationConfig, robot: StationRobot) -> list[Findin
     joint = f"{robot.prefix}{robot.axes[worst]}"
     damping = f"the damping of {joint} (kd {robot.gains.kd[worst]:g} {unit.effort}·s/{unit.si})"
     # Discrete solvers are compared, too: they evaluate such servos explicitly.
-    if isinstance(solver, FixedSteps):
-        if solver.time_step <= largest:
+    engine = config.engine
+    if engine.has_discrete_states:
+        if engine.time_step <= largest:
             return [Finding("ok", "steps", f"{damping} allows steps up to {largest:.2g} s")]
         text = f"{damping} is unstable above steps of {largest:.2g} s, but solver.time_step is "
         remedy = "set servo.realization to implicit, lower servo.kd or solver.time_step"
-        return [Finding("warning", "steps", f"{text}{solver.time_step:g} s; {remedy}")]
-    if isinstance(solver, ContinuousSolver) and solver.scheme in _EXPLICIT_SCHEMES:
-        text = f"{damping} keeps the explicit scheme {solver.scheme} below steps of {largest:.2g} s"
-        if not solver.fixed_steps:  # error control shortens the steps by itself
+        return [Finding("warning", "steps", f"{text}{engine.time_step:g} s; {remedy}")]
+    if engine.is_explicit:
+        text = f"{damping} keeps the explicit scheme {engine.name} below steps of {largest:.2g} s"
+        if not engine.has_fixed_steps:  # error control shortens the steps by itself
             return [Finding("note", "steps", text)]
-        if solver.max_step <= largest:
+        if solver.step <= largest:
             return [Finding("ok", "steps", text)]
-        text += f", but solver.max_step is {solver.max_step:g} s; take an implicit scheme such as radau3"
+        text += f", but solver.{solver.step_key} is {solver.step:g} s; take an implicit scheme such as radau3"
         return [Finding("warning", "steps", text)]
     return []
 
@@ -105,16 +104,16 @@ def _uncertain_torques(config: StationConfig) -> list[Finding]:
     A prescribed joint follows a given motion, and the torque that this takes is computed, see
     :mod:`simrob_drake.stations.prescribed`. Some solvers do not report all forces that this computation needs.
     """
-    if not config.prescribed or config.contact is None or config.mode == "kinematic":
+    if not config.prescribed or config.contact is None or not config.engine.moves_by_forces:
         return []
-    scheme = config.solver.scheme
+    scheme = config.engine.name
     couplings = constraining_couplings(config)
     text = f"the torques of the prescribed joints {', '.join(config.prescribed)} "
     if is_discrete_with_contact(config) and couplings:
         text += "may be wrong by thousands of N or N·m while bodies touch: Drake's solver "
         text += f"{scheme} does not report the forces of couplings ({', '.join(couplings)})"
-    elif scheme == "cenic":
-        text += "lack up to half of the force that accelerates loads held by friction under cenic"
+    elif not config.engine.reports_friction_of_contacts:
+        text += f"lack up to half of the force that accelerates loads held by friction under {scheme}"
     else:
         return []
     return [Finding("warning", "steps", f"{text}; set solver to {{kind: continuous, scheme: radau3}}")]
@@ -127,7 +126,7 @@ def likely_cause(config: StationConfig, plant: StationPlant) -> str:
         return f"likely cause: {warnings[0].text}"
     if any((robot.gains.ki > 0).any() for robot in plant.robots.values()):
         return "likely cause: integral gains (servo.ki) too large for the solver's steps; lower them or solver.max_step"
-    key = "solver.time_step" if isinstance(config.solver, FixedSteps) else "solver.max_step or solver.accuracy"
+    key = "solver.time_step" if config.engine.has_discrete_states else "solver.max_step or solver.accuracy"
     return f"likely cause: forces too stiff for the solver's steps; try a smaller {key}"
 
 
@@ -222,8 +221,8 @@ def _creeping_findings(
 
     The list is empty for other solvers, and for a scheme that holds joint limits by itself.
     """
-    solver = config.solver
-    if not isinstance(solver, ContinuousSolver) or solver.fixed_steps or solver.holds_joint_limits:
+    engine = config.engine
+    if not engine.moves_by_forces or engine.has_fixed_steps or engine.holds_joint_limits:
         return []
     findings = []
     for robot in plant.robots.values():
@@ -233,7 +232,7 @@ def _creeping_findings(
             _, postures = reference_samples(reference, config.duration)
         for part in _stiff_parts(config, robot, postures):
             if part.ratio > part.limit:
-                text = f"{part.text} is so stiff that {solver.scheme} may creep; {DISCRETE}"
+                text = f"{part.text} is so stiff that {engine.name} may creep; {DISCRETE}"
                 findings.append(Finding("warning", "steps", text))
     return findings
 
@@ -241,18 +240,19 @@ def _creeping_findings(
 def controlled_by(config: StationConfig) -> ContinuousSolver | None:
     """Settings of a station's solver if it chooses the length of its steps by error control; otherwise None."""
     solver = config.solver
-    if config.mode == "kinematic" or not isinstance(solver, ContinuousSolver) or solver.fixed_steps:
+    engine = config.engine
+    if not engine.moves_by_forces or not isinstance(solver, ContinuousSolver) or engine.has_fixed_steps:
         return None
     return solver
 
 
 def stepped_by(config: StationConfig) -> ContinuousSolver | None:
-    """Settings of the scheme ``cenic`` for a station, or None if the station has another scheme.
+    """Settings of a scheme that sees inputs only at the start of a step, such as ``cenic``. None for other schemes.
 
     If the station has controllers, the longest step is increased slightly, see _SLACK.
     """
     solver = config.solver
-    if config.mode == "kinematic" or not isinstance(solver, ContinuousSolver) or solver.scheme != "cenic":
+    if not isinstance(solver, ContinuousSolver) or not config.engine.holds_inputs_over_steps:
         return None
     if not config.controllers:
         return solver
@@ -269,21 +269,21 @@ def apply_solver(simulator: Simulator, config: StationConfig) -> None:
     Raises:
         UnsupportedSolver: the scheme ``cenic`` with a station that is not a direct part of the root diagram.
     """
-    if config.mode == "kinematic" or not isinstance(config.solver, ContinuousSolver):
+    if not config.engine.moves_by_forces or not isinstance(config.solver, ContinuousSolver):
         return
     solver = config.solver
     system = simulator.get_system()
     has_plant = isinstance(system, Diagram) and system.HasSubsystemNamed("plant")
-    if solver.scheme == "cenic" and not has_plant:
+    if solver.engine.needs_plant_as_direct_child and not has_plant:
         raise UnsupportedSolver(
-            "solver.scheme is 'cenic', which needs the plant as a direct part of the simulated diagram: add the "
-            "station with add_station() to the root's builder, or choose another scheme such as 'radau3'"
+            f"solver.scheme is {solver.scheme!r}, which needs the plant as a direct part of the simulated diagram: add "
+            "the station with add_station() to the root's builder, or choose another scheme such as 'radau3'"
         )
     settings = SimulatorConfig(
         integration_scheme=solver.scheme,
         max_step_size=solver.max_step,
         accuracy=solver.accuracy,
-        use_error_control=not solver.fixed_steps,
+        use_error_control=not solver.engine.has_fixed_steps,
     )
     ApplySimulatorConfig(settings, simulator)
     cenic = stepped_by(config)

@@ -13,13 +13,13 @@ from typer.testing import CliRunner
 
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.cli.app import app
+from simrob_drake.extensions.mujoco.mjcf import reading
 from simrob_drake.importer import importing
 from simrob_drake.importer.importing import ImportedRobot, import_robot
 from simrob_drake.importer.meshes.places import MeshPlaces
-from simrob_drake.importer.mjcf import reading
-from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.reading.child import ChildFailed
 from simrob_drake.importer.reading.source import read_source
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.urdf import mass_of, name_of
 from simrob_drake.stations.load import load_station
@@ -68,7 +68,7 @@ ARM = f"""<mujoco model="arm">
 @pytest.fixture
 def here(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let MuJoCo compile, and Drake probe, in this process, which is quicker."""
-    from simrob_drake.importer.mjcf import compiling
+    from simrob_drake.extensions.mujoco.mjcf import compiling
 
     def compiled(_: str, job, answer, __, *, seconds: float):
         monkeypatch.setattr(compiling, "ask", answer)

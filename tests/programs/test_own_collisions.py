@@ -7,7 +7,6 @@ import pytest
 
 from simrob_drake import Arm
 from simrob_drake.cli.app import run_command
-from simrob_drake.extensions.rapid.importing import import_rapid
 from simrob_drake.programs.errors import GoalInCollision, NoFreePath, PathCollision
 from simrob_drake.programs.plan import check_collisions
 from simrob_drake.programs.segments import PathPoint
@@ -79,17 +78,6 @@ def test_programs_in_files_are_refused(tmp_path, capsys):
     moves[0]["move_abs_j"]["check"] = None
     file.write_text(json.dumps({"station": "station.yaml", "moves": moves}))
     assert run_command(["run", str(file), *out]) == 0
-
-
-def test_rapid_programs_are_refused(tmp_path):
-    module = tmp_path / "Folded.mod"
-    target = f"[{FOLDED_DEG},[9E9,9E9,9E9,9E9,9E9,9E9]]"
-    home = "[[0,-90,90,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"
-    lines = [f"MoveAbsJ {home},v500,fine,tool0;", f"MoveAbsJ {target},v500,fine,tool0;"]
-    module.write_text("MODULE Folded\nPROC main()\n" + "\n".join(lines) + "\nENDPROC\nENDMODULE\n")
-    (lost,) = import_rapid(module, bare_station("ur5")).lost
-    assert "link_1 would run into link_" in lost.text
-    assert lost.line == 4
 
 
 def test_the_check_of_a_station_names_a_reference_that_leads_into_the_arm():

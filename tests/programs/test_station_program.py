@@ -10,8 +10,6 @@ from simrob_drake import Workcell, load_station, simulate
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.cli.app import run_command
 from simrob_drake.cli.programs import check_program, own_program
-from simrob_drake.extensions.comparison.engines import compare_engines
-from simrob_drake.extensions.tuning.scene import Scene
 from simrob_drake.programs.whole_program import carried_program, run_whole
 from simrob_drake.stations.load import station_yaml
 
@@ -69,21 +67,6 @@ def test_overrides_change_it_replace_it_and_leave_it_out(station: Path, tmp_path
     assert carried_program(load_station(station, {"program": None})) is None
     with pytest.raises(SimrobError, match=r"program\.moves\.1: has no place '1'; those there are 0 to 0"):
         load_station(station, {"program.moves.1.duration": 0.2})
-
-
-def test_sweeps_and_searches_do_it(station: Path) -> None:
-    scene = Scene.of(str(station), {"program.moves.0.duration": 0.2})
-    assert scene.run().stop_time == pytest.approx(0.2)
-    assert scene.digest != Scene.of(str(station), {}).digest
-    walked = Scene.of("yobotics_terrain", {"gait.name": "trot", "gait.steps": 2})
-    assert walked.program is None  # a gait that is named takes its place
-    assert walked.config.program is None
-
-
-def test_engines_are_compared_while_it_is_done(station: Path) -> None:
-    found = compare_engines(load_station(station))
-    assert found.accounts[0].times[-1] == pytest.approx(0.3)
-    assert "it does no programs of kinematic stations" in found.missing["MuJoCo"]
 
 
 def test_the_command_line_runs_and_checks_it(station: Path, tmp_path: Path, capsys, monkeypatch) -> None:

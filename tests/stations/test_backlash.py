@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from simrob_drake import linearize
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.simulation import simulate
 from simrob_drake.stations.load import load_station
@@ -64,9 +63,6 @@ def test_without_play_the_link_is_where_its_motor_is(rod: Path) -> None:
     for changes in ({"robot.drives.backlash_deg": 0}, {"mode": "kinematic"}):
         link, motor = link_and_motor(rod, changes)
         np.testing.assert_allclose(link, motor, atol=1e-9)
-    model = linearize(load_station(rod))
-    assert len(model.states) == 2
-    assert "backlash" in model.notes[0]
 
 
 def test_a_motor_without_a_rotor_cannot_have_play(rod: Path) -> None:

@@ -11,7 +11,6 @@ from simrob_drake import Arm, load_station, simulate
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.blocks.combined_references import combine_references
 from simrob_drake.blocks.references import SineReference, hold, move, ramp, reference_values
-from simrob_drake.extensions.pendant.arm_questions import jog_move
 from simrob_drake.programs.program import Program
 from simrob_drake.robots.coupled_axes import CoupledAxes, Equation, Firmness
 
@@ -162,12 +161,10 @@ def test_fingers_close_together_and_are_not_reported_as_zero(gripper):
         assert "presses on what it holds" in figures[name]["left_out"]["right"]
 
 
-def test_programs_and_the_pendant_move_partners(gripper):
+def test_programs_move_partners(gripper):
     arm = Arm(gripper)
     arm.open()
     np.testing.assert_allclose(arm.position[:2], 0.04, atol=1e-3)
-    jogged = jog_move(arm, {"right": 0.01})["move_abs_j"]["targets"]
-    np.testing.assert_allclose(jogged, [0.01, 0.01, 0.0], atol=1e-9)
     arm.cell.perform(Program(moves=[{"target_deg": {"left": 0.02}, "duration": 0.5}]))
     np.testing.assert_allclose(arm.position[:2], 0.02, atol=2e-3)
 

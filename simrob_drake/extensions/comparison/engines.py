@@ -21,6 +21,7 @@ from scipy.interpolate import CubicSpline
 
 from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.extension import needed_extension
 from simrob_drake.base.extras import require
 from simrob_drake.base.folders import filled_at_once
 from simrob_drake.base.frames import Vector
@@ -29,7 +30,7 @@ from simrob_drake.programs.whole_program import run_whole
 from simrob_drake.results.colours import COLOURS
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, MujocoSolver, SolverConfig
+from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver, SolverConfig
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -207,7 +208,6 @@ def _draw(axes: "Axes", first: Account, other: Account, what: Quantity, error: f
 
 MUJOCO_STEP = 1e-3  # of MuJoCo's coarser run [s]
 _RATE = 1000.0  # samples a second for accelerations out of speeds [Hz]
-_EXPLICIT = ("runge_kutta3", "runge_kutta5", "bogacki_shampine3")
 
 
 @dataclass
@@ -220,9 +220,9 @@ class EngineAccounts:
 
 def other_scheme(solver: SolverConfig) -> SolverConfig:
     """Return a scheme of Drake that works otherwise than a given one: discrete for convex, implicit for explicit."""
-    if isinstance(solver, ContinuousSolver) and solver.scheme == "cenic":
+    if solver.engine.holds_inputs_over_steps:
         return DiscreteSolver(kind="discrete", scheme="lagged", time_step=1e-3)
-    if isinstance(solver, ContinuousSolver) and solver.scheme in _EXPLICIT:
+    if solver.engine.is_explicit:
         return solver.model_copy(update={"scheme": "radau3"})
     return ContinuousSolver(kind="continuous", scheme="cenic", accuracy=1e-4, max_step=2e-3)
 
@@ -242,13 +242,13 @@ def compare_engines(config: StationConfig, *, progress: Callable[[str], None] = 
 
 
 def _engines(config: StationConfig) -> Iterator[tuple[str, Callable[[str], Account]]]:
-    if config.mode == "kinematic":
+    if not config.engine.moves_by_forces:
         yield "Drake, inverse dynamics", lambda name: _of_motion(name, config)
     else:
         solver = config.solver
-        yield f"Drake, {solver.scheme}", lambda name: _stepped(name, config)
+        yield f"Drake, {solver.engine.name}", lambda name: _stepped(name, config)
         other = config.model_copy(update={"solver": other_scheme(solver)})
-        yield f"Drake, {other.solver.scheme}", lambda name: _stepped(name, other)
+        yield f"Drake, {other.engine.name}", lambda name: _stepped(name, other)
         yield "inverse dynamics", lambda name: _inverse_dynamics(name, config)
     yield "MuJoCo", lambda name: _in_mujoco(name, config)
 
@@ -266,15 +266,18 @@ def _of_motion(name: str, config: StationConfig) -> Account:
 
 def _in_mujoco(name: str, config: StationConfig) -> Account:
     require("it", "mujoco", "mujoco")
-    from simrob_drake.extensions.mujoco.runner import MujocoRunner, inverse_run
+    with needed_extension("mujoco", "it"):
+        from simrob_drake.extensions.mujoco.engine import MujocoEngine
+        from simrob_drake.extensions.mujoco.runner import MujocoRunner, inverse_run
 
-    if config.mode == "kinematic":
+    if not config.engine.moves_by_forces:
         if config.program is not None:
             raise SimrobError("it does no programs of kinematic stations; --set program=null leaves the station's out")
         result = inverse_run(config)
         return Account.of(name, result, result)
     if config.program is not None or config.controllers:  # which decide as they go
-        return _stepped(name, config.model_copy(update={"solver": MujocoSolver(kind="mujoco", time_step=MUJOCO_STEP)}))
+        solver = MujocoEngine(kind="mujoco", time_step=MUJOCO_STEP)
+        return _stepped(name, config.model_copy(update={"solver": solver}))
     coarse, fine = (_whole(MujocoRunner(config, step=step).run()) for step in (MUJOCO_STEP, MUJOCO_STEP / FINER))
     return Account.of(name, fine, coarse)
 

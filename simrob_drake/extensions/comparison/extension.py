@@ -2,4 +2,10 @@
 
 from simrob_drake.base.extension import Extension
 
-EXTENSION = Extension(core=">=0.1")
+EXTENSION = Extension(
+    core=">=0.1",
+    uses=("mujoco", "simulink"),
+    title="Exchange and other engines",
+    commands={"compare": "simrob_drake.extensions.comparison.commands:compare"},
+    other_files={"comparison": "simrob_drake.extensions.comparison:other_files.yaml"},
+)

@@ -2,4 +2,13 @@
 
 from simrob_drake.base.extension import Extension
 
-EXTENSION = Extension(core=">=0.1")
+EXTENSION = Extension(
+    core=">=0.1",
+    title="Teaching",
+    commands={
+        "course": "simrob_drake.extensions.course.commands:teaching",
+        "course list": "simrob_drake.extensions.course.commands:list_exercises",
+        "course start": "simrob_drake.extensions.course.commands:start",
+        "course check": "simrob_drake.extensions.course.commands:check",
+    },
+)

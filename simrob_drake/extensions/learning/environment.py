@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-import gymnasium
 import numpy as np
 import numpy.typing as npt
 
 from simrob_drake.base.errors import one_of
+from simrob_drake.base.extras import needed
 from simrob_drake.base.frames import Vector
 from simrob_drake.extensions.learning.episode import Episode
 from simrob_drake.extensions.learning.rewards import rewards
@@ -16,6 +16,9 @@ from simrob_drake.extensions.learning.sensing import spaces
 from simrob_drake.extensions.learning.task import Curriculum, beginning, load_task
 from simrob_drake.results.animation.pictures import Still
 from simrob_drake.stations.config import StationConfig
+
+with needed("learning", "rl"):
+    import gymnasium
 
 _SEEDS = 2**31
 RENDER_MODES = ["rgb_array"]

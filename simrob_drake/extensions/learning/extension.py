@@ -2,4 +2,9 @@
 
 from simrob_drake.base.extension import Extension
 
-EXTENSION = Extension(core=">=0.1")
+EXTENSION = Extension(
+    core=">=0.1",
+    uses=("mujoco",),
+    controllers={"policy": "simrob_drake.extensions.learning.policy:Policy"},
+    other_files={"learning": "simrob_drake.extensions.learning:other_files.yaml"},
+)

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from simrob_drake.base.frames import Vector
-from simrob_drake.parts.controllers.policy import observed_of_turn
+from simrob_drake.extensions.learning.policy import observed_of_turn
 
 
 @dataclass(frozen=True)

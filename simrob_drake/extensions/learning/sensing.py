@@ -3,19 +3,21 @@
 from collections.abc import Callable, Mapping
 from typing import TypeVar
 
-import gymnasium
 import numpy as np
 import numpy.typing as npt
 
 from simrob_drake.base.errors import InvalidParameter
-from simrob_drake.base.frames import Vector
+from simrob_drake.base.extras import needed
+from simrob_drake.base.frames import Vector, rotated
 from simrob_drake.blocks.command_bus import rounded
-from simrob_drake.parts.controllers.policy import Policy
+from simrob_drake.extensions.learning.policy import Policy
 from simrob_drake.parts.sensors.frames import Imu
 from simrob_drake.parts.sensors.joints import Encoders
-from simrob_drake.parts.site import StationRobot
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.mujoco.coordinates import turned
+
+with needed("learning", "rl"):
+    import gymnasium
 
 Places = npt.NDArray[np.intp]  # of some of the robots among all
 Value = Callable[[str, Vector], Vector]
@@ -84,7 +86,7 @@ class PolicySensors:
 
     def _turn(self, own: Imu, places: Places, motion: Vector) -> None:
         self.orientation[places] = orientation = self._value("base_pose", motion)[:, 3:]
-        spin = turned(orientation, self._value("base_velocity", motion)[:, 3:], -1.0)
+        spin = rotated(orientation, self._value("base_velocity", motion)[:, 3:], -1.0)
         noise = own.gyroscope_noise * self._chance.standard_normal(spin.shape)
         self.angular_velocity[places] = spin + self._bias[places] + noise
 

@@ -8,30 +8,36 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-import gymnasium
-import mujoco
 import numpy as np
 import numpy.typing as npt
-from gymnasium.vector import AutoresetMode
-from gymnasium.vector.utils import batch_space
-from mujoco.rollout import Rollout
 from scipy.stats.qmc import LatinHypercube
 
 from simrob_drake.base.arguments import positive, whole
 from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.extension import needed_extension
+from simrob_drake.base.extras import needed
 from simrob_drake.base.frames import Vector, xyz_quaternion_from_transform
 from simrob_drake.blocks.monitor import NOT_YET
 from simrob_drake.extensions.learning.episode import policies_of
+from simrob_drake.extensions.learning.policy import TURNED, observed_of_turn
 from simrob_drake.extensions.learning.rewards import Origin, RewardSample, rewards, turned_from
 from simrob_drake.extensions.learning.sensing import Places, PolicySensors, spaces
 from simrob_drake.extensions.learning.task import Curriculum, beginning, load_task
-from simrob_drake.extensions.mujoco.built import BuiltStation, controls, force_values
-from simrob_drake.parts.controllers.policy import TURNED, observed_of_turn
 from simrob_drake.results.animation.pictures import Still
 from simrob_drake.results.record.walks import headings
 from simrob_drake.stations.closed import station_references
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.mujoco.model import STEP
+
+with needed("learning", "rl"):
+    import gymnasium
+    from gymnasium.vector import AutoresetMode
+    from gymnasium.vector.utils import batch_space
+with needed("an environment of many robots", "mujoco"):
+    import mujoco
+    from mujoco.rollout import Rollout
+with needed_extension("mujoco", "an environment of many robots"):
+    from simrob_drake.extensions.mujoco.built import BuiltStation, controls, force_values
+    from simrob_drake.extensions.mujoco.model import STEP
 
 _HELD = ("contact", "floor", "gravity", "joint_stops", "pieces", "servo", "robot", "robots")
 """Sections of a station that a model of MuJoCo holds."""
@@ -257,7 +263,7 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._ends = np.asarray(self._built.step * np.arange(1, len(self._rows) + 1), dtype=float)
         self._action = np.zeros((k, len(self._moved)))
         self._forces = np.tile(self._rows[:, self._servos :], (k, 1, 1))
-        self._onsets = {name: np.full(k, NOT_YET) for name in self._ports.monitors}
+        self._onsets = {name: np.full(k, NOT_YET) for name in self._ports.outputs.monitors}
         self._upright = self.robot.base.rotation().ToQuaternion().wxyz()
         first = self._value("base_pose", np.hstack(self._home)[np.newaxis])
         self._motion = self._motion_of(self._state)
@@ -305,7 +311,7 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
     def _value(self, output: str, motion: Vector) -> Vector:
         """Return an output of the robot, shape (m, size), by motions (m, nq + nv); a fixed root stays."""
-        known = self._ports.of_state.get(f"{self.robot.prefix}{output}")
+        known = self._ports.outputs.of_state.get(f"{self.robot.prefix}{output}")
         if known is not None:
             return np.asarray(known.of(motion))
         fixed = xyz_quaternion_from_transform(self.robot.base) if output == "base_pose" else np.zeros(6)
@@ -338,7 +344,7 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         ended = np.full(self.num_envs, "", dtype=object)
         astray = ~(np.abs(self._motion) < _ASTRAY).all(axis=1)
         times = self._time.tolist()
-        for name, trigger in self._ports.monitors.items():
+        for name, trigger in self._ports.outputs.monitors.items():
             values, onsets = [self._watched(output, sensed) for output in trigger.condition.watched], self._onsets[name]
             for place, (time, onset, *row) in enumerate(zip(times, onsets.tolist(), *values, strict=True)):
                 onsets[place] = since = trigger.since(onset, time, row)
@@ -348,7 +354,7 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         return ended
 
     def _watched(self, output: str, sensed: Vector) -> Vector:
-        known = self._ports.of_state.get(output)
+        known = self._ports.outputs.of_state.get(output)
         return self._built.output(output, sensed) if known is None else np.asarray(known.of(self._motion))
 
     def _now(self, last: Vector, sensed: Vector, ended: npt.NDArray[np.bool_]) -> RewardSample:

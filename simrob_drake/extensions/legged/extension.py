@@ -2,4 +2,9 @@
 
 from simrob_drake.base.extension import Extension
 
-EXTENSION = Extension(core=">=0.1")
+EXTENSION = Extension(
+    core=">=0.1",
+    uses=("tuning",),
+    title="Robots",
+    commands={"legged": "simrob_drake.extensions.legged.commands:legged"},
+)

@@ -12,13 +12,14 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.signals import Signal
 from simrob_drake.blocks.references import Reference, reference_values
 from simrob_drake.blocks.servo import ServoGains
+from simrob_drake.extensions.mujoco.coordinates import Coordinates, Names
+from simrob_drake.extensions.mujoco.drives import OutputSensors
+from simrob_drake.extensions.mujoco.model import STEP, Driver, mujoco_model
 from simrob_drake.parts.forces import Drag, ForceConfig, Push, SineForce
-from simrob_drake.parts.site import ResolvedRobot, StationPlant
+from simrob_drake.parts.resolved import ResolvedRobot
+from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.mujoco.coordinates import Coordinates, Names
-from simrob_drake.stations.mujoco.drives import OutputSensors
-from simrob_drake.stations.mujoco.model import STEP, Driver, mujoco_model
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import ResolvedStation, check_parts, resolve
 
@@ -33,7 +34,7 @@ def check_sayable(config: StationConfig, robots: Mapping[str, ResolvedRobot], *,
     """
     if not moved_by_torque:
         return
-    if config.mode == "kinematic":
+    if not config.engine.moves_by_forces:
         raise InvalidParameter("mode", "kinematic", "dynamic: MJCF moves things by forces, not along a given motion")
     if config.controllers:
         expected = "MJCF holds no controllers"
@@ -141,7 +142,7 @@ class BuiltStation:
         seen: bool = False,
         moved_by_torque: bool = True,
     ) -> "BuiltStation":
-        """Build a station; the arguments are those of :func:`~simrob_drake.stations.mujoco.model.mujoco_model`.
+        """Build a station; the arguments are those of :func:`~simrob_drake.extensions.mujoco.model.mujoco_model`.
 
         Raises SimrobError: one that cannot be, or that MJCF cannot say; the message names the part.
         """
@@ -164,14 +165,13 @@ class BuiltStation:
     @property
     def signals(self) -> list[Signal]:
         """The station's signals that are known here."""
-        return [signal for signal in self.ports.signals if self._known(signal)]
+        return [signal for signal in self.ports.outputs.signals if self._known(signal)]
 
     @property
     def left_out(self) -> list[str]:
         """The station's other outputs, by the sensor that tells them, such as ``imu``."""
-        return list(
-            dict.fromkeys(signal.part or signal.output for signal in self.ports.signals if not self._known(signal))
-        )
+        unknown = [signal for signal in self.ports.outputs.signals if not self._known(signal)]
+        return list(dict.fromkeys(signal.part or signal.output for signal in unknown))
 
     def state(self, q: Vector, v: Vector) -> Vector:
         """Return MuJoCo's state at positions (nq,) and velocities (nv,) of the plant, at time zero."""

@@ -9,9 +9,9 @@ import numpy as np
 from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import InvalidParameter, OutputError
 from simrob_drake.base.folders import filled_at_once, replaced_at_once, writing
+from simrob_drake.extensions.mujoco.model import STEP
 from simrob_drake.extensions.mujoco.runner import MujocoRunner, RunRequest
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.mujoco.model import STEP
 
 CONTROLS = "controls.csv"  # the file beside an MJCF file that holds a row of controls for each step
 

@@ -2,4 +2,8 @@
 
 from simrob_drake.base.extension import Extension
 
-EXTENSION = Extension(core=">=0.1")
+EXTENSION = Extension(
+    core=">=0.1",
+    title="Robots",
+    commands={"teach": "simrob_drake.extensions.pendant.commands:teach"},
+)

@@ -13,8 +13,8 @@ from pathlib import Path, PurePosixPath
 from simrob_drake.base.errors import InvalidParameter, SimrobError, shown
 from simrob_drake.base.folders import writing
 from simrob_drake.base.yaml_files import YAML_SUFFIXES, read_yaml
-from simrob_drake.importer.options import REPORT_FILE
-from simrob_drake.importer.packages import ROBOT_SUFFIXES
+from simrob_drake.importer.robot_files import robot_suffixes
+from simrob_drake.robots.imports import REPORT_FILE
 
 FOLDER = "own"  # of what is taught, for these files; each set of them has a folder there
 MOST = 200_000_000  # bytes of a set of files, unpacked
@@ -34,7 +34,6 @@ _ZIP_ERRORS = (
 )
 """Errors that Python's zipfile raises for damaged archives, and for archives with a password."""
 _LINES = 8  # of what an import did that are told at once
-_ORDER = (*YAML_SUFFIXES, *ROBOT_SUFFIXES)  # a station or a program names its robots' files
 
 
 def keep(files: Mapping[str, bytes], folder: Path) -> Path:
@@ -129,11 +128,12 @@ def _safe_path(name: str) -> Path:
 
 
 def _subject(paths: Sequence[Path]) -> Path:
-    can = [path for path in paths if path.suffix.lower() in _ORDER]
+    order = [*YAML_SUFFIXES, *robot_suffixes()]  # a station or a program names its robots' files
+    can = [path for path in paths if path.suffix.lower() in order]
     if not can:
         names = ", ".join(path.name for path in paths[:_LINES]) or "nothing"
-        raise InvalidParameter("files", names, f"one that ends in {', '.join(_ORDER)}, or a ZIP archive with one")
-    return min(can, key=lambda path: (len(path.parts), _ORDER.index(path.suffix.lower()), path.as_posix()))
+        raise InvalidParameter("files", names, f"one that ends in {', '.join(order)}, or a ZIP archive with one")
+    return min(can, key=lambda path: (len(path.parts), order.index(path.suffix.lower()), path.as_posix()))
 
 
 def report_of(urdf: Path) -> str:

@@ -2,4 +2,13 @@
 
 from simrob_drake.base.extension import Extension
 
-EXTENSION = Extension(core=">=0.1")
+_IMPORTER = "simrob_drake.extensions.rapid.importer:RapidImporter"
+
+EXTENSION = Extension(
+    core=">=0.1",
+    importers=dict.fromkeys((".mod", ".modx", ".prg", ".sys", ".sysx", ".pgf"), _IMPORTER),
+    exporters={
+        "rapid": "simrob_drake.extensions.rapid.exporters:RapidExporter",
+        "urscript": "simrob_drake.extensions.rapid.exporters:UrscriptExporter",
+    },
+)

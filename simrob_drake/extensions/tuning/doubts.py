@@ -14,10 +14,10 @@ from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.base.distributions import Choice, Distribution, Normal, Uniform, Values
 from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.extension import needed_extension
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.sampling import drawn as drawn_of
 from simrob_drake.base.sampling import seed_keys, seeded
-from simrob_drake.extensions.mujoco.built import check_sayable
 from simrob_drake.extensions.tuning.conclusion import NUMERICAL, THOUGHT
 from simrob_drake.extensions.tuning.scene import ENGINE, GAIT, MUJOCO, Scene, in_mujoco
 from simrob_drake.parts.sensors.sensor import SampledSensor
@@ -87,7 +87,7 @@ class _Thought:
 def doubts(scene: Scene, seeds: int) -> dict[str, list[Change]]:
     """Return changes, ``seeds`` of each kind, by kind, under which a scene is to be run again; the first has none."""
     found: dict[str, list[Change]] = {THOUGHT: [{}]}
-    if scene.config.mode == "kinematic":
+    if not scene.config.engine.moves_by_forces:
         return found
     station = add_plant(DiagramBuilder(), resolve(scene.config))
     plant, context = station.plant, station.plant.CreateDefaultContext()
@@ -314,10 +314,12 @@ def _other_solvers(config: StationConfig) -> list[Change]:
 
 
 def _in_mujoco(thought: _Thought) -> bool:
-    """Tell whether there is a MuJoCo that can run a station."""
+    """Check whether MuJoCo is installed and can run a station."""
     if find_spec("mujoco") is None:
         return False
     with suppress(SimrobError):
+        with needed_extension("mujoco", "a second engine"):
+            from simrob_drake.extensions.mujoco.built import check_sayable
         if thought.config.controllers:
             Runner(in_mujoco(thought.config))
         else:

@@ -2,4 +2,16 @@
 
 from simrob_drake.base.extension import Extension
 
-EXTENSION = Extension(core=">=0.1")
+EXTENSION = Extension(
+    core=">=0.1",
+    uses=("mujoco",),
+    title="Many runs",
+    commands={
+        "sweep": "simrob_drake.extensions.tuning.commands.sweep:sweep",
+        "tune": "simrob_drake.extensions.tuning.commands.tune:tune",
+        "dashboard": "simrob_drake.extensions.tuning.commands.tune:dashboard",
+        "prove": "simrob_drake.extensions.tuning.commands.tune:prove",
+        "pushes": "simrob_drake.extensions.tuning.commands.pushes:pushes",
+    },
+    other_files={"tuning": "simrob_drake.extensions.tuning:other_files.yaml"},
+)

@@ -20,6 +20,7 @@ import yaml
 from pydrake.trajectories import Trajectory
 
 from simrob_drake.base.errors import InvalidConfig, UnknownName, one_of
+from simrob_drake.base.extension import needed_extension
 from simrob_drake.base.extras import needed
 from simrob_drake.base.files import ROBOT_FILE
 from simrob_drake.base.folders import writing, written_at_once
@@ -39,7 +40,6 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station, station_yaml
 from simrob_drake.stations.located import carried
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.stations.solver_config import MujocoSolver
 
 _KEPT: deque[Runner] = deque(maxlen=4)  # some megabytes each
 
@@ -144,7 +144,7 @@ class Scene:
             return perform(Workcell(config), self.program)
         if self.engine == DRAKE or decides:
             return run(config, self.reference)
-        with needed("MuJoCo", MUJOCO):
+        with needed("MuJoCo", MUJOCO), needed_extension(MUJOCO, "engine: mujoco"):
             from simrob_drake.extensions.mujoco.runner import MujocoRunner
         return MujocoRunner(self.config).run(reference=self.reference)
 
@@ -168,7 +168,9 @@ class Scene:
 
 def in_mujoco(config: StationConfig) -> StationConfig:
     """Return a station as MuJoCo steps it, at its usual steps."""
-    return config.model_copy(update={"solver": MujocoSolver(kind="mujoco")})
+    with needed_extension(MUJOCO, "engine: mujoco"):
+        from simrob_drake.extensions.mujoco.engine import MujocoEngine
+    return config.model_copy(update={"solver": MujocoEngine(kind="mujoco")})
 
 
 def of_station(overrides: Mapping[str, Any]) -> dict[str, Any]:

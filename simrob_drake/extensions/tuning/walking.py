@@ -24,7 +24,7 @@ from simrob_drake.extensions.tuning.journal import COMPLETED, Row, Trial
 from simrob_drake.extensions.tuning.scene import DRAKE, ENGINE, GAIT, PROGRAM, Scene
 from simrob_drake.parts.forces import place_of
 from simrob_drake.parts.monitors.sections import Fall
-from simrob_drake.parts.site import named
+from simrob_drake.parts.resolved import named
 from simrob_drake.parts.targets import frame_names
 from simrob_drake.programs.gaits.registry import gaits_of
 from simrob_drake.results.record.walks import headings
@@ -178,7 +178,7 @@ def subject_of(config: StationConfig, at: str | None = None) -> Subject:
     place = named(at, [*config.robots, *(frames if at else [])], kind="robot, tool or link", key="--at")
     name = config.only_robot or place.partition(".")[0]
     robot = resolved.robots[name]
-    if config.mode == "kinematic" or not robot.floats:
+    if not config.engine.moves_by_forces or not robot.floats:
         expected = f"a dynamic station with a robot on feet of its own, and {name} is held"
         raise InvalidParameter("station", config.name, expected)
     if not any(isinstance(one, Fall) and one.faller(config.only_robot) == name for one in config.monitors.values()):

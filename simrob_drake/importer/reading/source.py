@@ -5,12 +5,13 @@ import xml.etree.ElementTree as ET
 from collections import Counter
 from pathlib import Path
 
+from simrob_drake.base.extension import BrokenExtension, MissingExtension
 from simrob_drake.base.yaml_files import read_yaml
-from simrob_drake.importer.mjcf.reading import read_mjcf
-from simrob_drake.importer.options import ImportOptions, ImportReport
+from simrob_drake.importer.importer import RobotImporter, load_importer
 from simrob_drake.importer.reading.xacro import XACRO, expanded
 from simrob_drake.importer.reading.xml_file import parse_tree, xml_text
 from simrob_drake.importer.sdf.reading import read_sdf
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import DRAKE
 
 _HIDDEN = re.compile(r"<(link|joint|visual|collision|inertial|transmission|geometry|mesh|origin|limit|mimic)\b[^<]*>")
@@ -30,11 +31,12 @@ def read_source(path: Path, report: ImportReport, options: ImportOptions | None 
         if _is_xacro(robot, path):
             raise report.refusal("", "still holds xacro elements after its expansion")
         report.add("read", "", "xacro, expanded")
-    if robot.tag == "mujoco":
-        return read_mjcf(robot, path.absolute(), options or ImportOptions(), report)
     if robot.tag == "sdf":
         return read_sdf(robot, path.absolute(), options or ImportOptions(), report)
     if robot.tag != "robot":
+        importer = _importer_of(robot.tag, report)
+        if importer is not None:
+            return importer.robot_element(robot, path.absolute(), options or ImportOptions(), report)
         kind = read_yaml(Path(__file__).with_name("other_formats.yaml")).get(robot.tag)
         message = f"this is {kind}; a URDF is needed" if kind else "the outermost element of a URDF is <robot>"
         raise report.refusal(f"<{robot.tag}>", message)
@@ -45,6 +47,19 @@ def read_source(path: Path, report: ImportReport, options: ImportOptions | None 
         report.add("read", "", f"{len(hiding)} comment(s) hide elements ({listed}); they are ignored")
     _drop_foreign(robot, report)
     return robot
+
+
+def _importer_of(tag: str, report: ImportReport) -> RobotImporter | None:
+    """Find the importer of an extension for robots whose file has an outermost element. Returns None if there is none.
+
+    Raises:
+        InvalidModel: an extension has such an importer, and it cannot be used.
+    """
+    try:
+        importer = load_importer(f"<{tag}>")
+    except (BrokenExtension, MissingExtension) as problem:
+        raise report.refusal("", f"cannot be read: {problem}") from problem
+    return importer if isinstance(importer, RobotImporter) else None
 
 
 def _is_xacro(robot: ET.Element, path: Path) -> bool:

@@ -3,7 +3,7 @@
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 
-from simrob_drake.importer.options import ImportReport
+from simrob_drake.robots.imports import ImportReport
 from simrob_drake.robots.urdf import DRAKE, link_of, name_of
 
 WORLD = "world"  # Drake's own link; no robot's link can have its name
@@ -40,6 +40,10 @@ class FreeNames:
     def __init__(self, taken: Iterable[str] = ()) -> None:
         self._taken = set(taken)
         self._numbers: dict[str, int] = {}
+
+    def is_free(self, name: str) -> bool:
+        """Check whether nobody has a name yet."""
+        return name not in self._taken
 
     def take(self, base: str) -> str:
         """Return the wanted name, or that with a number, and keep it from others."""

@@ -9,12 +9,12 @@ from os.path import isdir
 from pathlib import Path
 
 from simrob_drake.base.errors import one_of, shortened
+from simrob_drake.base.packages import MODEL_MANIFEST, OutsideBorder
 from simrob_drake.importer.meshes.places import MeshMissing, MeshPlaces
-from simrob_drake.importer.options import ImportOptions, ImportReport
-from simrob_drake.importer.packages import MODEL_MANIFEST, OutsideBorder
 from simrob_drake.importer.reading.xml_file import included, xml_element
 from simrob_drake.importer.sdf.frames import MODEL, version_of
 from simrob_drake.importer.sdf.robot import RobotWriter, moves
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import MOST_TAGS, name_of
 
 _MAIN = "model.sdf"
@@ -32,8 +32,10 @@ _LOST = {
 def read_sdf(root: ET.Element, path: Path, options: ImportOptions, report: ImportReport) -> ET.Element:
     """Return the ``robot`` element of a model in an ``sdf`` element.
 
-    Parameters are as of :func:`~simrob_drake.importer.mjcf.reading.read_mjcf`. Raises InvalidModel: a defect that no
-    reading is sure of, or it holds no robot.
+    Parameters are those of :meth:`simrob_drake.importer.importer.RobotImporter.robot_element`.
+
+    Raises:
+        InvalidModel: the file has a defect that leaves its meaning open, or holds no robot.
     """
     includes = _Includes(MeshPlaces(path, options.mesh_path), report)
     for owner in [element for element in root.iter() if element.tag in ("world", "model", "sdf")]:

@@ -20,7 +20,6 @@ KINDS = Kinds(
         "motor_protection": "efforts.MotorProtection",
         "signal_flow": "signal_flow.SignalFlow",
         "touchdown": "touchdown.Touchdown",
-        "policy": "policy.Policy",
         "walk": "walk.Walk",
         "get_up": "get_up.GetUp",
     },

@@ -107,7 +107,7 @@ class JointMotion:
             start: how far from the world's origin [m].
             changed: dotted keys of what stays as it is.
         """
-        if config.mode == "kinematic":
+        if not config.engine.moves_by_forces:
             return config
         gains = {key: value for key, value in self.servo.items() if f"servo.{key}" not in changed}
         servo = ServoConfig(**{**config.servo_of(robot).model_dump(exclude_unset=True), **gains})
@@ -134,8 +134,13 @@ def unwatched(config: StationConfig, robot: str) -> dict[str, Any]:
 
 
 def short_steps(solver: SolverConfig, changed: Collection[str] = ()) -> SolverConfig:
-    """Return a solver of steps short enough for servos to follow, without ``changed`` keys; `cenic` stays as it is."""
-    if not isinstance(solver, ContinuousSolver) or solver.scheme != "cenic":
+    """Shorten the steps of a solver so that servos can follow references, which it holds over a step.
+
+    Args:
+        solver: the solver. One that sees references within its steps, unlike ``cenic``, is returned unchanged.
+        changed: dotted keys of the station, such as ``solver.max_step``, that stay as they are.
+    """
+    if not isinstance(solver, ContinuousSolver) or not solver.engine.holds_inputs_over_steps:
         return solver
     steps: dict[str, Any] = {}
     if "solver.max_step" not in changed:

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from simrob_drake.base.frames import Vector, matrices_from_xyz_quaternions, poses_from_matrices
-from simrob_drake.parts.site import StationRobot
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.colours import COLOURS, RED
 from simrob_drake.results.plots.grid import (
     ERROR,
@@ -82,7 +82,7 @@ def position_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
         curves = group.curves(reached, "position", VALUE)
         curves += [dashed(reference[:, place], "reference", REFERENCE) for place in group.places.values()]
         plots = [Plot(f"{_QUANTITIES[unit]} [{unit}]", curves)]
-        if result.config.mode == "dynamic":
+        if result.config.engine.moves_by_forces:
             errors = group.curves(error, "error: reference - position", ERROR)
             plots.append(Plot(f"error [{unit}]", errors, ERROR_HEIGHT))
         stacks.append(Stack(group.name, plots))
@@ -132,7 +132,7 @@ def tcp_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
         label, unit = ("position [m]", "mm") if place < _PLACE.stop else ("orientation [deg]", "deg")
         curves = [Curve(shown[:, place], "tool centre point", VALUE), dashed(targets[:, place], "reference", REFERENCE)]
         plots = [Plot(label, curves, note=locked if part in ("Rz", "Rx") else "")]
-        if result.config.mode == "dynamic":
+        if result.config.engine.moves_by_forces:
             error = Curve(errors[:, place], "error: reference - tool centre point", ERROR)
             plots.append(Plot(f"error [{unit}]", [error], ERROR_HEIGHT))
         stacks.append(Stack(part, plots))

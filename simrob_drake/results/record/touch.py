@@ -18,7 +18,7 @@ from pydrake.systems.framework import Context
 from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.contacts import pressing
 from simrob_drake.parts.ground import Ground
-from simrob_drake.parts.site import StationPlant, StationRobot
+from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.parts.targets import FLOOR, owner_and_robot
 from simrob_drake.stations.config import StationConfig
 
@@ -97,7 +97,7 @@ class Touch:
         every = int(np.ceil(config.sample_rate / FASTEST))
         times, rate = samples[::every], config.sample_rate / every
         walkers = legged(config, station)
-        pressed = config.contact is not None and config.mode == "dynamic" and context_of is not None
+        pressed = config.has_contact_forces and context_of is not None
         if not (walkers or pressed):
             return cls(times, rate)
         plant = station.plant
@@ -166,6 +166,6 @@ def _slide(robot: StationRobot, link: str, ground: Ground, poses: Vector) -> Sli
 
 def legged(config: StationConfig, station: StationPlant) -> list[StationRobot]:
     """Return the robots that could walk: with feet, a free base and joints that are moved by torque."""
-    if config.mode != "dynamic":
+    if not config.engine.moves_by_forces:
         return []
     return [robot for robot in station.robots.values() if robot.feet is not None and robot.model.base == "floating"]

@@ -106,8 +106,8 @@ def _judged_direction(run: RecordedRun, contacts: list[ContactSample]) -> Vector
     for a piece between two fingers, it is the vertical, and friction counts.
 
     Returns:
-        the direction. None if there are no contact samples, or if friction counts and the scheme is cenic, whose
-        friction forces are wrong.
+        the direction. None if there are no contact samples, or if friction counts and the engine, such as cenic,
+        reports wrong friction forces.
     """
     if not contacts:
         return None
@@ -116,7 +116,7 @@ def _judged_direction(run: RecordedRun, contacts: list[ContactSample]) -> Vector
     # The mean of unit vectors is nearly 1 long only if they point in nearly the same direction.
     if length > STEADY_NORMAL:
         return np.asarray(mean_normal / length)
-    if run.config.solver.scheme == "cenic":
+    if not run.config.engine.reports_friction_of_contacts:
         return None
     return np.array([0.0, 0.0, 1.0])
 

@@ -18,7 +18,7 @@ from simrob_drake.base.errors import shortened
 from simrob_drake.base.extension import ExtensionWarning, register_core_names, usable_objects
 from simrob_drake.base.frames import Vector
 from simrob_drake.parts.couplings import Between
-from simrob_drake.parts.site import StationRobot
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.verdict.contact_forces import measure_friction_share, measure_resting_force
 from simrob_drake.results.verdict.verdict import NOTHING_LEFT_OUT, Criterion, Measure, Measured, Verdict
@@ -117,7 +117,7 @@ def _errors(run: RecordedRun, robot: StationRobot) -> Vector | None:
     The distances of axes that are not judged are 0. Returns None for a kinematic run, in which axes are always at their
     reference.
     """
-    if run.config.mode == "kinematic":
+    if not run.config.engine.moves_by_forces:
         return None
     errors = np.abs(run.axes("q_ref", robot.name) - run.axes("q", robot.name))
     not_judged = list(_without_error(run, robot))
@@ -181,7 +181,7 @@ def torque_shares(run: RecordedRun, robot: StationRobot) -> Vector:
     torque = run.axes("tau", robot.name)
     limit = robot.gains.torque_limit
     line = robot.gains.line  # how torques fall with speed; None if they do not
-    if line is None or run.config.mode == "kinematic":
+    if line is None or not run.config.engine.moves_by_forces:
         shares = np.abs(torque) / limit
     else:
         shares = line.share(torque, run.axes("v", robot.name), limit)

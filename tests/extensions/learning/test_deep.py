@@ -32,8 +32,8 @@ def check(algorithm: str, file: str) -> None:
     """Check that a model that was not trained is the network that is written."""
     import gymnasium
 
+    from simrob_drake.extensions.learning.policy import Network
     from simrob_drake.extensions.learning.writing import write_network
-    from simrob_drake.parts.controllers.policy import Network
 
     sys.path.insert(0, str(FOLDER))
     import deep

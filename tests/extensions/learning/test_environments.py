@@ -18,9 +18,9 @@ from simrob_drake.base.files import models_root  # noqa: E402
 from simrob_drake.extensions.learning import ENVIRONMENTS  # noqa: E402
 from simrob_drake.extensions.learning.environment import StationEnvironment  # noqa: E402
 from simrob_drake.extensions.learning.episode import Episode  # noqa: E402
+from simrob_drake.extensions.learning.policy import Network  # noqa: E402
 from simrob_drake.extensions.learning.task import beginning, load_task  # noqa: E402
 from simrob_drake.extensions.learning.writing import write_network  # noqa: E402
-from simrob_drake.parts.controllers.policy import Network  # noqa: E402
 
 SPAWN = {"context": "spawn"}  # a fork of a process with threads may hang
 NOTHING = {"kind": "sine", "amplitude": [0, 0, 0], "frequency": 1}

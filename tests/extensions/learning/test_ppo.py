@@ -35,7 +35,7 @@ def test_a_round_of_learning_writes_a_policy_and_its_curve(tmp_path):
 if __name__ == "__main__":
     import ppo
 
-    from simrob_drake.parts.controllers.policy import Network
+    from simrob_drake.extensions.learning.policy import Network
 
     saved, begun = ppo.save, ppo.begin_as
 

@@ -15,6 +15,7 @@ from simrob_drake.kinematics.solver import Unreachable
 from simrob_drake.programs.errors import JointLimitExceeded
 from simrob_drake.programs.model import StationModel
 from simrob_drake.programs.moves.move_j import MoveAbsJ
+from tests.stations.test_coupled_references import gripper  # noqa: F401  # a fixture
 
 HOME = {"robot.initial_deg": {"joint_5": 90}}
 TURNED = [0.4, -0.3, 0.2, 0.5, -0.4, 0.3]
@@ -223,3 +224,8 @@ def test_the_gap_of_two_balls_is_the_distance_of_their_middles():
 def test_there_is_no_gap_with_nothing_around():
     arm = Arm(load_station("irb120_dynamic", {"floor": None}))
     assert all(branch["gap"] is None for branch in ask.branches(arm))
+
+
+def test_jogging_a_finger_moves_its_partner(gripper):  # noqa: F811
+    jogged = ask.jog_move(Arm(gripper), {"right": 0.01})["move_abs_j"]["targets"]
+    np.testing.assert_allclose(jogged, [0.01, 0.01, 0.0], atol=1e-9)

@@ -1,5 +1,7 @@
 """Assemblies that CAD tools export for Simscape Multibody."""
 
+import os
+
 import numpy as np
 import pytest
 import trimesh
@@ -10,7 +12,7 @@ from scipy.integrate import solve_ivp
 from simrob_drake import load_station, simulate
 from simrob_drake.base.errors import InvalidModel
 from simrob_drake.cli.app import run_command
-from simrob_drake.extensions.simulink.cad.assembly import End, Instance, Tie
+from simrob_drake.extensions.simulink.cad.assembly import End, Instance, Tie, is_export
 from simrob_drake.extensions.simulink.cad.model import joint_of
 from simrob_drake.extensions.simulink.importing import import_simulink
 from simrob_drake.extensions.simulink.mechanics.shapes import load_mesh
@@ -273,3 +275,9 @@ def test_the_command_line_takes_them(tmp_path, capsys, monkeypatch):
     (tmp_path / "arm.xml").write_text("<robot name='a'><link name='b'/></robot>")
     run_command(["check", "arm.xml"])
     assert "no joint that moves" in capsys.readouterr().err  # an XML file of another kind is a robot's
+
+
+def test_a_pipe_is_no_export_and_is_not_waited_for(tmp_path):
+    pipe = tmp_path / "pipe.xml"
+    os.mkfifo(pipe)
+    assert not is_export(pipe)

@@ -12,6 +12,7 @@ from simrob_drake.extensions.tuning.journal import made
 from simrob_drake.extensions.tuning.rollout import Case, Margin, measures
 from simrob_drake.extensions.tuning.scene import Scene
 from simrob_drake.programs.gaits.biped import walk
+from tests.programs.test_station_program import station as turning  # noqa: F401  # a fixture
 
 GAIT = {"gait": {"name": "walk", "steps": 1}, "gait.step_time": 0.3, "gait.bearing.height": 0.5, "duration": 1.0}
 WAITS = {"moves": [{"wait": 0.1}]}
@@ -121,3 +122,12 @@ def test_the_margin_is_the_largest_push_that_does_not_end_a_run():
         (row,) = made(Case(1, "bouncing_ball", changes, margin=Margin(push="shove", sizes=sizes))).rows
         assert row["ended"] == "completed"
         assert row["margin"] == max([size for size in sizes if size < largest], default=0)
+
+
+def test_a_scene_does_the_program_of_its_station(turning):  # noqa: F811
+    scene = Scene.of(str(turning), {"program.moves.0.duration": 0.2})
+    assert scene.run().stop_time == pytest.approx(0.2)
+    assert scene.digest != Scene.of(str(turning), {}).digest
+    walked = Scene.of("yobotics_terrain", {"gait.name": "trot", "gait.steps": 2})
+    assert walked.program is None  # a gait that is named takes its place
+    assert walked.config.program is None

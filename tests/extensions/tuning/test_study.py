@@ -326,3 +326,26 @@ def test_the_command_goes_on_after_kill_9_and_compares_methods(tmp_path, capsys)
         with (tmp_path / "out" / name / TRIALS).open() as file:
             assert [int(row["trial"]) for row in csv.DictReader(file)] == list(range(1, 9))
     assert (tmp_path / "out/convergence.png").is_file()
+
+
+def test_a_study_reads_no_robot_outside_of_its_folder(tmp_path):
+    (tmp_path / "own").mkdir()
+    study = {
+        "station": "irb120_dynamic",
+        "overrides": {"robot.urdf": str(tmp_path / "private" / "arm.urdf")},
+        "vary": {"servo.kp": {"low": 1, "high": 2}},
+        "cost": {"error": 1},
+    }
+    file = tmp_path / "own" / "study.yaml"
+    file.write_text(yaml.safe_dump(study))
+    with pytest.raises(InvalidConfig, match=r"study.yaml: robot.urdf: .*--mesh-path"):
+        Study.read(file)
+
+
+def test_check_says_that_a_study_is_no_station(tmp_path, capsys):
+    file = Path(__file__).parents[3] / "examples" / "studies" / "irb120_gains.yaml"
+    assert run_command(["check", str(file)]) == 2
+    assert f"{file}: is no station but a study: simrob tune {file}" in capsys.readouterr().err
+    (tmp_path / "sweep.yaml").write_text("station: irb120_dynamic")
+    assert run_command(["run", str(tmp_path)]) == 2
+    assert f"is no station but the folder of a sweep: simrob sweep {tmp_path}" in capsys.readouterr().err

@@ -138,14 +138,14 @@ def test_what_the_station_of_a_motion_is_told_stays():
     adapted = motion.adapted(entry.cell.config, "robot")
     assert (adapted.floor, adapted.inputs, adapted.solver) == (config.floor, config.inputs, config.solver)
     assert adapted.servo_of("robot") == config.servo_of("robot")
-    assert (config.solver.max_step, config.solver.fixed_steps) == (MAX_STEP, True)
+    assert (config.solver.max_step, config.engine.has_fixed_steps) == (MAX_STEP, True)
     given = {"servo": {"kp": 7.0}, "inputs": [], "floor.size": 1.5, "solver.max_step": 0.015}
     told = motion.station(given)
     assert (told.servo_of("robot").kp, told.inputs, told.floor.size) == (7.0, (), 1.5)
     assert told.servo_of("robot").kd == config.servo_of("robot").kd
     assert told.solver.max_step == 0.015
-    assert not motion.station({"solver.error_control": True}).solver.fixed_steps
-    assert not motion.station({"solver.accuracy": 1e-4}).solver.fixed_steps
+    assert not motion.station({"solver.error_control": True}).engine.has_fixed_steps
+    assert not motion.station({"solver.accuracy": 1e-4}).engine.has_fixed_steps
     assert motion.station({"duration": 1.0}).duration == 1.0
 
 

@@ -38,7 +38,7 @@ class SteppedStation:
             InvalidParameter: a kinematic station, which has nothing to step.
         """
         self.config = config_of(station)
-        if self.config.mode == "kinematic":
+        if not self.config.engine.moves_by_forces:
             raise InvalidParameter("mode", "kinematic", "dynamic: a kinematic station has no motion of its own")
         self.parameters = parameters_of(self.config)
         self.reset()

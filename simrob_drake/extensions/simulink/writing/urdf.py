@@ -22,8 +22,8 @@ from simrob_drake.extensions.simulink.mechanics.trees import BodyOnJoint, Tree
 from simrob_drake.extensions.simulink.model.nodes import Node
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.parts import MeshPart
-from simrob_drake.importer.options import ImportReport
 from simrob_drake.importer.repairs.names import FreeNames
+from simrob_drake.robots.imports import ImportReport
 from simrob_drake.robots.urdf import add_colour, add_joint, add_motor, place, set_inertia, six_moments, text
 
 
@@ -34,7 +34,7 @@ class UniqueNames(FreeNames):
         """Return a name for a path: its last part, with the parts before it where that is taken."""
         parts = [plain(part) for part in path.split("/")]
         names = ["_".join(parts[-count:]) for count in range(1, len(parts) + 1)]
-        return self.take(next((name for name in names if name not in self._taken), names[-1]))
+        return self.take(next(filter(self.is_free, names), names[-1]))
 
 
 def plain(text: str) -> str:

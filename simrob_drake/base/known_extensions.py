@@ -1,0 +1,37 @@
+"""Names that extensions of this project add, for messages where such an extension is missing.
+
+The core imports no extension. This table only lets it say which one a file needs: it decides nothing.
+"""
+
+from simrob_drake.base.extension import additions, needed_extension
+
+_PROVIDERS = {
+    "controllers": {"policy": "learning"},
+    "engines": {"mujoco": "mujoco"},
+    "importers": {
+        **dict.fromkeys((".mjcf", "<mujoco>"), "mujoco"),
+        **dict.fromkeys((".slx", ".mdl", ".slxp", ".mdlp"), "simulink"),
+        **dict.fromkeys(("<SimscapeMultibodyImportXML>", "<PhysicalModelingXMLFile>"), "simulink"),
+        "<SimMechanicsImportXML>": "simulink",
+        **dict.fromkeys((".mod", ".modx", ".prg", ".sys", ".sysx", ".pgf"), "rapid"),
+    },
+    "exporters": {"mjcf": "mujoco", "rapid": "rapid", "urscript": "rapid"},
+}
+"""Name of the extension of simrob-drake that adds a name, by extension point and name."""
+
+
+def check_provided(point: str, name: str, purpose: str) -> None:
+    """Check that a name is not one of a missing extension of this project.
+
+    Args:
+        point: extension point at which the name is looked for, a key of ``POINTS``.
+        name: the name, which nothing here provides.
+        purpose: what needs it, the subject of the message, such as ``solver.kind mujoco``.
+
+    Raises:
+        MissingExtension: an extension of this project provides the name, and is not installed or left out.
+    """
+    provider = _PROVIDERS.get(point, {}).get(name)
+    if provider is not None and name not in additions(point):
+        with needed_extension(provider, purpose):
+            pass

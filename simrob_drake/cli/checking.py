@@ -1,0 +1,75 @@
+"""The command that looks at stations, programs, robots and models before any run: check."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from simrob_drake.cli.arguments import is_program_file, refuse, refuse_import, station_from
+from simrob_drake.cli.importers import examine_with, importer_request, other_importer, with_importer_options
+from simrob_drake.cli.options import AllowCode, ChosenOptions, Settings, with_import_options
+from simrob_drake.cli.programs import check_program, own_program, program_from
+from simrob_drake.cli.robots import examine_file, show_robot
+from simrob_drake.cli.screen import console
+from simrob_drake.cli.tables import findings_table
+from simrob_drake.importer.robot_files import is_robot_file
+from simrob_drake.robots.catalog import load_robot, load_robot_file, robot_names
+from simrob_drake.robots.description_files import is_description_file
+from simrob_drake.robots.imports import ImportOptions
+from simrob_drake.simulation import Runner
+from simrob_drake.stations.checks import check_station
+
+
+@with_importer_options("reading_class")
+@with_import_options("mesh_path", "estimate_inertia", "xacro_arg", "drop_loops")
+def check(
+    *,
+    station: Annotated[
+        str,
+        typer.Argument(
+            metavar="STATION|ROBOT|FILE",
+            help="A station, a program, a robot or its file, a Simulink model, or a CAD assembly.",
+        ),
+    ],
+    set_: Settings = None,
+    options: ImportOptions | None,
+    allow_code: AllowCode = False,
+    importer_options: ChosenOptions,
+) -> None:
+    """Say before any run what will go wrong in a station, what a robot can carry, or what an import would do."""
+    importer = other_importer(station)
+    if importer is not None:
+        request = importer_request(importer, "reading_class", importer_options, options, set_)
+        examine_with(importer, Path(station), request)
+        return
+    importer_options.refuse_all_but([])
+    choices = options and options.model_copy(update={"mesh_path": ()})
+    if is_program_file(station):
+        refuse_import("left out with a program: it goes with a robot's file", choices)
+        refuse("left out with a program", allow_code=allow_code)
+        program, config = program_from(station, set_)
+        console.print(findings_table([check_program(program, config, station)]))
+        return
+    if is_robot_file(station):
+        refuse("left out with a robot's file: it changes stations", set=set_, allow_code=allow_code)
+        examine_file(Path(station), options)
+        return
+    if is_description_file(station):
+        refuse("left out with a robot's file: it changes stations", set=set_, allow_code=allow_code)
+        refuse_import("left out with a robot's description: it is no import", options)
+        show_robot(load_robot_file(station))
+        return
+    if station in robot_names():
+        refuse("left out with a robot: it changes stations", set=set_, allow_code=allow_code)
+        refuse_import("left out with a robot of the package: it is no import", options)
+        show_robot(load_robot(station))
+        return
+    refuse_import("left out with a station: it goes with a robot's file", choices)
+    config = station_from(station, set_, allow_code=allow_code)
+    Runner(config).check()
+    own = [] if config.program is None else [check_program(own_program(config), config)]
+    console.print(findings_table([*check_station(config), *own]))
+
+
+COMMANDS: dict[str, Callable[..., Any]] = {"check": check}

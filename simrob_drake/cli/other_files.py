@@ -1,0 +1,92 @@
+"""Files and folders that are no stations: what they are, and which command takes them.
+
+The core describes some in ``others.yaml``; extensions describe others in files of the same form.
+"""
+
+from os.path import isdir, isfile  # which are false for names that no file can have
+from pathlib import Path
+
+from pydantic import Field
+
+from simrob_drake.base.errors import InvalidConfig, SimrobError
+from simrob_drake.base.extension import addition_files
+from simrob_drake.base.sections import Strict, validated
+from simrob_drake.base.yaml_files import YAML_SUFFIXES, read_yaml
+from simrob_drake.stations.config import StationConfig
+
+_OTHERS = Path(__file__).with_name("others.yaml")
+_READ = "stations and programs are read from .yaml, robots from .urdf, .xacro, .xml and .sdf, models from .slx"
+_STATION_KEYS = {*StationConfig.model_fields, "robot"}
+
+
+class OtherFiles(Strict):
+    """Descriptions of files that are no stations. In each text {file}, {name} and {folder} stand for the file's own."""
+
+    folders: dict[str, str] = Field(default_factory=dict)
+    """Texts about folders, by the name of a file that the folder has."""
+    keys: tuple[tuple[tuple[str, ...], str], ...] = ()
+    """Texts about YAML files that have all of some keys; the first that fits is used."""
+    endings: dict[str, str] = Field(default_factory=dict)
+    """Texts about other files, by their suffix."""
+
+
+def read_descriptions(file: Path) -> OtherFiles:
+    """Read descriptions of other files; raises InvalidConfig if the file cannot be read or has another form."""
+    return validated(OtherFiles, read_yaml(file), str(file))
+
+
+def refuse_other(text: str) -> None:
+    """Check that a file is not known as something else than a station. A text that names no file passes.
+
+    Raises:
+        InvalidConfig: the file or folder is something else; the message says what, and which command takes it. Or it is
+            a YAML file that cannot be read.
+    """
+    file = Path(text)
+    if not isdir(file) and not isfile(file):
+        return
+    is_yaml = isfile(file) and file.suffix.lower() in YAML_SUFFIXES
+    keys = set(read_yaml(file)) if is_yaml else set[str]()
+    if keys and keys <= _STATION_KEYS:
+        return
+    # Extensions come first: of a kind of file that the core knows, too, they know more.
+    for descriptions in [*_descriptions_of_extensions(), read_descriptions(_OTHERS)]:
+        remedy = _find_remedy(file, keys, descriptions)
+        if remedy:
+            raise InvalidConfig(file, "", f"is no station but {remedy}")
+    if isfile(file) and not is_yaml:
+        raise InvalidConfig(file, "", f"is neither a station nor a robot; {_READ}")
+
+
+def _descriptions_of_extensions() -> list[OtherFiles]:
+    """Read the descriptions that extensions add, without those that cannot be read.
+
+    The latter only make a message less clear, and ``simrob extensions --check`` reports them.
+    """
+    found = []
+    for path in addition_files("other_files"):
+        try:
+            found.append(read_descriptions(path))
+        except SimrobError:
+            continue
+    return found
+
+
+def _find_remedy(file: Path, keys: set[str], descriptions: OtherFiles) -> str:
+    """Find what a file or folder is, and what takes it; empty if the descriptions have nothing about it.
+
+    Args:
+        file: the file or folder.
+        keys: keys of a YAML file; empty for others.
+        descriptions: what is known about files.
+    """
+    if isdir(file):
+        texts = (text for name, text in descriptions.folders.items() if isfile(file / name))
+    elif keys:
+        texts = (text for needed, text in descriptions.keys if keys.issuperset(needed))
+    else:
+        texts = (text for ending, text in descriptions.endings.items() if ending == file.suffix.lower())
+    found = next(texts, "")
+    for name, value in (("file", file), ("name", file.name), ("folder", file.parent)):
+        found = found.replace(f"{{{name}}}", str(value))
+    return found

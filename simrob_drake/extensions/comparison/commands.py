@@ -1,0 +1,104 @@
+"""The command that compares a station's run with other engines or with logged signals: `simrob compare`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.extension import needed_extension
+from simrob_drake.base.folders import check_folder
+from simrob_drake.cli.arguments import refuse, station_from
+from simrob_drake.cli.options import Force, Settings, StationArgument, with_mesh_path
+from simrob_drake.cli.screen import console, errors, say, table
+from simrob_drake.cli.tables import in_units
+from simrob_drake.stations.config import StationConfig
+
+
+@with_mesh_path
+def compare(
+    station: StationArgument,
+    with_: Annotated[
+        Path | None,
+        typer.Option("--with", metavar="FILE", help="Logged signals: .csv with a header, .mat or .parquet."),
+    ] = None,
+    map_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--map",
+            metavar="THEIRS=OURS",
+            help="What a logged signal is called here, as yout.1=q.joint_1, or yout.1=q.joint_1:deg.",
+        ),
+    ] = None,
+    set_: Settings = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for the numbers and pictures.")] = None,
+    force: Force = False,
+) -> None:
+    """Hold a station's run against others: logged signals of the original, or other engines with error bars.
+
+    Other engines are another scheme of Drake, MuJoCo, and inverse dynamics where it exists.
+
+    For example:
+
+        simrob compare irb120_dynamic --out compared
+
+        simrob compare irb120_dynamic --with logged.mat --map yout.1=q.joint_1
+    """
+    if with_ is not None:
+        _compare_with_log(station_from(station, set_), with_, map_ or [], out, force=force)
+        return
+    refuse("given with --with", map=map_)
+    _compare_engines(station_from(station, set_), out, force=force)
+
+
+def _compare_engines(config: StationConfig, out: Path | None, *, force: bool) -> None:
+    """Run a station in all engines that are installed, and show and save the differences."""
+    from simrob_drake.extensions.comparison.engines import NUMBERS, compare_engines, differences, save_comparison
+
+    if out is not None:
+        check_folder(out, marker=NUMBERS, force=force)
+    with errors.status("running") as status:
+        found_by = compare_engines(config, progress=lambda name: status.update(f"running in {name}"))
+    first, *others = found_by.accounts
+    found = differences(first, others)
+    rows = list[tuple[str, ...]]()
+    for one in found:
+        largest, error = (in_units(value, one.quantity.unit) for value in (one.largest, one.error))
+        within = "yes" if one.within else f"no, {one.largest / one.error:.2g} ×" if one.error > 0 else "no"
+        rows.append((one.account, one.quantity.name, largest, f"{one.at:.3f}", error, within))
+    for account in found_by.accounts:
+        say(f"{account.name}: {account.ended}")
+    headings = ("engine", "quantity", f"from {first.name} at most", "at [s]", "error bars", "within")
+    console.print(table(headings, *rows, numbers=False))
+    for name, why in found_by.missing.items():
+        say(f"{name}: {why}")
+    if out is not None:
+        save_comparison(found_by.accounts, found, out, station=config.name, force=force)
+        say(f"result   {out}")
+
+
+def _compare_with_log(config: StationConfig, log: Path, map_: list[str], out: Path | None, *, force: bool) -> None:
+    """Compare logged signals of the original with the signals of a station, and save numbers and pictures."""
+    with needed_extension("simulink", "simrob compare --with"):
+        from simrob_drake.extensions.simulink.logs import NUMBERS, compare, read_log, save_differences
+
+    names = {}
+    for entry in map_:
+        theirs, _, ours = (part.strip() for part in entry.partition("="))
+        if not (theirs and ours):
+            raise InvalidParameter("--map", entry, "of the form THEIRS=OURS[:UNIT], as yout.1=q.joint_1:deg")
+        names[theirs] = ours
+    if out is not None:
+        check_folder(out, marker=NUMBERS, force=force)
+    logged = read_log(log, names)
+    _, differences = compare(config, logged, progress=True)
+    rows = [
+        (one.signal, in_units(one.largest, one.unit), f"{one.at:.3f}", in_units(one.rms, one.unit))
+        for one in differences
+    ]
+    console.print(table(("signal", "largest difference", "at [s]", "root mean square"), *rows, numbers=False))
+    if others := sorted(logged.keys() - {found.signal for found in differences}):
+        say(f"not among the station's signals: {', '.join(others)}")
+    if out is not None:
+        save_differences(differences, out, force=force)
+        say(f"result   {out}")

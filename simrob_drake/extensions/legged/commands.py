@@ -1,0 +1,56 @@
+"""The command that makes a robot on legs stand and walk: `simrob legged`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.text import Text
+
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.extension import needed_extension
+from simrob_drake.cli import ExitCode
+from simrob_drake.cli.options import FileArgument, Force, with_import_options
+from simrob_drake.cli.screen import errors, say
+from simrob_drake.robots.imports import ImportOptions
+
+
+@with_import_options("mesh_path", "collision", "estimate_inertia", "xacro_arg", "drop_loops")
+def legged(
+    *,
+    file: FileArgument,
+    out: Annotated[Path | None, typer.Option(help="Folder of the result; NAME_legged unless given.")] = None,
+    tune: Annotated[
+        float, typer.Option(min=0, metavar="MINUTES", help="Search for better figures that long, and prove them.")
+    ] = 0.0,
+    options: ImportOptions | None,
+    force: Force = False,
+) -> ExitCode:
+    """Make a robot on legs ready to stand and to walk: robot, gait, stations and a report, from its tree alone.
+
+    What cannot be done is told in a line, and the parts that could be are kept.
+
+    For example:
+
+        simrob legged robot.urdf --out robots/robot
+
+        simrob legged robot.urdf --out robots/robot --tune 20
+    """
+    from simrob_drake.extensions.legged.making import WALK, make_legged  # loads what runs stations
+    from simrob_drake.extensions.legged.report import REPORT
+
+    if tune:
+        with needed_extension("tuning", "simrob legged --tune"):
+            from simrob_drake.extensions.legged.tuning import tune_walk
+
+    folder = out or Path(f"{file.stem}_legged")
+    with errors.status(Text(f"making and trying {file}")):
+        made = make_legged(file, folder, options, force=force)
+    for line in (*made.found, *made.assumed, *(f"{one.trial}: {one.outcome}" for one in made.attempts)):
+        say(line)
+    say(f"report  {folder / REPORT}")
+    if made.problem:
+        raise SimrobError(f"{made.problem.rstrip('.')}. What could be done is in {folder}")
+    say(f"next    simrob run {folder / WALK}")
+    for sentence in tune_walk(folder, tune) if tune else ():
+        say(sentence)
+    return ExitCode.DONE

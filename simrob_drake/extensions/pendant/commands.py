@@ -1,0 +1,50 @@
+"""The command that opens the teach pendant: teach."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+
+from simrob_drake.base.extras import needed
+from simrob_drake.cli.options import AllowCode, with_mesh_path
+from simrob_drake.cli.screen import say
+
+
+@with_mesh_path
+def teach(
+    subject: Annotated[
+        str, typer.Argument(metavar="ROBOT|STATION|FILE", help="A name of `simrob list`, a station's YAML, or a URDF.")
+    ] = "humanoid",
+    port: Annotated[
+        int | None, typer.Option(min=0, max=65535, help="Where the page listens; the first free one from 8100.")
+    ] = None,
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="Tell the address, and open no browser.")] = False,
+    folder: Annotated[Path, typer.Option(help="For what is taught, and what is taken away.")] = Path("taught"),
+    language: Annotated[Literal["en", "es"], typer.Option(help="Of the page.")] = "en",
+    allow_code: AllowCode = False,
+    lessons: Annotated[Path | None, typer.Option(help="A folder with lessons, beside those that there are.")] = None,
+    root_path: Annotated[
+        str | None, typer.Option(help="Where a proxy shows the page: a path, or the whole address. Opens no browser.")
+    ] = None,
+) -> None:
+    """Open a page in the browser to teach, push, tune and watch a robot; it needs the extra `gui`.
+
+    For example:
+
+        simrob teach humanoid
+    """
+    with needed("the teach pendant", "gui"):
+        import nicegui  # noqa: F401
+    from simrob_drake.extensions.pendant.server import serve
+
+    more = [f"what is taught is kept in {folder}; end with Ctrl+C"]
+
+    def ready(url: str) -> None:
+        say(f"{subject} is taught at {url}")
+        while more:
+            say(more.pop())
+
+    browse = not (no_browser or root_path)
+    how: dict[str, Any] = {"port": port, "language": language, "browse": browse, "allow_code": allow_code}
+    serve(subject, folder, ready=ready, root_path=root_path, lessons=lessons, **how)
+    say(f"ended; what was taught is in {folder}")

@@ -1,0 +1,31 @@
+"""The importer of RAPID modules, the programs of ABB's controllers."""
+
+from pathlib import Path
+from typing import ClassVar
+
+from simrob_drake.programs.program_importer import ImportedProgram, ProgramImporter, ProgramRemark, ProgramRequest
+
+
+class RapidImporter(ProgramImporter):
+    """Reads the main procedure of a RAPID module, or of the modules that a `.pgf` lists."""
+
+    title: ClassVar[str] = "a RAPID module"
+
+    def read_program(self, file: Path, request: ProgramRequest) -> ImportedProgram:
+        """Do the main procedure without a run, and collect its moves.
+
+        Raises:
+            RapidError: a line cannot be understood or done; the message names the file and the line.
+        """
+        from simrob_drake.extensions.rapid.importing import import_rapid
+
+        found = import_rapid(
+            file,
+            request.config,
+            robot=request.robot,
+            signals=request.signals,
+            cycles=request.cycles,
+            check=request.check,
+        )
+        remarks = tuple(ProgramRemark(text=str(remark), is_lost=remark.lost) for remark in found.remarks)
+        return ImportedProgram(program=found.program, duration=found.time, remarks=remarks, lines=found.lines)

@@ -1,0 +1,76 @@
+"""The commands that let other software step a station: `simrob fmu` and `simrob serve`."""
+
+import os
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from simrob_drake.cli.arguments import station_from
+from simrob_drake.cli.options import Force, Settings, StationArgument, with_mesh_path
+from simrob_drake.cli.screen import say
+from simrob_drake.stations.config import StationConfig
+
+Step = Annotated[
+    float | None, typer.Option(help="Take steps of this length [s], the fastest way at a given communication step.")
+]
+
+
+@with_mesh_path
+def fmu(
+    station: StationArgument,
+    out: Annotated[Path | None, typer.Option(help="FILE.fmu; STATION.fmu unless given.")] = None,
+    set_: Settings = None,
+    step: Step = None,
+    fmi: Annotated[int, typer.Option(help="Version of FMI: 2 or 3.")] = 2,
+    force: Force = False,
+) -> None:
+    """Write a station as an FMI co-simulation unit, for Simulink, OpenModelica and others.
+
+    For example:
+
+        simrob fmu irb120_dynamic --step 1e-3 --out irb120.fmu
+    """
+    from simrob_drake.extensions.simulink.fmi.unit import write_fmu
+
+    config = _stepped(station, set_, step)
+    target = out or Path(f"{config.name}.fmu")
+    file = write_fmu(config, target, version=fmi, force=force)
+    say(f"unit    {file}")
+
+
+@with_mesh_path
+def serve(
+    station: StationArgument,
+    set_: Settings = None,
+    step: Step = None,
+    host: Annotated[
+        str, typer.Option(help="Where to listen; others than this computer reach it if it is not its own.")
+    ] = ("127.0.0.1"),
+    port: Annotated[int | None, typer.Option(min=0, max=65535, help="8300, or a free one, unless given.")] = None,
+) -> None:
+    """Let others step a station over TCP, as MATLAB on Windows; they need its token, of SIMROB_TOKEN or a random one.
+
+    For example:
+
+        simrob serve irb120_dynamic --step 1e-3
+    """
+    from simrob_drake.extensions.simulink.stepping import server
+
+    listening = server.StationServer(
+        _stepped(station, set_, step), host=host, port=port, token=os.environ.get(server.TOKEN_VARIABLE)
+    )
+    with listening, suppress(KeyboardInterrupt):
+        bound = listening.server_address[1]
+        say(f"station {listening.config.name} at {host}, port {bound}")
+        say(f"token   {listening.token}")
+        say(f"client  {server.CLIENT}; end with Ctrl+C")
+        listening.serve_forever()
+
+
+def _stepped(station: str, settings: list[str] | None, step: float | None) -> StationConfig:
+    from simrob_drake.extensions.simulink.stepping.station import with_fixed_steps
+
+    config = station_from(station, settings)
+    return config if step is None else with_fixed_steps(config, step)

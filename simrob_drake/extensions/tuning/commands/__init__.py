@@ -1,0 +1,1 @@
+"""The commands `simrob sweep`, `tune`, `dashboard`, `prove` and `pushes`."""

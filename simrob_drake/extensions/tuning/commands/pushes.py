@@ -1,0 +1,113 @@
+"""The command that measures how much a robot that walks withstands: pushes."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from simrob_drake.base.sections import validated
+from simrob_drake.base.yaml_files import read_yaml
+from simrob_drake.cli import ExitCode
+from simrob_drake.cli.arguments import changes_of, refuse
+from simrob_drake.cli.options import AllowCode, Force, Scheduler, Settings, StationArgument, Workers, with_mesh_path
+from simrob_drake.cli.screen import console, say, table
+from simrob_drake.results.files import default_folder
+
+_SIDES = {0.0: "forward", 90.0: "left", 180.0: "backward", 270.0: "right"}
+
+
+@with_mesh_path
+def pushes(
+    station: StationArgument,
+    directions: Annotated[int | None, typer.Option(min=1, help="How many; 4 by default, the first is forward.")] = None,
+    phases: Annotated[int | None, typer.Option(min=1, help="Moments over the period; 8 by default.")] = None,
+    period: Annotated[float | None, typer.Option(help="Time of two steps [s]; the walk's own by default.")] = None,
+    start: Annotated[float | None, typer.Option(help="The first moment [s]; 3 by default.")] = None,
+    duration: Annotated[float | None, typer.Option(help="How long a push lasts [s]; 0.1 by default.")] = None,
+    after: Annotated[float | None, typer.Option(help="How long it must stay up then [s]; 2 by default.")] = None,
+    at: Annotated[str | None, typer.Option(help="A tool or link that is pushed; the root by default.")] = None,
+    from_: Annotated[
+        float | None, typer.Option("--from", metavar="N", help="The force that a search tries first [N].")
+    ] = None,
+    newtons: Annotated[
+        float | None, typer.Option("--newtons", metavar="N", help="Push by this force [N]; nothing is searched for.")
+    ] = None,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(metavar="BURDEN", help="Search in place of pushes: load, friction, stiffness, slope, step."),
+    ] = None,
+    seconds: Annotated[float | None, typer.Option(help="How long it walks under a burden [s]; 10 by default.")] = None,
+    least: Annotated[
+        float | None, typer.Option(help="How much of its way it must go under a burden; 0.5 by default.")
+    ] = None,
+    close: Annotated[float | None, typer.Option(help="Where a search ends, as a part; 0.1 by default.")] = None,
+    seeds: Annotated[int, typer.Option(min=0, help="Draws of posture, noise, masses and friction.")] = 0,
+    set_: Settings = None,
+    variant: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY.PATH=VALUE", help="Do all with this changed, too; may be given several times."),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder; runs/STATION-pushes-TIME by default.")] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    force: Force = False,
+    allow_code: AllowCode = False,
+) -> int:
+    """Push a robot that walks from all sides, at all moments of its steps: the largest pushes that it withstands.
+
+    Table, summary and picture come of it. One that was interrupted goes on when it is given again with the same --out.
+
+    For example:
+
+        simrob pushes zjudancer_dynamic --set gait.name=walk --out runs/pushes
+
+        simrob pushes zjudancer_dynamic --set gait.name=walk --newtons 10 --seeds 20
+
+        simrob pushes zjudancer_dynamic --set gait.name=walk --vary load --vary slope
+    """
+    from simrob_drake.extensions.tuning.burdens import Burdens
+    from simrob_drake.extensions.tuning.walking_folder import PushMap, WalkingFolder
+
+    of_pushes: dict[str, Any] = {"directions": directions, "phases": phases, "period": period, "start": start}
+    of_pushes |= {"duration": duration, "after": after, "first": from_, "force": newtons}
+    of_burdens = {"seconds": seconds, "least": least}
+    if vary:
+        refuse("left out with --vary", **of_pushes)
+    else:
+        refuse("given with --vary", **of_burdens)
+    keys = {
+        "station": str(Path(station).resolve()) if Path(station).is_file() else station,
+        "overrides": changes_of(set_, "--set"),
+        "variant": changes_of(variant, "--variant"),
+        "seeds": seeds,
+        "close": close,
+        "at": at,
+        **({"vary": vary, **of_burdens} if vary else of_pushes),
+    }
+    kind = Burdens if vary else PushMap
+    walking = validated(kind, {key: value for key, value in keys.items() if value is not None}, "simrob pushes")
+    folder = out or default_folder(f"{Path(station).stem}-pushes")
+    if scheduler:
+        refuse("left out with --scheduler: the cluster has its own", workers=workers)
+    place = WalkingFolder(folder, walking, force=force, allow_code=allow_code)
+    rows = place.run(workers=workers, scheduler=scheduler)
+    console.print(_table(walking.summary(rows)))
+    say(f"table {folder / f'{walking.name}.csv'}")
+    return ExitCode.DONE
+
+
+def _table(rows: list[dict[str, Any]]) -> Table:
+    """Return a summary as a table."""
+    columns = read_yaml(Path(__file__).with_suffix(".yaml"))
+    shown = {key: column for key, column in columns.items() if key in rows[0]}
+    cells = [[_cell(key, row[key], shape) for key, (_, shape) in shown.items()] for row in rows]
+    return table([title for title, _ in shown.values()], *cells, numbers=False)
+
+
+def _cell(key: str, value: Any, shape: str) -> str:
+    if key == "direction_deg":
+        return "all" if value is None else _SIDES.get(value, f"{value:g}°")
+    if value is None:
+        return "none"
+    return format(value, shape)

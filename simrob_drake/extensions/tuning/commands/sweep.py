@@ -1,0 +1,127 @@
+"""The command about many runs: sweep."""
+
+from collections import Counter
+from pathlib import Path
+from statistics import median
+from typing import TYPE_CHECKING, Annotated, get_args
+
+import typer
+
+from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.cli import ExitCode
+from simrob_drake.cli.arguments import changes_of, refuse, texts_by_key
+from simrob_drake.cli.options import AllowCode, Force, NoRecording, Saving, Scheduler, Settings, Workers, with_mesh_path
+from simrob_drake.cli.saving import prepared_folder, saved
+from simrob_drake.cli.screen import console, say, table
+from simrob_drake.results.files import default_folder
+from simrob_drake.stations.located import located_changes
+
+if TYPE_CHECKING:
+    from simrob_drake.extensions.tuning.journal import Row
+    from simrob_drake.extensions.tuning.sweep_folder import SweepFolder
+
+
+@with_mesh_path
+def sweep(
+    station: Annotated[
+        str, typer.Argument(metavar="STATION|FOLDER", help="A station, or the folder of a sweep to go on with.")
+    ],
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KEY.PATH=VALUES",
+            help="V,V..., lin:FIRST:LAST:COUNT, log:FIRST:LAST:COUNT, uniform:LOW:HIGH, loguniform:LOW:HIGH, "
+            "integer:LOW:HIGH, normal:MEAN:DEVIATION; may be given several times.",
+        ),
+    ] = None,
+    seeds: Annotated[int, typer.Option(min=1, help="Runs of each combination, with other noise and other draws.")] = 1,
+    sampling: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Draw all keys at once: sobol, latin, random or grid, --count times."),
+    ] = None,
+    count: Annotated[
+        int | None, typer.Option(min=1, help="Draws; of a grid, values of each key. 16 by default.")
+    ] = None,
+    set_: Settings = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of the sweep; runs/STATION-sweep-TIME by default.")] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    run: Annotated[
+        int | None, typer.Option(metavar="NUMBER", help="Make this run of a folder's table again and save its result.")
+    ] = None,
+    force: Force = False,
+    no_recording: NoRecording = False,
+    allow_code: AllowCode = False,
+) -> int:
+    """Run a station over values of its keys, on all processors; a table and plots tell what became of each run.
+
+    A sweep that was interrupted goes on when it is given again with the same --out, or by its folder's name.
+
+    For example:
+
+        simrob sweep irb120_dynamic --vary servo.kp=log:50:20000:9 --vary pieces.load.mass=0.5,1,2 --out runs/gains
+
+        simrob sweep runs/gains --run 12
+    """
+    from simrob_drake.base.distributions import parsed
+    from simrob_drake.base.sampling import Sampling
+    from simrob_drake.extensions.tuning.sweep import Sweep
+    from simrob_drake.extensions.tuning.sweep_folder import SWEEP, TABLE, SweepFolder
+
+    if (Path(station) / SWEEP).is_file():
+        refuse(
+            "left out with the folder of a sweep, which tells it",
+            vary=vary,
+            sampling=sampling,
+            count=count,
+            set=set_,
+            force=force and run is None,
+        )
+        place = SweepFolder.there(Path(station), allow_code=allow_code)
+    else:
+        refuse("given with the folder of a sweep", run=run)
+        content = Sweep(
+            station=str(Path(station).resolve()) if Path(station).is_file() else station,
+            vary={key: parsed(f"--vary {key}", text) for key, text in texts_by_key(vary, "--vary")},
+            overrides=located_changes(changes_of(set_, "--set"), Path.cwd()),
+            seeds=seeds,
+            sampling=None if sampling is None else one_of("sampling", sampling, get_args(Sampling)),
+            count=count,
+        )
+        folder = out or default_folder(f"{Path(station).stem}-sweep")
+        place = SweepFolder(folder, content, force=force, allow_code=allow_code)
+    if run is not None:
+        return _run_again(place, run, out, force=force, recording=not no_recording)
+    if scheduler:
+        refuse("left out with --scheduler: the cluster has its own", workers=workers)
+    rows = place.run(workers=workers, scheduler=scheduler)
+    _tell(rows)
+    say(f"table {place.folder / TABLE}")
+    say(f"a run simrob sweep {place.folder} --run NUMBER")
+    return ExitCode.DONE
+
+
+def _run_again(place: "SweepFolder", number: int, out: Path | None, *, force: bool, recording: bool) -> ExitCode:
+    """Make one run of a sweep again, and save what `simrob run` saves."""
+    if not 1 <= number <= len(place.cases):
+        raise InvalidParameter("--run", number, f"a number of the table, 1 to {len(place.cases)}")
+    case = place.cases[number - 1]
+    scene = case.scene()
+    saving = Saving(out or place.folder / f"run_{number}", force, no_recording=not recording)
+    return saved(scene.run(), prepared_folder(scene.config, saving), saving)
+
+
+def _tell(rows: "list[Row]") -> None:
+    """Show how the runs ended, and between which runs each measure lies."""
+    from simrob_drake.extensions.tuning.rollout import UNITS, measured
+
+    ends = Counter(str(row["ended"]) for row in rows)
+    console.print(", ".join(f"{count} {end}" for end, count in ends.most_common()), highlight=False)
+    lines = list[tuple[str, ...]]()
+    for name, found in measured(rows).items():
+        least, largest = min(found), max(found)
+        middle = median(value for value, _ in found)
+        cells = (f"{least[0]:.4g}", str(least[1]), f"{middle:.4g}", f"{largest[0]:.4g}", str(largest[1]))
+        lines.append((name, *cells, UNITS[name.rpartition(".")[2]]))
+    headings = ("measure", "least", "in run", "median", "largest", "in run", "unit")
+    console.print(table(headings, *lines, numbers=False))

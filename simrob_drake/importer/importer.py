@@ -1,0 +1,193 @@
+"""Importers of extensions: how files of other tools become robots, stations and programs of this toolbox.
+
+An extension announces an importer at the extension point ``importers`` by a suffix such as ``.slx``. Many formats share
+the suffix ``.xml``, so an importer of XML files is announced by their outermost element, such as ``<mujoco>``. The core
+itself reads robots from URDF, xacro and SDF files.
+"""
+
+import xml.etree.ElementTree as ET
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+from xml.parsers import expat
+
+from simrob_drake.base.errors import InvalidConfig, SimrobError
+from simrob_drake.base.extension import additions, load_addition_class, register_core_names
+from simrob_drake.base.files import NotRead, opened
+from simrob_drake.base.known_extensions import check_provided
+from simrob_drake.robots.imports import ImportOptions, ImportReport
+
+CORE_SUFFIXES = (".urdf", ".xacro", ".xml", ".sdf", ".world")
+"""Suffixes of files that the core reads as robots."""
+_CORE_NAMES = (*CORE_SUFFIXES, "<robot>", "<sdf>")
+_BEGINNING = 65536  # bytes of a file in which its outermost element is expected
+
+register_core_names("importers", lambda: _CORE_NAMES)
+
+
+@dataclass(frozen=True)
+class NoOptions:
+    """Options of an importer or exporter that has none."""
+
+
+class Importer:
+    """Base class of all importers.
+
+    Derive from :class:`RobotImporter`, :class:`FileImporter`, or
+    :class:`simrob_drake.programs.program_importer.ProgramImporter`.
+
+    Attributes:
+        title: what the files are, with an article, such as ``a Simulink model``.
+        owner: package and extension of the importer, for messages. It is set when the importer is loaded.
+    """
+
+    title: ClassVar[str] = "a file of another tool"
+    owner: str = ""
+
+
+class RobotImporter(Importer, ABC):
+    """Reads a robot from an XML file. The core then repairs it, and writes the robot's folder and the report.
+
+    The robot can be used wherever a URDF can: in ``simrob import``, ``check``, ``view`` and as ``robot.urdf`` of a
+    station.
+    """
+
+    @abstractmethod
+    def robot_element(self, root: ET.Element, path: Path, options: ImportOptions, report: ImportReport) -> ET.Element:
+        """Translate the file into the element ``robot`` of a URDF.
+
+        Args:
+            root: outermost element of the file, which may be changed.
+            path: absolute path of the file.
+            options: the user's choices for the import.
+            report: record of all that is changed or lost.
+
+        Raises:
+            InvalidModel: the file holds no robot that can be read, see `ImportReport.refusal`.
+        """
+
+
+@dataclass(frozen=True)
+class ImportRequest:
+    """Request of a user for an import.
+
+    Attributes:
+        options: an object of the importer's `options_class`.
+        robot_options: the options of all imports that the importer takes, see `FileImporter.robot_options`.
+        settings: texts ``NAME=VALUE`` of the option ``--set``.
+        out: file or folder for the result; None for the importer's own choice.
+        force: whether to replace what is there.
+    """
+
+    options: Any
+    robot_options: ImportOptions
+    settings: tuple[str, ...] = ()
+    out: Path | None = None
+    force: bool = False
+
+
+@dataclass(frozen=True)
+class ImportOutcome:
+    """Result of an import, for the screen.
+
+    Attributes:
+        headline: the most important thing about the result, shown first; empty if there is none.
+        lines: what was written, and the command to go on with; one line each.
+        report: all that was changed or lost, shown as a table before the lines; None if there is no report.
+        losses: parts of the file without which the result behaves differently; one line each.
+        unknowns: names that the file uses and does not define, each with the places of their use.
+        problem: error because of which nothing can be made of the file, raised after the rest is shown; None if there
+            is none.
+    """
+
+    lines: tuple[str, ...]
+    headline: str = ""
+    report: ImportReport | None = None
+    losses: tuple[str, ...] = ()
+    unknowns: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    problem: SimrobError | None = None
+
+
+class FileImporter(Importer, ABC):
+    """Makes files of this toolbox from a file of another tool: a folder of robots, a station or a program.
+
+    Attributes:
+        options_class: dataclass whose fields are options of ``simrob import``, as annotated types of typer.
+        reading_class: dataclass with those of the options that `examine` takes.
+        robot_options: names of the fields of :class:`ImportOptions` that the importer takes.
+        takes_settings: whether the importer takes ``--set NAME=VALUE``.
+    """
+
+    options_class: ClassVar[type[Any]] = NoOptions
+    reading_class: ClassVar[type[Any]] = NoOptions
+    robot_options: ClassVar[tuple[str, ...]] = ()
+    takes_settings: ClassVar[bool] = False
+
+    @abstractmethod
+    def import_file(self, file: Path, request: ImportRequest) -> ImportOutcome:
+        """Read a file, and write what is made of it.
+
+        Raises:
+            SimrobError: the file cannot be read, or the result cannot be written; the message names file and line.
+        """
+
+    def examine(self, file: Path, request: ImportRequest) -> ImportOutcome:
+        """Report what `import_file` would do, without writing anything: what ``simrob check FILE`` shows.
+
+        The request's options are an object of `reading_class`.
+
+        Raises:
+            SimrobError: the file cannot be read, or the importer cannot tell without writing.
+        """
+        raise InvalidConfig(file, "", f"is {self.title}, which simrob import reads, and simrob check cannot")
+
+
+def find_importer(file: Path | str) -> Importer | None:
+    """Find the importer of an extension for a file. Returns None for files of the core, and for unknown ones.
+
+    Raises:
+        BrokenExtension: the importer cannot be used.
+        MissingExtension: an extension of this project imports such files, and it is missing.
+    """
+    path = Path(file)
+    suffix = path.suffix.lower()
+    if suffix not in CORE_SUFFIXES:
+        return load_importer(suffix) if suffix else None
+    element = outermost_element(path)
+    return load_importer(f"<{element}>") if element else None
+
+
+def load_importer(key: str) -> Importer | None:
+    """Load the importer that an extension announces by a suffix or an element. Returns None if there is none.
+
+    Raises:
+        BrokenExtension: the importer cannot be used.
+        MissingExtension: an extension of this project has such an importer, and it is missing.
+    """
+    if key in _CORE_NAMES:
+        return None
+    addition = additions("importers").get(key)
+    if addition is None:
+        check_provided("importers", key, f"a file with {key}")
+        return None
+    importer: Importer = load_addition_class(addition, Importer)()
+    importer.owner = addition.owner
+    return importer
+
+
+def outermost_element(path: Path) -> str:
+    """Read the name of the outermost element of an XML file. It is empty if there is none near the beginning."""
+    try:
+        with opened(path) as file:
+            beginning = file.read(_BEGINNING)
+    except (OSError, NotRead):
+        return ""
+    found = list[str]()
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = lambda name, _: found.append(name)
+    with suppress(expat.ExpatError, ValueError):  # what comes before the fault counts
+        parser.Parse(beginning, False)
+    return found[0] if found else ""

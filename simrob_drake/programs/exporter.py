@@ -1,0 +1,134 @@
+"""Exporters of extensions: how stations and programs are written for other tools.
+
+An extension announces an exporter at the extension point ``exporters`` by the name of the format. The name becomes an
+option of ``simrob export``: a format ``csv`` is written with ``simrob export STATION --csv FILE.csv``.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.extension import (
+    BrokenExtension,
+    additions,
+    load_addition_class,
+    register_core_names,
+)
+from simrob_drake.base.known_extensions import check_provided
+from simrob_drake.importer.importer import NoOptions
+from simrob_drake.programs.program import Program
+from simrob_drake.stations.config import StationConfig
+
+COMMAND_OPTIONS = ("set", "force", "mesh_path", "help")
+"""Options of ``simrob export`` itself, which no format can be named as."""
+
+register_core_names("exporters", lambda: COMMAND_OPTIONS)
+
+
+class Exporter:
+    """Base class of all exporters. Derive from :class:`StationExporter` or :class:`ProgramExporter`.
+
+    Attributes:
+        help: what is written, in a sentence, for the help of ``simrob export``.
+        suffix: suffix that the file must have, such as ``.xml``; empty if it may have any.
+        options_class: dataclass whose fields are further options of ``simrob export``, as annotated types of typer.
+        owner: package and extension of the exporter, for messages. It is set when the exporter is loaded.
+    """
+
+    help: ClassVar[str] = ""
+    suffix: ClassVar[str] = ""
+    options_class: ClassVar[type[Any]] = NoOptions
+    owner: str = ""
+
+
+class StationExporter(Exporter, ABC):
+    """Writes a station for another tool."""
+
+    @abstractmethod
+    def export_station(self, config: StationConfig, file: Path, options: Any, *, force: bool) -> list[Path]:
+        """Write a station.
+
+        Args:
+            config: the station.
+            file: the file to write, with the exporter's suffix. Further files may be written next to it.
+            options: an object of `options_class`.
+            force: whether to replace what is there.
+
+        Returns:
+            the files and folders that were written.
+
+        Raises:
+            SimrobError: the format cannot express the station, or a file cannot be written.
+        """
+
+
+@dataclass(frozen=True)
+class ExportedTexts:
+    """A program in the format of another tool.
+
+    Attributes:
+        texts: content of each file that is to be written, the program itself first.
+        remarks: what the format cannot express, one line each.
+    """
+
+    texts: Mapping[Path, str]
+    remarks: tuple[str, ...] = ()
+
+
+class ProgramExporter(Exporter, ABC):
+    """Translates a program for another tool."""
+
+    @abstractmethod
+    def program_texts(
+        self, program: Program, config: StationConfig, file: Path, options: Any, *, source: str
+    ) -> ExportedTexts:
+        """Translate a program.
+
+        Args:
+            program: the program.
+            config: the station on which it is done.
+            file: the file that will be written, with the exporter's suffix.
+            options: an object of `options_class`.
+            source: name of the program's own file, for messages.
+
+        Raises:
+            SimrobError: the program cannot be done, or the format cannot express it; the message names the move.
+        """
+
+
+def all_exporters() -> dict[str, Exporter | BrokenExtension]:
+    """Find all exporters by the name of their format; the reason in place of an exporter that cannot be used."""
+    found: dict[str, Exporter | BrokenExtension] = {}
+    for name in additions("exporters"):
+        try:
+            found[name] = load_exporter(name)
+        except BrokenExtension as problem:
+            found[name] = problem
+    return found
+
+
+def load_exporter(name: str) -> Exporter:
+    """Load an exporter by the name of its format.
+
+    Raises:
+        BrokenExtension: the class cannot be used.
+        MissingExtension: an extension of this project writes the format, and it is missing.
+        InvalidParameter: there is no such format.
+    """
+    addition = additions("exporters").get(name)
+    if addition is None:
+        check_provided("exporters", name, f"the format {name}")
+        known = ", ".join(additions("exporters")) or "none, since no extension adds one"
+        raise InvalidParameter("format", name, f"one of: {known}")
+    exporter_class: type[Exporter] = load_addition_class(addition, Exporter)
+    if not issubclass(exporter_class, StationExporter | ProgramExporter):
+        expected = "a subclass of StationExporter or ProgramExporter"
+        raise BrokenExtension(f"{addition.owner}: {addition.target} must be {expected}")
+    if not name.isidentifier():
+        raise BrokenExtension(f"{addition.owner}: the format {name!r} must be a word, which becomes an option")
+    exporter = exporter_class()
+    exporter.owner = addition.owner
+    return exporter

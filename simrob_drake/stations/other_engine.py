@@ -1,0 +1,81 @@
+"""The port for engines other than Drake: what an extension provides so that a station runs in its engine."""
+
+from abc import abstractmethod
+from dataclasses import replace
+from typing import Any, ClassVar, Self, cast
+
+from pydrake.systems.framework import DiagramBuilder
+
+from simrob_drake.base.extension import BrokenExtension
+from simrob_drake.base.sections import Positive
+from simrob_drake.parts.engine import Engine, PlantBlock, missing_methods
+from simrob_drake.parts.station_plant import StationPlant
+from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.resolve import ResolvedStation
+from simrob_drake.stations.solver_config import TIGHTER, SolverSection
+
+
+class OtherEngine(SolverSection):
+    """A section ``solver`` whose engine takes the place of Drake's plant in a dynamic station.
+
+    A subclass has the keys of the section as its fields, ``kind`` among them, and gives `answers`, and implements
+    `plant_block`. It is announced at the extension point ``engines`` under the name of its kind. Drake's plant is built
+    nevertheless, outside of the diagram: it computes poses, masses and signals from the engine's states.
+    """
+
+    answers: ClassVar[Engine] = Engine(name="")
+    """Answers of the engine. Its name and its steps are those of the section."""
+    time_step: Positive = 1e-3
+    """Length of a step [s]."""
+
+    @abstractmethod
+    def plant_block(self, station: ResolvedStation, plant: StationPlant) -> PlantBlock:
+        """Make the Drake system that takes the place of the plant.
+
+        Args:
+            station: the station.
+            plant: its plant in Drake, which is finalized.
+
+        Raises:
+            SimrobError: the engine is not installed, or has no equivalent of a part of the station.
+        """
+
+    @property
+    def engine(self) -> Engine:
+        """Answers of the engine, with the length of its steps."""
+        return replace(
+            self.answers, name=self.kind, time_step=self.time_step, has_fixed_steps=True, steps_drakes_plant=False
+        )
+
+    @property
+    def step_key(self) -> str:
+        """Key that holds the length of the steps."""
+        return "time_step"
+
+    def tighter(self, factor: float = TIGHTER) -> Self:
+        """The same engine with its step divided by a factor."""
+        return self.model_copy(update={"time_step": self.time_step / factor})
+
+
+def other_engine(config: StationConfig) -> OtherEngine | None:
+    """Section ``solver`` of another engine than Drake. None if Drake's plant or a reference moves the station."""
+    solver = config.solver
+    return solver if config.engine.moves_by_forces and isinstance(solver, OtherEngine) else None
+
+
+def add_plant_block(
+    builder: DiagramBuilder, engine: OtherEngine, station: ResolvedStation, plant: StationPlant
+) -> PlantBlock:
+    """Add the block of another engine to a diagram, in place of Drake's plant, and pose the plant's shapes by it.
+
+    Raises:
+        BrokenExtension: the block lacks something that a station needs.
+    """
+    block: Any = engine.plant_block(station, plant)
+    missing = missing_methods(block)
+    if missing:
+        lacking = ", ".join(missing)
+        raise BrokenExtension(f"solver.kind {engine.kind}: its {type(block).__name__} lacks {lacking}, see PlantBlock")
+    builder.AddSystem(block)
+    builder.Connect(block.get_state_output_port(), plant.add_geometry_poses(builder, of_state=True))
+    return cast(PlantBlock, block)

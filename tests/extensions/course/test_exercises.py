@@ -1,0 +1,234 @@
+"""The course: each template fails, each solution passes, and what an answer may not do is told in one line."""
+
+import ast
+import json
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+import pytest
+
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.cli import ExitCode
+from simrob_drake.cli.app import run_command
+from simrob_drake.extensions.course.exercise import ExerciseFolder, checked_points, exercise_of, exercises
+from simrob_drake.extensions.course.measuring import Reading, at_least, at_most, between, near
+from simrob_drake.extensions.course.wire import decode, encode
+
+ROOT = Path(__file__).parents[3]
+SOLUTIONS = ROOT / "examples" / "course"
+ENTRIES = {entry.folder.name: entry for entry in exercises()}
+QUICK = {"kinematics"}
+
+pytestmark = pytest.mark.usefixtures("no_plots")
+each_exercise = pytest.mark.parametrize("name", ENTRIES)
+each_solution = pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.long]) for name in ENTRIES]
+)
+
+
+def own_exercise(folder, *points):
+    """Write an exercise whose points are lines of Python that make a reading of the answer."""
+    folder.mkdir()
+    texts = {f"point_{number}": {"en": f"point {number}", "es": f"punto {number}"} for number, _ in enumerate(points)}
+    content = {"number": 1, "title": {"en": "own", "es": "propio"}, "hours": 1, "points": texts}
+    (folder / "exercise.yaml").write_text(json.dumps(content))
+    lines = [f"def point_{number}(answer):\n    {point}\n" for number, point in enumerate(points)]
+    (folder / "check.py").write_text("from simrob_drake.extensions.course.measuring import *\n" + "\n".join(lines))
+    return ExerciseFolder(folder)
+
+
+def checked(entry, tmp_path, text, **limits):
+    answer = tmp_path / "answer.py"
+    answer.write_text(text)
+    return list(checked_points(entry, answer, allow_code=True, **limits))
+
+
+def test_numbers_run_from_one_on():
+    assert [entry.exercise.number for entry in exercises()] == list(range(1, len(ENTRIES) + 1))
+    assert {file.stem for file in SOLUTIONS.glob("*.py")} == ENTRIES.keys()
+
+
+@each_exercise
+def test_a_point_is_a_function_and_templates_are_alike(name):
+    entry = ENTRIES[name]
+    functions = {node.name for node in ast.parse(entry.checks.read_text()).body if isinstance(node, ast.FunctionDef)}
+    assert entry.exercise.points.keys() <= functions
+    trees = [ast.parse((entry.folder / f"template_{language}.py").read_text()) for language in ("en", "es")]
+    names = [[node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)] for tree in trees]
+    assert names[0] == names[1]
+
+
+@each_solution
+def test_a_solution_holds_all_points_and_zeros_few(name, tmp_path):
+    entry = ENTRIES[name]
+    solved = list(checked_points(entry, SOLUTIONS / f"{name}.py", allow_code=True))
+    assert [point for point in solved if not point.ok] == []
+    zeros = tmp_path / "answer.py"
+    zeros.write_text((entry.folder / "template_es.py").read_text().replace("raise NotImplementedError", "return 0"))
+    assert sum(point.ok for point in checked_points(entry, zeros, allow_code=True)) <= len(entry.exercise.points) / 2
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("language", ["en", "es"])
+@each_exercise
+def test_a_template_holds_no_point(name, language):
+    """The first one in Spanish is checked below, as a user does it."""
+    template = ENTRIES[name].folder / f"template_{language}.py"
+    assert not any(point.ok for point in checked_points(ENTRIES[name], template, allow_code=True))
+
+
+@each_solution
+def test_a_solution_draws_its_figure(name, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    spec = spec_from_file_location(name, SOLUTIONS / f"{name}.py")
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    module.main()
+    picture = Path(capsys.readouterr().out.splitlines()[-1])
+    assert picture == Path("runs/course") / f"{name}.png"
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_an_answer_is_begun_checked_and_passes(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run_command(["course", "list"]) == 0
+    assert "Kinematics of an arm" in capsys.readouterr().out
+    assert run_command(["course", "start", "1", "--out", "mine", "--language", "es"]) == 0
+    assert "Ejercicio 1" in Path("mine/answer.py").read_text()
+    assert "course check 1 mine/answer.py --allow-code --language es" in capsys.readouterr().out
+    assert run_command(["course", "start", "1", "--out", "mine"]) == ExitCode.BAD_INPUT
+    assert run_command(["course", "check", "1", "mine/answer.py", "--allow-code"]) == ExitCode.BEYOND
+    shown = capsys.readouterr().out.splitlines()
+    assert shown[0].startswith("missing tool_position(q)")
+    assert shown[0].endswith("not written yet")
+    assert shown[-1] == "0 of 6 points hold"
+
+
+def test_lines_say_what_was_asked_and_measured(tmp_path, capsys):
+    own_exercise(tmp_path / "own", "return at_most(answer.f(), 2, 'N')", "return near(answer.f(), 3, 0.5)")
+    (tmp_path / "a.py").write_text("def f():\n    return 1.5\n")
+    run_command(["course", "check", str(tmp_path / "own"), str(tmp_path / "a.py"), "--allow-code", "--language", "es"])
+    assert capsys.readouterr().out.splitlines() == [
+        "bien    punto 0: medido 1.5 N; se pide como mucho 2 N",
+        "falta   punto 1: medido 1.5; se pide de 2.5 a 3.5",
+        "se cumplen 1 de 2 puntos",
+    ]
+
+
+def test_code_is_run_only_where_it_is_allowed(tmp_path, capsys):
+    (tmp_path / "a.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'w')")
+    assert run_command(["course", "check", "1", str(tmp_path / "a.py")]) == ExitCode.BAD_INPUT
+    assert "--allow-code" in capsys.readouterr().err
+    assert not (tmp_path / "ran").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("while True: pass", r"took longer than its 1.5 s; --seconds"),
+        ("x = bytearray(3_000_000_000)", r"took more than its 1 GB of memory; --memory"),
+        ("import os; os._exit(0)", r"ended its process before all points were measured \(exit code 0"),
+        ("import os, signal; os.kill(os.getpid(), signal.SIGKILL)", r"all points were measured \(exit code -9"),
+        ("import sys; sys.exit(0)", r"SystemExit: 0 \(answer.py, line 1\)"),
+        ('print(\'{"point": "point_0", "value": 1}\')\n1/0', r"ZeroDivisionError: .* \(answer.py, line 2\)"),
+        ("def f(:", r"SyntaxError: "),
+    ],
+)
+def test_an_answer_that_does_not_end_well_is_told_in_a_line(tmp_path, text, said):
+    entry = own_exercise(tmp_path / "own", "return at_least(answer.f(), 0)")
+    seconds = 1.5 if "while" in text else 60.0
+    with pytest.raises(SimrobError, match=said):
+        checked(entry, tmp_path, text, seconds=seconds, memory=1)
+
+
+def test_a_point_that_fails_leaves_the_others(tmp_path):
+    entry = own_exercise(
+        tmp_path / "own",
+        "return at_least(number(answer, 'f'), 0)",
+        "return at_least(number(answer, 'g'), 0)",
+        "return at_least(number(answer, 'h'), 0)",
+        "return at_least(number(answer, 'k'), 0)",
+    )
+    points = checked(entry, tmp_path, "def f():\n  return 'x'\ndef g():\n  return {}['a']\ndef h():\n  return 1\n")
+    assert [point.ok for point in points] == [False, False, True, False]
+    assert "what f() returns is 'x'; it must be a finite number" in points[0].problem
+    assert points[1].problem == "KeyError: 'a' (answer.py, line 4)"
+    assert "k of the answer is missing; it must be a function" in points[3].problem
+
+
+def test_the_command_alone_shows_its_help(capsys):
+    assert run_command(["course"]) == ExitCode.BAD_INPUT
+    shown = capsys.readouterr()
+    assert "check" in shown.out
+    assert shown.err == ""
+
+
+def test_what_cannot_be_is_told(tmp_path, capsys):
+    assert run_command(["course", "start", "77"]) == ExitCode.BAD_INPUT
+    assert "there is no exercise" in capsys.readouterr().err
+    assert run_command(["course", "check", "1", str(tmp_path / "none.py"), "--allow-code"]) == ExitCode.BAD_INPUT
+    assert "none.py: cannot be read" in capsys.readouterr().err
+
+
+def test_readings_keep_their_bounds():
+    assert at_most(2, 2).ok
+    assert not at_most(float("nan"), 2).ok
+    assert not at_least(1.9, 2).ok
+    assert between(1.5, 1, 2).ok
+    assert near(1, 1.5, 0.5) == Reading(1.0, "", 1.0, 2.0)
+    assert exercise_of("01").exercise.number == 1
+
+
+CHEATS = [
+    """
+import sys
+from simrob_drake.extensions.course.measuring import Reading
+checks = sys.modules.get("check", sys)
+checks.point_0 = lambda answer: Reading(9.0)
+checks.at_least = lambda *_: Reading(9.0)
+""",
+    """
+import simrob_drake.extensions.course.measuring as measuring
+measuring.Reading.__init__ = lambda self, *_, **__: vars(self).update(value=9.0, unit="", least=0.0, most=99.0)
+""",
+    """
+import gc
+for found in gc.get_objects():
+    if getattr(found, "__name__", "") == "point_0":
+        found.__code__ = (lambda answer: None).__code__
+""",
+]
+
+
+@pytest.mark.parametrize("cheat", CHEATS)
+def test_an_answer_cannot_change_what_measures_it(tmp_path, cheat):
+    entry = own_exercise(tmp_path / "own", "return at_least(number(answer, 'f'), 2)")
+    (point,) = checked(entry, tmp_path, f"{cheat}\ndef f():\n    return 1.0\n")
+    assert not point.ok
+    assert point.reading is not None
+    assert point.reading.value == 1.0
+
+
+def test_values_pass_between_the_processes_whole(tmp_path):
+    entry = own_exercise(
+        tmp_path / "own",
+        "value = {'a': [1, (2.5, None)], 3: 'x'}; return at_least(value_of(answer, 'same', value) == value, 1)",
+        "return near(numbers(answer, 'twice', [[1.0, 2.0]], shape=(1, 2))[0, 1], 4, 0)",
+        "return near(answer.LENGTH, 0.5, 0)",
+        "return at_least(value_of(answer, 'made'), 0)",
+    )
+    text = """
+import numpy as np
+LENGTH = 0.5
+same = lambda x: x
+twice = lambda x: 2 * np.array(x)
+made = lambda: object()
+"""
+    points = checked(entry, tmp_path, text)
+    assert [point.ok for point in points] == [True, True, True, False]
+    assert "is of object; it must be numbers, texts, lists, mappings or arrays" in points[3].problem
+
+
+def test_sets_in_sets_pass_between_the_processes():
+    value = {"groups": {frozenset({1, 2}), frozenset()}, frozenset({3}): ({4},)}
+    assert decode(json.loads(json.dumps(encode(value)))) == value
