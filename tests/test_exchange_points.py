@@ -9,10 +9,10 @@ import pytest
 from simrob_drake import load_station, simulate
 from simrob_drake.base.errors import InvalidConfig, SimrobError
 from simrob_drake.base.extension import BrokenExtension, additions
-from simrob_drake.cli import exporting
+from simrob_drake.cli import checking, exporting, robots
 from simrob_drake.cli.app import run_command
 from simrob_drake.importer.importing import import_robot, robot_from_file
-from tests.test_extension import install  # noqa: F401  # a fixture
+from tests.test_extension import forget_extensions, install  # noqa: F401  # install: a fixture
 
 ENGINE = """
 from typing import ClassVar, Literal
@@ -233,19 +233,21 @@ class Lists(FileImporter):
 
 @pytest.fixture
 def reloaded():
-    """Make the commands anew, which list the options of importers and exporters when they are imported."""
-    from simrob_drake.cli import checking, robots
+    """Make the commands anew, which list the options of importers and exporters when they are imported.
 
-    modules = (robots, checking, exporting)
+    A test names this fixture first, so that it ends when the packages of the test are gone.
+    """
 
     def reload():
-        for module in modules:
+        for module in (robots, checking, exporting):
             importlib.reload(module)
 
-    return reload
+    yield reload
+    forget_extensions()
+    reload()
 
 
-def test_a_file_importer_has_own_options_and_losses_give_four(announce, reloaded, tmp_path, monkeypatch, capsys):
+def test_a_file_importer_has_own_options_and_losses_give_four(reloaded, announce, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     body = "return ImportOutcome(lines=(f'colour {request.options.colour}, {request.out}',), losses=('a', 'b'))"
     announce("list-kit", "importers={'.lst': 'list_kit.a:Lists'}", a=FILE_IMPORTER.format(body=body))
@@ -333,7 +335,7 @@ class Counts(ProgramExporter):
 """
 
 
-def test_exporters_of_another_package_write_stations_and_programs(announce, reloaded, tmp_path, monkeypatch, capsys):
+def test_exporters_of_another_package_write_stations_and_programs(reloaded, announce, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     added = {name: f"text_kit.a:{name.capitalize()}" for name in ("names", "fails", "lacks", "counts")}
     announce("text-kit", f"exporters={added}", a=EXPORTERS)
@@ -366,7 +368,7 @@ def test_exporters_of_another_package_write_stations_and_programs(announce, relo
         assert line.count("\n") == 1
 
 
-def test_the_help_of_export_lists_the_formats_of_installed_extensions(announce, reloaded, capsys):
+def test_the_help_of_export_lists_the_formats_of_installed_extensions(reloaded, announce, capsys):
     announce("text-kit", "exporters={'names': 'text_kit.a:Names', 'lacks': 'text_kit.a:Lacks'}", a=EXPORTERS)
     reloaded()
     assert run_command(["export", "--help"]) == 0
