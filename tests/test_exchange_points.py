@@ -1,6 +1,5 @@
 """Engines, importers and exporters of other packages: what they can do, and what is said of those that are wrong."""
 
-import importlib
 import re
 import sys
 
@@ -9,10 +8,9 @@ import pytest
 from simrob_drake import load_station, simulate
 from simrob_drake.base.errors import InvalidConfig, SimrobError
 from simrob_drake.base.extension import BrokenExtension, additions
-from simrob_drake.cli import checking, exporting, robots
 from simrob_drake.cli.app import run_command
 from simrob_drake.importer.importing import import_robot, robot_from_file
-from tests.test_extension import forget_extensions, install  # noqa: F401  # install: a fixture
+from tests.test_extension import install  # noqa: F401  # a fixture
 
 ENGINE = """
 from typing import ClassVar, Literal
@@ -231,27 +229,10 @@ class Lists(FileImporter):
 """
 
 
-@pytest.fixture
-def reloaded():
-    """Make the commands anew, which list the options of importers and exporters when they are imported.
-
-    A test names this fixture first, so that it ends when the packages of the test are gone.
-    """
-
-    def reload():
-        for module in (robots, checking, exporting):
-            importlib.reload(module)
-
-    yield reload
-    forget_extensions()
-    reload()
-
-
-def test_a_file_importer_has_own_options_and_losses_give_four(reloaded, announce, tmp_path, monkeypatch, capsys):
+def test_a_file_importer_has_own_options_and_losses_give_four(announce, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     body = "return ImportOutcome(lines=(f'colour {request.options.colour}, {request.out}',), losses=('a', 'b'))"
     announce("list-kit", "importers={'.lst': 'list_kit.a:Lists'}", a=FILE_IMPORTER.format(body=body))
-    reloaded()
     (tmp_path / "my.lst").write_text("")
     (tmp_path / "arm.urdf").write_text("<robot/>")
     assert run_command(["import", "my.lst", "--colour", "blue", "--out", "there"]) == 4
@@ -335,11 +316,10 @@ class Counts(ProgramExporter):
 """
 
 
-def test_exporters_of_another_package_write_stations_and_programs(reloaded, announce, tmp_path, monkeypatch, capsys):
+def test_exporters_of_another_package_write_stations_and_programs(announce, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     added = {name: f"text_kit.a:{name.capitalize()}" for name in ("names", "fails", "lacks", "counts")}
     announce("text-kit", f"exporters={added}", a=EXPORTERS)
-    reloaded()
     assert run_command(["export", "box_on_floor", "--names", "box.txt"]) == 0
     assert (tmp_path / "box.txt").read_text() == "box_on_floor"
     program = tmp_path / "two.yaml"
@@ -368,9 +348,8 @@ def test_exporters_of_another_package_write_stations_and_programs(reloaded, anno
         assert line.count("\n") == 1
 
 
-def test_the_help_of_export_lists_the_formats_of_installed_extensions(reloaded, announce, capsys):
+def test_the_help_of_export_lists_the_formats_of_installed_extensions(announce, capsys):
     announce("text-kit", "exporters={'names': 'text_kit.a:Names', 'lacks': 'text_kit.a:Lacks'}", a=EXPORTERS)
-    reloaded()
     assert run_command(["export", "--help"]) == 0
     shown = " ".join(re.sub("[│╭╮╰╯─]", " ", capsys.readouterr().out).split())
     assert "--names FILE Names of axes, FILE.txt." in shown
