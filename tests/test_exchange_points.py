@@ -161,6 +161,14 @@ def test_a_file_of_a_missing_extension_says_which(announce, tmp_path, capsys, na
         assert line.count("\n") == 1
 
 
+def test_a_format_of_a_missing_extension_says_which(announce, tmp_path, capsys):
+    announce("fall-kit", "engines={}")
+    assert run_command(["export", "box_on_floor", "--mjcf", str(tmp_path / "box.xml")]) == 2
+    line = capsys.readouterr().err
+    assert "the format mjcf needs the extension mujoco, which is not installed" in line
+    assert line.count("\n") == 1
+
+
 ROBOT_IMPORTER = """
 import xml.etree.ElementTree as ET
 from simrob_drake.importer.importer import RobotImporter
