@@ -28,13 +28,16 @@ def test_each_scheme_of_the_schema_has_its_answers():
     assert all(engine.name == name for name, engine in (CONTINUOUS_SCHEMES | DISCRETE_SCHEMES).items())
 
 
-@pytest.mark.parametrize("scheme", sorted(set(CONTINUOUS_SCHEMES) - {"cenic"}))
+@pytest.mark.parametrize("scheme", sorted(set(CONTINUOUS_SCHEMES) - {"cenic", "radau1"}))
 def test_schemes_without_an_estimate_of_the_error_in_drake_have_fixed_steps(scheme):
-    """Drake refuses an accuracy for an integrator that estimates no error."""
+    """Drake refuses an accuracy for an integrator that estimates no error.
+
+    `radau1` is left out: Drake takes an accuracy for it, and the toolbox steps it with fixed steps nevertheless.
+    """
     simulator = Simulator(Integrator(1))
     integrator = ResetIntegratorFromFlags(simulator, scheme, 0.01)
     if CONTINUOUS_SCHEMES[scheme].has_fixed_steps:
-        with pytest.raises(RuntimeError, match="error estimation"):
+        with pytest.raises(RuntimeError, match="does not support accuracy estimation"):
             integrator.set_target_accuracy(1e-3)
     else:
         integrator.set_target_accuracy(1e-3)
