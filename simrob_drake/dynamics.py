@@ -19,7 +19,7 @@ from simrob_drake.base.errors import InvalidParameter, one_of, quoted
 from simrob_drake.base.frames import Vector, finite
 from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.importer.importing import robot_from_file
-from simrob_drake.importer.packages import is_robot_file
+from simrob_drake.importer.robot_files import is_robot_file
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
 from simrob_drake.robots.parse import held_robot

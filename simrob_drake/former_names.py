@@ -21,6 +21,8 @@ _MOVED_PACKAGES = {
     "teach": "extensions.pendant",
     "tuning": "extensions.tuning",
     "importer.mjcf": "extensions.mujoco.mjcf",
+    "importer.options": "robots.imports",
+    "importer.packages": "base.packages",
     "parts.controllers.policy": "extensions.learning.policy",
     "stations.mujoco": "extensions.mujoco",
 }

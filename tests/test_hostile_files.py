@@ -11,6 +11,7 @@ from pydrake.trajectories import PiecewisePolynomial
 from simrob_drake import load_station, simulate
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError
 from simrob_drake.base.files import NotRead, TooLarge, content_of, models_root, read_columns, text_of
+from simrob_drake.base.packages import MANIFEST, manifest_name
 from simrob_drake.base.yaml_files import parse_yaml
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
@@ -18,10 +19,9 @@ from simrob_drake.importer.importing import REPORT_FILE, import_summary, robot_f
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.places import MeshPlaces
 from simrob_drake.importer.meshes.reading import read_mesh
-from simrob_drake.importer.options import ImportOptions, ImportReport
-from simrob_drake.importer.packages import MANIFEST, manifest_name
 from simrob_drake.importer.reading.source import read_source
 from simrob_drake.programs.program import Program
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 from tests.fuzz.valid import mesh
 
 NONE_TO_READ = {

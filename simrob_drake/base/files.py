@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from simrob_drake.base.errors import InvalidConfig, shortened
 from simrob_drake.base.extension import addition_folders
+from simrob_drake.base.file_cache import file_state
 
 LARGEST_TEXT = 1_000_000  # of files that are written by hand [bytes]: a station's has some thousand
 
@@ -45,6 +46,7 @@ def content_of(file: Path | str, largest: int = LARGEST_TEXT) -> bytes:
 @contextmanager
 def opened(file: Path | str) -> Iterator[BufferedReader]:
     """Open a file as :func:`content_of` reads it, for those that are read bit by bit; raises NotRead as that does."""
+    file_state(file)  # for the caches of values that are made from this file
     try:
         with _open(file) as content:
             yield content

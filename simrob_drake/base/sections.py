@@ -175,17 +175,34 @@ def validated(model: type[Model], content: dict[str, Any], where: Path | str) ->
         raise _first_finding(problem, model, where) from problem
 
 
-def _check_sizes(value: object, where: Path | str, key: str = "", depth: int = 0) -> None:
-    """Refuse figures that nothing has, whatever they are of."""
-    if isinstance(value, Mapping | list | tuple) and depth < _DEEPEST:
-        inner = (
-            value.items() if isinstance(value, Mapping) else ((f"[{place}]", one) for place, one in enumerate(value))
-        )
-        for name, one in inner:
-            _check_sizes(one, where, f"{key}.{name}".removeprefix(".").replace(".[", "["), depth + 1)
-    elif isinstance(value, int | float) and value and not _SMALLEST <= abs(value) <= _LARGEST and abs(value) < inf:
-        bounds = f"zero or {_SMALLEST:g} to {_LARGEST:g} in size"
-        raise InvalidConfig(where, key, f"a figure is {bounds} (it is {quoted(value)})")
+def _check_sizes(content: object, where: Path | str) -> None:
+    """Check that no number in a content is larger or smaller than any physical quantity.
+
+    Args:
+        content: mappings, lists and values, nested.
+        where: name of the file, for errors.
+
+    Raises:
+        InvalidConfig: a number is too large or too small. Of several, the first in the order of the content is named.
+    """
+    # Nested calls for each of the hundreds of values would take most of the time of reading a station: containers that
+    # remain to be checked are kept in a stack instead, each with its dotted key and its depth.
+    remaining: list[tuple[object, str, int]] = [(content, "", 0)]
+    while remaining:
+        value, key, depth = remaining.pop()
+        if isinstance(value, int | float):
+            if value and not _SMALLEST <= abs(value) <= _LARGEST and abs(value) < inf:
+                bounds = f"zero or {_SMALLEST:g} to {_LARGEST:g} in size"
+                raise InvalidConfig(where, key, f"a figure is {bounds} (it is {quoted(value)})")
+        elif depth >= _DEEPEST:
+            continue
+        elif isinstance(value, Mapping):
+            prefix = f"{key}." if key else ""
+            entries = [(entry, f"{prefix}{name}", depth + 1) for name, entry in value.items()]
+            remaining += reversed(entries)  # the last entry of the stack is checked next
+        elif isinstance(value, list | tuple):
+            entries = [(entry, f"{key}[{index}]", depth + 1) for index, entry in enumerate(value)]
+            remaining += reversed(entries)
 
 
 def file_schema(model: type[BaseModel], *, from_place: tuple[str, ...] = ()) -> dict[str, Any]:

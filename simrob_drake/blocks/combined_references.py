@@ -10,12 +10,12 @@ from itertools import pairwise
 
 import numpy as np
 from pydrake.polynomial import Polynomial
-from pydrake.trajectories import PiecewisePolynomial
+from pydrake.trajectories import PiecewisePolynomial, Trajectory
 
 from simrob_drake.base.arguments import SHORTEST
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
-from simrob_drake.blocks.references import Reference, SineReference, hermite, reference_values
+from simrob_drake.blocks.references import Reference, ReferenceSignal, SineReference, as_reference, hermite
 
 _RATE = 1000.0  # sampling rate of references that are neither polynomials nor sines [Hz]
 _IMAGINARY_ROUNDING = 1e-9  # imaginary part that is due to rounding, as a fraction of the complex amplitude
@@ -38,14 +38,17 @@ def combine_references(references: Sequence[Reference], matrix: Vector, offset: 
     Raises:
         InvalidParameter: a sine is combined with a sine of another frequency, or with a trajectory that moves.
     """
-    if any(isinstance(reference, SineReference) for reference in references):
-        return _combined_sines(references, matrix, offset)
-    if all(isinstance(reference, PiecewisePolynomial) for reference in references):
-        return _combined_polynomials(references, matrix, offset)
-    return _combined_samples(references, matrix, offset)
+    signals = [as_reference(reference) for reference in references]
+    if any(signal.oscillates for signal in signals):
+        return _combined_sines(signals, matrix, offset)
+    polynomials = [signal.as_polynomial() for signal in signals]
+    known_polynomials = [polynomial for polynomial in polynomials if polynomial is not None]
+    if len(known_polynomials) == len(signals):
+        return _combined_polynomials(known_polynomials, matrix, offset)
+    return _combined_samples(signals, matrix, offset)
 
 
-def _combined_samples(references: Sequence[Reference], matrix: Vector, offset: Vector) -> PiecewisePolynomial:
+def _combined_samples(references: Sequence[ReferenceSignal], matrix: Vector, offset: Vector) -> Trajectory:
     """Combine references of any kind but sines by samples, which cubic polynomials join.
 
     Args:
@@ -53,21 +56,19 @@ def _combined_samples(references: Sequence[Reference], matrix: Vector, offset: V
         matrix: shape (k, n).
         offset: shape (k,) [rad or m].
     """
-    # Sines are excluded for the type checker: they have no start and no end.
-    trajectories = [reference for reference in references if not isinstance(reference, SineReference)]
-    start = min(trajectory.start_time() for trajectory in trajectories)
-    end = max(trajectory.end_time() for trajectory in trajectories)
+    start = min(reference.span[0] for reference in references)
+    end = max(reference.span[1] for reference in references)
     # At least one interval: all trajectories may begin and end at the same time.
     interval_count = max(int((end - start) * _RATE), 1)
     times = np.linspace(start, end, interval_count + 1)
 
-    # Samples of all n positions, shape (times, n). A trajectory stands still before its own start and after its end.
-    positions = np.hstack([reference_values(trajectory, times, 0) for trajectory in trajectories])
-    velocities = np.hstack([reference_values(trajectory, times, 1) for trajectory in trajectories])
+    # Samples of all n positions, shape (times, n). A reference stands still before its own start and after its end.
+    positions = np.hstack([reference.values(times) for reference in references])
+    velocities = np.hstack([reference.values(times, order=1) for reference in references])
     return hermite(times, positions @ matrix.T + offset, velocities @ matrix.T)
 
 
-def _combined_sines(references: Sequence[Reference], matrix: Vector, offset: Vector) -> SineReference:
+def _combined_sines(references: Sequence[ReferenceSignal], matrix: Vector, offset: Vector) -> SineReference:
     r"""Combine sines of one frequency, and trajectories that stand still, by adding their complex amplitudes.
 
     The sine :math:`a \sin(\omega t + \varphi)` has the complex amplitude :math:`a e^{i \varphi}`.
@@ -80,23 +81,24 @@ def _combined_sines(references: Sequence[Reference], matrix: Vector, offset: Vec
     Raises:
         InvalidParameter: the sines have different frequencies, or a trajectory moves.
     """
-    frequencies = {reference.frequency for reference in references if isinstance(reference, SineReference)}
     expected = "of one frequency, or at rest: a coupling ties their axes together"
+    sines = []
+    frequencies = set[float]()
+    for reference in references:
+        sine = reference.as_sine()
+        if sine is not None and reference.oscillates:
+            frequencies.add(sine.frequency)
+        sines.append(sine)
     if len(frequencies) > 1:
         raise InvalidParameter("reference", f"sines of {sorted(frequencies)} Hz", expected)
+
     centres = []
     amplitudes = []
-    for reference in references:
-        if isinstance(reference, SineReference):
-            centres.append(reference.centre)
-            amplitudes.append(reference.amplitude * np.exp(1j * reference.phase))
-            continue
-        # A trajectory must stand still to be combined with a sine: then it is a sine without amplitude.
-        end_positions = reference_values(reference, np.array([reference.start_time(), reference.end_time()]))
-        if np.ptp(end_positions, axis=0).any():
+    for sine in sines:
+        if sine is None:
             raise InvalidParameter("reference", "a sine and another motion", expected)
-        centres.append(end_positions[0])
-        amplitudes.append(np.zeros(len(end_positions[0]), dtype=complex))
+        centres.append(sine.centre)
+        amplitudes.append(sine.amplitude * np.exp(1j * sine.phase))
     amplitude = matrix @ np.concatenate(amplitudes)
     # A real amplitude keeps its sign, with phase 0: a negative one would otherwise become positive with phase pi.
     is_real = np.abs(amplitude.imag) <= _IMAGINARY_ROUNDING * np.abs(amplitude)

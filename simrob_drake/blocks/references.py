@@ -1,8 +1,9 @@
 """References: desired joint positions over time, as Drake trajectories and the sources that play them."""
 
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -30,8 +31,93 @@ Samples = tuple[npt.ArrayLike, npt.ArrayLike]
 """Times (m,) [s] and positions (m, n) [rad]."""
 
 
+class ReferenceSignal(ABC):
+    """Desired positions of n axes as a function of time, for everything that uses a reference.
+
+    There are two kinds: `SineReference`, and `TrajectoryReference` for a trajectory of Drake. The functions of this
+    module take both, and plain trajectories of Drake.
+    """
+
+    @property
+    @abstractmethod
+    def size(self) -> int:
+        """Count of axes n."""
+
+    @property
+    @abstractmethod
+    def span(self) -> tuple[float, float]:
+        """Start and end of the motion [s]. Before and after it the reference stands still. They may be infinite."""
+
+    @property
+    @abstractmethod
+    def oscillates(self) -> bool:
+        """Whether the motion repeats for ever, so that samples between two times cannot stand for it."""
+
+    @property
+    @abstractmethod
+    def player_key(self) -> Hashable:
+        """Identifies the source that plays the reference in a diagram.
+
+        A source can play another reference instead if its key is equal.
+        """
+
+    @property
+    @abstractmethod
+    def corner_times(self) -> list[float]:
+        """Times at which the position or the velocity jumps, without negative ones [s]. Steps must end there."""
+
+    @abstractmethod
+    def values(self, times: Vector, order: int = 0) -> Vector:
+        """Compute the positions at times (m,) [s], shape (m, n) [rad or m], or their derivative of an order."""
+
+    @abstractmethod
+    def later(self, time: float) -> "Reference":
+        """The reference as it goes on from a time [s], which becomes zero."""
+
+    @abstractmethod
+    def as_sine(self) -> "SineReference | None":
+        """The reference as a sine, without amplitude if it stands still. Returns None if it is another motion."""
+
+    @abstractmethod
+    def as_polynomial(self) -> PiecewisePolynomial | None:
+        """The reference as a piecewise polynomial. Returns None if it is no such function."""
+
+    @abstractmethod
+    def add_source(self, builder: DiagramBuilder, name: str, derivatives: int) -> "ReferenceSource":
+        """Add the source that plays the reference.
+
+        Args:
+            builder: builder of the diagram.
+            name: name of the source.
+            derivatives: count of derivatives that the source gives. It may give more.
+        """
+
+    @abstractmethod
+    def table(self, duration: float) -> "ReferenceTable":
+        """Samples that give the reference back.
+
+        Args:
+            duration: duration of the run [s], up to which the reference is needed.
+        """
+
+
 @dataclass(frozen=True)
-class SineReference:
+class ReferenceTable:
+    """Samples of a reference, as a file holds them.
+
+    Attributes:
+        interpolation: how the samples are joined, as the key ``interpolation`` of a table in a station file.
+        times: shape (m,) [s].
+        values: positions, shape (m, n) [rad or m]; with ``hermite``, positions and velocities, shape (m, 2 n).
+    """
+
+    interpolation: Literal["cubic", "hermite"]
+    times: Vector
+    values: Vector
+
+
+@dataclass(frozen=True)
+class SineReference(ReferenceSignal):
     r"""The reference :math:`q = q_c + a \sin(2 \pi f t + \varphi)`.
 
     Attributes:
@@ -47,14 +133,179 @@ class SineReference:
     phase: Vector
 
     def values(self, times: Vector, order: int = 0) -> Vector:
-        """Return the positions at times (m,) [s], shape (m, n) [rad], or their derivative of an order."""
+        """Compute the positions at times (m,) [s], shape (m, n) [rad], or their derivative of an order."""
         rate = 2 * np.pi * self.frequency
         swing = self.amplitude * rate**order * np.sin(rate * times[:, np.newaxis] + self.phase + order * np.pi / 2)
         return np.asarray(swing if order else self.centre + swing)
 
+    @property
+    def size(self) -> int:
+        """Count of axes n."""
+        return len(self.centre)
 
-Reference: TypeAlias = Trajectory | SineReference
+    @property
+    def span(self) -> tuple[float, float]:
+        """A sine never begins and never ends."""
+        return -np.inf, np.inf
+
+    @property
+    def oscillates(self) -> bool:
+        """A sine repeats for ever."""
+        return True
+
+    @property
+    def player_key(self) -> Hashable:
+        """A source plays one sine only: the key consists of all parameters."""
+        parameters = [self.centre, self.amplitude, self.phase]
+        return ("sine", self.frequency, *(tuple(np.asarray(values).tolist()) for values in parameters))
+
+    @property
+    def corner_times(self) -> list[float]:
+        """A sine has no corners."""
+        return []
+
+    def later(self, time: float) -> "SineReference":
+        """The sine as it goes on from a time [s], which becomes zero."""
+        return replace(self, phase=self.phase + 2 * np.pi * self.frequency * time)
+
+    def as_sine(self) -> "SineReference":
+        """The sine itself."""
+        return self
+
+    def as_polynomial(self) -> None:
+        """A sine is no polynomial."""
+
+    def add_source(self, builder: DiagramBuilder, name: str, derivatives: int) -> "ReferenceSource":
+        """Add a source of Drake's sines and their centres. It gives two derivatives, however many are asked for."""
+        frequency = np.full(len(self.centre), 2 * np.pi * self.frequency)
+        wave = builder.AddNamedSystem(name, Sine(self.amplitude, frequency, self.phase))
+        middle = fed(builder, f"{name}.centre", ConstantVectorSource(self.centre))
+        position = summed(builder, f"{name}.sum", wave.get_output_port(0), middle)
+        return ReferenceSource(position, wave.get_output_port(1), wave.get_output_port(2))
+
+    def table(self, duration: float) -> ReferenceTable:
+        """Samples of the sine, a thousand a second, for a cubic spline."""
+        times = np.linspace(0.0, duration, int(duration * _RATE) + 2)
+        return ReferenceTable("cubic", times, self.values(times))
+
+
+@dataclass(frozen=True)
+class TrajectoryReference(ReferenceSignal):
+    """A trajectory of Drake as a reference: it stands still before its start and after its end.
+
+    Attributes:
+        trajectory: the trajectory, of shape (n, 1).
+    """
+
+    trajectory: Trajectory
+
+    @property
+    def size(self) -> int:
+        """Count of axes n."""
+        return int(self.trajectory.rows())
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Start and end of the trajectory [s]; infinite if it is a constant."""
+        return self.trajectory.start_time(), self.trajectory.end_time()
+
+    @property
+    def oscillates(self) -> bool:
+        """A trajectory stands still after its end."""
+        return False
+
+    @property
+    def player_key(self) -> Hashable:
+        """One source can play all trajectories."""
+        return "trajectory"
+
+    @property
+    def corner_times(self) -> list[float]:
+        """Times at which a piecewise polynomial's value or velocity jumps, its ends included [s].
+
+        Other trajectories are taken as smooth inside; only their ends count.
+        """
+        start, end = self.span
+        if not np.isfinite([start, end]).all():
+            return []
+        trajectory = self.trajectory
+        if not isinstance(trajectory, PiecewisePolynomial):
+            return [time for time in (start, end) if time >= 0]
+        times, rates = np.array(trajectory.get_segment_times()), trajectory.derivative()
+        before = times - 4 * np.spacing(np.maximum(np.abs(times), 1.0))
+        left, right = rates.vector_values(before), rates.vector_values(times)
+        left[:, 0] = right[:, -1] = 0.0  # it rests before and after
+        position_jumps = np.abs(trajectory.vector_values(before) - trajectory.vector_values(times))
+        jumps = np.maximum(np.abs(left - right), position_jumps)
+        found: list[float] = times[(jumps.max(axis=0) > _JUMP) & (times >= 0)].tolist()
+        return found
+
+    def values(self, times: Vector, order: int = 0) -> Vector:
+        """Compute the positions at times (m,) [s], shape (m, n) [rad or m], or their derivative of an order."""
+        inside = np.clip(times, *self.span)
+        derivative = self.trajectory.MakeDerivative(order) if order else self.trajectory
+        values = np.asarray(derivative.vector_values(inside.tolist())).T
+        # Derivatives are zero before the start and after the end.
+        return np.asarray(values * (inside == times)[:, np.newaxis]) if order else values
+
+    def later(self, time: float) -> Trajectory:
+        """The trajectory as it goes on from a time [s], which becomes zero; before it, it is what it was.
+
+        A trajectory that is no polynomial and no spline is sampled a thousand times a second.
+        """
+        if time >= self.trajectory.end_time():
+            return hold(self.values(np.array([time]))[0])
+        return _moved(self.trajectory, time)
+
+    def as_sine(self) -> SineReference | None:
+        """A sine without amplitude if the trajectory stands still, that is if its ends are equal; otherwise None."""
+        ends = self.values(np.array(self.span))
+        if np.ptp(ends, axis=0).any():
+            return None
+        zero = np.zeros(len(ends[0]))
+        return SineReference(centre=ends[0], amplitude=zero, frequency=0.0, phase=zero)
+
+    def as_polynomial(self) -> PiecewisePolynomial | None:
+        """The trajectory itself if it is a piecewise polynomial, otherwise None."""
+        return self.trajectory if isinstance(self.trajectory, PiecewisePolynomial) else None
+
+    def add_source(self, builder: DiagramBuilder, name: str, derivatives: int) -> "ReferenceSource":
+        """Add a source of the trajectory.
+
+        Raises:
+            InvalidParameter: the trajectory is no column.
+        """
+        trajectory = self.trajectory
+        if trajectory.cols() != 1:
+            raise InvalidParameter("trajectory", f"{trajectory.rows()} x {trajectory.cols()}", "of shape (n, 1)")
+        source = builder.AddNamedSystem(name, TrajectorySource(trajectory, derivatives))
+        if not derivatives:
+            return ReferenceSource(source.get_output_port(), player=source)
+        sizes = [trajectory.rows()] * (1 + derivatives)
+        split = builder.AddNamedSystem(f"{name}.derivatives", Demultiplexer(sizes))
+        builder.Connect(source.get_output_port(), split.get_input_port())
+        position, velocity, *further = (split.get_output_port(order) for order in range(1 + derivatives))
+        return ReferenceSource(position, velocity, further[0] if further else None, source)
+
+    def table(self, duration: float) -> ReferenceTable:
+        """Positions and velocities of the trajectory, as far as a run follows it, joined by cubics."""
+        first, last = self.span
+        start, end = max(first, 0.0), min(last, duration)
+        if start >= end:  # it begins after the run, or is over before: one of its ends is held
+            position = self.trajectory.value(float(np.clip(0.0, first, last)))[:, 0]
+            row = np.append(position, np.zeros_like(position))
+            return ReferenceTable("hermite", np.array([0.0, duration]), np.tile(row, (2, 1)))
+        times, positions, velocities = hermite_samples(self.trajectory, start, end, _RATE)
+        return ReferenceTable("hermite", times, np.hstack([positions, velocities]))
+
+
+Reference: TypeAlias = Trajectory | ReferenceSignal
 """Desired joint positions over time: a trajectory (n, 1), which holds its ends, or a sine."""
+
+
+def as_reference(reference: Reference) -> ReferenceSignal:
+    """Return a reference with the questions of `ReferenceSignal`. A plain trajectory is wrapped."""
+    return TrajectoryReference(reference) if isinstance(reference, Trajectory) else reference
 
 
 @dataclass(frozen=True)
@@ -74,13 +325,11 @@ class ReferenceSource:
 
 
 def reference_values(reference: Reference, times: Vector, order: int = 0) -> Vector:
-    """Return where a reference is at times (m,) [s], shape (m, n) [rad], or a derivative; it holds its ends."""
-    if isinstance(reference, SineReference):
-        return reference.values(times, order)
-    inside = np.clip(times, reference.start_time(), reference.end_time())
-    derivative = reference.MakeDerivative(order) if order else reference
-    values = np.asarray(derivative.vector_values(inside.tolist())).T
-    return np.asarray(values * (inside == times)[:, np.newaxis]) if order else values
+    """Compute the positions of a reference at times (m,) [s], shape (m, n) [rad or m], or their derivative of an order.
+
+    A trajectory holds its ends.
+    """
+    return as_reference(reference).values(times, order)
 
 
 def smooth(part: Vector) -> Vector:
@@ -222,11 +471,7 @@ def later(reference: Reference, time: float) -> Reference:
 
     What is no polynomial, spline or sine is sampled a thousand times a second.
     """
-    if isinstance(reference, SineReference):
-        return replace(reference, phase=reference.phase + 2 * np.pi * reference.frequency * time)
-    if time >= reference.end_time():
-        return hold(reference_values(reference, np.array([time]))[0])
-    return _moved(reference, time)
+    return as_reference(reference).later(time)
 
 
 def _moved(trajectory: Trajectory, time: float) -> Trajectory:
@@ -246,25 +491,13 @@ def _moved(trajectory: Trajectory, time: float) -> Trajectory:
     return hermite(times - time, *samples)
 
 
-def corner_times(trajectory: Reference) -> list[float]:
-    """Return the times at which a piecewise polynomial's value or velocity jumps, its ends included.
+def corner_times(reference: Reference) -> list[float]:
+    """Times at which the position or the velocity of a reference jumps, without negative ones [s].
 
-    Other trajectories are taken as smooth inside; only their ends count.
+    These are the jumps of a piecewise polynomial, its ends included. Of other trajectories only the ends count; a sine
+    has none.
     """
-    if isinstance(trajectory, SineReference):
-        return []
-    start, end = trajectory.start_time(), trajectory.end_time()
-    if not np.isfinite([start, end]).all():
-        return []
-    if not isinstance(trajectory, PiecewisePolynomial):
-        return [time for time in (start, end) if time >= 0]
-    times, rates = np.array(trajectory.get_segment_times()), trajectory.derivative()
-    before = times - 4 * np.spacing(np.maximum(np.abs(times), 1.0))
-    left, right = rates.vector_values(before), rates.vector_values(times)
-    left[:, 0] = right[:, -1] = 0.0  # it rests before and after
-    jumps = np.maximum(np.abs(left - right), np.abs(trajectory.vector_values(before) - trajectory.vector_values(times)))
-    found: list[float] = times[(jumps.max(axis=0) > _JUMP) & (times >= 0)].tolist()
-    return found
+    return as_reference(reference).corner_times
 
 
 def add_reference(
@@ -284,22 +517,7 @@ def add_reference(
     Raises:
         InvalidParameter: a trajectory that is no column.
     """
-    if isinstance(reference, SineReference):
-        count = len(reference.centre)
-        frequency = np.full(count, 2 * np.pi * reference.frequency)
-        wave = builder.AddNamedSystem(name, Sine(reference.amplitude, frequency, reference.phase))
-        middle = fed(builder, f"{name}.centre", ConstantVectorSource(reference.centre))
-        position = summed(builder, f"{name}.sum", wave.get_output_port(0), middle)
-        return ReferenceSource(position, wave.get_output_port(1), wave.get_output_port(2))
-    if reference.cols() != 1:
-        raise InvalidParameter("trajectory", f"{reference.rows()} x {reference.cols()}", "of shape (n, 1)")
-    source = builder.AddNamedSystem(name, TrajectorySource(reference, derivatives))
-    if not derivatives:
-        return ReferenceSource(source.get_output_port(), player=source)
-    split = builder.AddNamedSystem(f"{name}.derivatives", Demultiplexer([reference.rows()] * (1 + derivatives)))
-    builder.Connect(source.get_output_port(), split.get_input_port())
-    position, velocity, *further = (split.get_output_port(order) for order in range(1 + derivatives))
-    return ReferenceSource(position, velocity, further[0] if further else None, source)
+    return as_reference(reference).add_source(builder, name, derivatives)
 
 
 add_course = add_reference

@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from simrob_drake.base.errors import InvalidParameter, OutputError, Unsuitable
+from simrob_drake.base.packages import Border
 from simrob_drake.base.yaml_files import YAML_SUFFIXES, parse_yaml, read_yaml
 from simrob_drake.cli.other_files import refuse_other
-from simrob_drake.importer.options import ImportOptions
-from simrob_drake.importer.packages import Border
+from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.located import located

@@ -13,10 +13,10 @@ from simrob_drake.cli.programs import check_program, own_program, program_from
 from simrob_drake.cli.robots import examine_file, show_robot
 from simrob_drake.cli.screen import console
 from simrob_drake.cli.tables import findings_table
-from simrob_drake.importer.options import ImportOptions
-from simrob_drake.importer.packages import is_robot_file
+from simrob_drake.importer.robot_files import is_robot_file
 from simrob_drake.robots.catalog import load_robot, load_robot_file, robot_names
 from simrob_drake.robots.description_files import is_description_file
+from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.simulation import Runner
 from simrob_drake.stations.checks import check_station
 

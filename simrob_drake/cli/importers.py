@@ -16,7 +16,7 @@ from simrob_drake.cli.options import ChosenOptions, with_groups
 from simrob_drake.cli.screen import console, errors, say, table
 from simrob_drake.cli.tables import report_table
 from simrob_drake.importer.importer import FileImporter, ImportOutcome, ImportRequest, find_importer
-from simrob_drake.importer.options import REPORT_FILE, ImportOptions
+from simrob_drake.robots.imports import REPORT_FILE, ImportOptions
 
 _SHOWN_LOSSES = 5  # losses that are shown on the screen; the report contains all
 _SHOWN_PLACES = 4  # places of use that are shown of a name that a file does not define

@@ -12,11 +12,11 @@ from pydantic.fields import FieldInfo
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.files import station_files
+from simrob_drake.base.packages import MESH_PATH_VARIABLE, granting
 from simrob_drake.base.sections import Pose, field_texts, validated
-from simrob_drake.importer.options import ImportOptions
-from simrob_drake.importer.packages import MESH_PATH_VARIABLE, granting
 from simrob_drake.results.files import Saved
 from simrob_drake.results.plots.formats import PlotFormat
+from simrob_drake.robots.imports import ImportOptions
 
 
 def completed_station(typed: str) -> list[str]:

@@ -10,6 +10,7 @@ from rich.text import Text
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.folders import written_at_once
+from simrob_drake.base.packages import package_root, resolved
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import check_file, refuse, refuse_import
 from simrob_drake.cli.importers import import_with, importer_request, other_importer, with_importer_options
@@ -25,10 +26,10 @@ from simrob_drake.cli.programs import import_program, is_language_file, refuse_l
 from simrob_drake.cli.screen import console, errors, say
 from simrob_drake.cli.tables import payload_lines, report_table, robot_table
 from simrob_drake.importer.importing import ImportedRobot, default_folder, examine_robot, import_robot, robot_from_file
-from simrob_drake.importer.options import ImportOptions
-from simrob_drake.importer.packages import is_robot_file, package_root, resolved
+from simrob_drake.importer.robot_files import is_robot_file
 from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
 from simrob_drake.robots.description_files import is_description_file
+from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.stations.draft import draft_station
 
 

@@ -8,9 +8,9 @@ from simrob_drake.base.errors import listed
 from simrob_drake.base.frames import Vector
 from simrob_drake.cli.screen import table
 from simrob_drake.dynamics import Dynamics
-from simrob_drake.importer.options import ENTRY_KINDS, EntryKind, ImportReport
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.imports import ENTRY_KINDS, EntryKind, ImportReport
 from simrob_drake.robots.plausibility import moving_mass, payload_doubt
 from simrob_drake.stations.findings import Finding
 

@@ -13,10 +13,10 @@ import numpy as np
 
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.frames import transform_from_pose
-from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.names import FreeNames
 from simrob_drake.robots.bodies import tool_links
 from simrob_drake.robots.fingers import JAW
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import add_joint, joint_limits, movable_joints, name_of, root_link
 
 HAND = "hand"  # name of the folder of the hand's meshes, and prefix of the hand's names that the arm has, too

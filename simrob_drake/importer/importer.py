@@ -18,7 +18,7 @@ from simrob_drake.base.errors import InvalidConfig, SimrobError
 from simrob_drake.base.extension import additions, load_addition_class, register_core_names
 from simrob_drake.base.files import NotRead, opened
 from simrob_drake.base.known_extensions import check_provided
-from simrob_drake.importer.options import ImportOptions, ImportReport
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 
 CORE_SUFFIXES = (".urdf", ".xacro", ".xml", ".sdf", ".world")
 """Suffixes of files that the core reads as robots."""

@@ -21,12 +21,11 @@ from simrob_drake.base.errors import InvalidConfig, OutputError, SimrobError, li
 from simrob_drake.base.files import ROBOT_FILE, opened, text_of
 from simrob_drake.base.folders import cache_entry, filled_at_once
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.packages import MANIFEST, package_root
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.importer.hands import add_hand, mark_jaw, of_hand
 from simrob_drake.importer.loops import take_closings
 from simrob_drake.importer.meshes.places import mesh_files
-from simrob_drake.importer.options import REPORT_FILE, ImportOptions, ImportReport, read_report
-from simrob_drake.importer.packages import MANIFEST, package_root, robot_file
 from simrob_drake.importer.probe import probe
 from simrob_drake.importer.reading.source import read_source
 from simrob_drake.importer.repairs.base import Base, choose_base
@@ -36,6 +35,7 @@ from simrob_drake.importer.repairs.joints import repair_joints
 from simrob_drake.importer.repairs.materials import repair_materials
 from simrob_drake.importer.repairs.shapes import import_shapes
 from simrob_drake.importer.repairs.structure import repair_structure
+from simrob_drake.importer.robot_files import robot_file
 from simrob_drake.importer.semantics import (
     HOME_STATE,
     NOTHING,
@@ -48,6 +48,7 @@ from simrob_drake.importer.semantics import (
 from simrob_drake.importer.trees import HOME, KD, KP, Notes, take_notes
 from simrob_drake.robots.catalog import RobotModel, described_robot, load_robot_from_urdf
 from simrob_drake.robots.grasps import GRASP, grasp_frame
+from simrob_drake.robots.imports import REPORT_FILE, ImportOptions, ImportReport, read_report
 from simrob_drake.robots.parse import lone_robot
 from simrob_drake.robots.urdf import add_frame, name_of, with_absolute_meshes
 from simrob_drake.robots.urdf_check import check_urdf

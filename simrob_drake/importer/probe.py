@@ -12,7 +12,7 @@ from copy import deepcopy
 from pathlib import Path
 
 from simrob_drake.base.errors import SimrobError, shortened
-from simrob_drake.importer.options import ImportReport
+from simrob_drake.robots.imports import ImportReport
 
 _SUSPECTS = ("visual", "collision", "inertial", "limit", "dynamics", "axis")
 _PATIENCE = 120.0  # s, for a robot of hundreds of meshes

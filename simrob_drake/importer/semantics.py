@@ -8,15 +8,15 @@ import xml.etree.ElementTree as ET
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from os.path import isfile
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from simrob_drake.base.errors import InvalidModel
-from simrob_drake.importer.options import ImportOptions, ImportReport
+from simrob_drake.base.file_cache import file_state
 from simrob_drake.importer.reading.source import read_source
 from simrob_drake.robots.bodies import carriers
 from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import DRAKE, link_of, name_of
 
 _FOLDERS = ("", "../srdf", "../config")  # folders in which an SRDF is sought, relative to the robot's file
@@ -66,7 +66,7 @@ def srdf_of(source: Path) -> Path | None:
     stem = source.name.partition(".")[0]
     for folder, suffix in product(_FOLDERS, _SUFFIXES):
         file = source.parent / folder / f"{stem}{suffix}"
-        if isfile(file):
+        if file_state(file) is not None:
             return file
     return None
 

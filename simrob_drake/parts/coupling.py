@@ -17,7 +17,9 @@ from pydrake.systems.framework import Context, DiagramBuilder
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.sections import Strict
 from simrob_drake.parts.engine import Engine
-from simrob_drake.parts.site import Site, StationPlant, Surroundings
+from simrob_drake.parts.resolved import Surroundings
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationPlant
 
 STIFFNESS = 2000.0**2
 """Stiffness of a coupling for each unit of the inertia that it holds [1/s²]. Under continuous schemes a coupling is a

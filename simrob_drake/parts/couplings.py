@@ -38,7 +38,9 @@ from simrob_drake.blocks.block import fed, joined, mapped
 from simrob_drake.parts.coupling import DAMPING_TIME, STIFFNESS, CouplingSection
 from simrob_drake.parts.engine import Engine
 from simrob_drake.parts.kinds import Kinds
-from simrob_drake.parts.site import WORLD, Site, StationPlant, StationRobot, Surroundings
+from simrob_drake.parts.resolved import WORLD, Surroundings
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.parts.targets import check_frame, frame_of
 from simrob_drake.robots.coupled_axes import Equation
 
@@ -447,8 +449,8 @@ class Gear(CouplingSection):
         forces = mapped(builder, f"{key}.force", np.outer(ratios, force_row), state_and_one)
         site.generalized_forces.append(forces)
         # In the picture of the diagram the first two blocks are only wires.
-        site.draw_nothing(f"{key}.one", f"{key}.bus")
-        site.draw(f"{key}.force", "force", f"What couples\n{', '.join(self.ratios)}")
+        site.picture.draw_nothing(f"{key}.one", f"{key}.bus")
+        site.picture.draw(f"{key}.force", "force", f"What couples\n{', '.join(self.ratios)}")
 
     def caption(self) -> str:
         """Describe the gear in words."""

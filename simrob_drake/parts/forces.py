@@ -21,7 +21,9 @@ from simrob_drake.blocks.block import fed
 from simrob_drake.blocks.passive_joints import add_external_force
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.kinds import Kinds
-from simrob_drake.parts.site import Site, StationPlant, Surroundings, named
+from simrob_drake.parts.resolved import Surroundings, named
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.parts.targets import frame_names, frame_of
 
 
@@ -94,11 +96,11 @@ def add_force(
     builder.Connect(force, block.get_command_input_port())
     label = f"Force '{name}'\n{caption}\nat {place}"
     for system in (f"force.{name}", f"force.{name}.source"):
-        site.draw(system, "force", label, key=f"force.{name}")
+        site.picture.draw(system, "force", label, key=f"force.{name}")
     site.spatial_forces.append(block.get_spatial_forces_output_port())
     output = f"applied_force.{name}"
     title = f"applied force '{name}' at {place}, in its axes"
-    site.add(output, force, applied_signal(output, "N", title, part=name))
+    site.outputs.add(output, force, applied_signal(output, "N", title, part=name))
 
 
 def place_of(plant: StationPlant, place: str) -> tuple[Frame, Vector]:

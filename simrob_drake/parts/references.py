@@ -18,7 +18,7 @@ from simrob_drake.blocks.cruise import cruising
 from simrob_drake.blocks.references import Reference, Samples, SineReference, hermite, hold, move, ramp, sequence, table
 from simrob_drake.parts.captions import shown_positions
 from simrob_drake.parts.kinds import Kinds
-from simrob_drake.parts.site import ResolvedRobot
+from simrob_drake.parts.resolved import ResolvedRobot
 from simrob_drake.robots.axis_map import AxisValues, PositiveAxisValues
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.coupled_axes import Firmness

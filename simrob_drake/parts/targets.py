@@ -10,7 +10,8 @@ from pydrake.geometry import GeometryId, Role, SceneGraphInspector
 from pydrake.multibody.tree import Frame, RigidBody
 
 from simrob_drake.base.errors import InvalidParameter, one_of
-from simrob_drake.parts.site import WORLD, StationPlant, Surroundings
+from simrob_drake.parts.resolved import WORLD, Surroundings
+from simrob_drake.parts.station_plant import StationPlant
 
 FLOOR = "floor"  # the whole name of the floor's shape; boxes of its terrain are called `floor.<number>`
 

@@ -9,7 +9,8 @@ from pydrake.multibody.tree import Frame
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
-from simrob_drake.parts.site import WORLD, StationRobot
+from simrob_drake.parts.resolved import WORLD
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.parts.targets import own_name
 from simrob_drake.programs.model import StationModel, reparented
 from simrob_drake.stations.config import StationConfig

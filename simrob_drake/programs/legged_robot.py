@@ -7,7 +7,7 @@ from typing import Any, Literal
 from simrob_drake.base.arguments import instance, truth
 from simrob_drake.base.errors import InvalidParameter, counted
 from simrob_drake.base.frames import PoseLike, as_transform, pose_from_transform
-from simrob_drake.parts.site import WORLD
+from simrob_drake.parts.resolved import WORLD
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.moves.get_up import GetUpMove

@@ -25,7 +25,8 @@ from simrob_drake.base.frames import (
 )
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.kinematics.chain import Chain
-from simrob_drake.parts.site import WORLD, StationRobot
+from simrob_drake.parts.resolved import WORLD
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.parts.targets import owner_and_robot
 from simrob_drake.results.record.state import JointState, State, free_joint
 from simrob_drake.robots.pieces import TCP

@@ -13,9 +13,9 @@ from pydantic import BeforeValidator, PlainSerializer, model_validator
 from simrob_drake.base.arguments import as_path, instance
 from simrob_drake.base.errors import InvalidParameter, counted, shortened
 from simrob_drake.base.folders import written_at_once
+from simrob_drake.base.packages import Border
 from simrob_drake.base.sections import Duration, Positive, Strict, validated
 from simrob_drake.base.yaml_files import parse_yaml, read_yaml
-from simrob_drake.importer.packages import Border
 from simrob_drake.parts.controllers import loops_of
 from simrob_drake.parts.controllers.postures import Cell, Pace, Sequencer
 from simrob_drake.programs.geometry import CellRobot

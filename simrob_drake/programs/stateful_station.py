@@ -12,7 +12,8 @@ from pydrake.math import RigidTransform
 from simrob_drake.base.arguments import instance, seconds
 from simrob_drake.base.errors import InvalidParameter, Unsuitable, one_of
 from simrob_drake.base.frames import PoseLike, Vector, as_transform, pose_from_transform
-from simrob_drake.parts.site import WORLD, StationRobot
+from simrob_drake.parts.resolved import WORLD
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.programs.free_path import FreeSpace
 from simrob_drake.programs.grasps import let_go, taken, with_efforts
 from simrob_drake.programs.model import StationModel, reparented

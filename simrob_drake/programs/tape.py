@@ -11,7 +11,7 @@ from pydrake.math import RigidTransform
 from simrob_drake.base.arguments import plain, seconds
 from simrob_drake.base.errors import InvalidParameter, SimrobError, Unsuitable
 from simrob_drake.kinematics.registry import SolverLike
-from simrob_drake.parts.site import WORLD
+from simrob_drake.parts.resolved import WORLD
 from simrob_drake.programs.branches import approaches
 from simrob_drake.programs.model import StationModel
 from simrob_drake.programs.plan import Plan

@@ -16,7 +16,7 @@ from scipy.interpolate import BSpline
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
 from simrob_drake.dynamics import Dynamics
-from simrob_drake.parts.site import StationRobot
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.programs.model import StationModel
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.segments import Segment, Stretch, free_spline

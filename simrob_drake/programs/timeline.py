@@ -19,6 +19,7 @@ from pydantic import Field, model_validator
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.sections import Duration, Instant, NotNegative, Number, Positive, Strict, Triple
 from simrob_drake.blocks.references import Reference, later
+from simrob_drake.parts.controllers.section import commanded_sections
 from simrob_drake.parts.forces import Drag, ForceConfig, Push
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult, joined
@@ -31,12 +32,13 @@ from simrob_drake.stations.resolve import resolve
 GRID = 0.05  # default time between two moments of the grid [s]
 _SERVO = "servo."  # prefix of the keys of the servos' settings
 _GRID_ROUNDING = 1e-6  # part of a step of the grid that is due to rounding
+_DRIVE_NUMBERS = ("ahead", "left", "turn")  # numbers of a command that a change `drive` sets [m/s, m/s, rad/s]
 _TIME_ROUNDING = 1e-9  # times that differ by less are equal [s]
 
-Drive = tuple[float, float, float]
-"""Command to a walk: speeds ahead and to the left [m/s], and turn to the left [rad/s]."""
+Drive = tuple[float, ...]
+"""Command to a controller: for a walk, speeds ahead and to the left [m/s], and turn to the left [rad/s]."""
 Driver = Callable[[float], Drive | None]
-"""Gives the command to a walk at a time of a run [s]; None if the walk's own section gives it."""
+"""Gives the command to a controller at a time of a run [s]; None if the controller's own section gives it."""
 
 
 class PushNow(Strict):
@@ -65,7 +67,10 @@ class DragNow(Strict):
 
 
 class DriveNow(Strict):
-    """Commands to a walk in place of those of its section; without effect if no robot walks."""
+    """Commands to a walk in place of those of its section; without effect if no robot walks.
+
+    Other controllers that take commands of ``ahead``, ``left`` or ``turn`` are driven as well.
+    """
 
     at: str | None = None
     """The robot that walks; the only robot unless given."""
@@ -236,27 +241,32 @@ class Timeline:
         return forces
 
     def walk_drivers(self, config: StationConfig) -> dict[str, Driver]:
-        """Functions that give the commands of changes to the walks of a station, by the name of the walk's controller.
+        """Functions that give the commands of changes to the controllers that they drive, by the controller's name.
 
-        They are made for a run that begins now.
+        These are the walks of a station, and other controllers whose commands consist of ``ahead``, ``left`` and
+        ``turn``. The functions are made for a run that begins now.
 
-        ``Runner.run`` takes them as its commands. There are none if no change drives a walk.
+        ``Runner.run`` takes them as its commands. There are none if no change drives a robot.
         """
         if not any(change.drive for change in self.changes):
             return {}
         drivers = dict[str, Driver]()
-        for name, controller in config.controllers.items():
-            if controller.kind == "walk":
-                robot = controller.robot or config.only_robot
-                drivers[name] = partial(self._drive, robot, config.only_robot, self.now)
+        for name, section in commanded_sections(config.controllers).items():
+            numbers = [part.name for part in section.command_parts]
+            if set(numbers) <= set(_DRIVE_NUMBERS):
+                robot = section.robot_name or config.only_robot
+                drivers[name] = partial(self._drive, robot, config.only_robot, numbers, self.now)
         return drivers
 
-    def _drive(self, robot: str | None, only_robot: str | None, begin: float, time: float) -> Drive | None:
-        """Command to a robot's walk at a time of a run. Each command holds for times after its own time.
+    def _drive(
+        self, robot: str | None, only_robot: str | None, numbers: Sequence[str], begin: float, time: float
+    ) -> Drive | None:
+        """Command to a robot's controller at a time of a run. Each command holds for times after its own time.
 
         Args:
             robot: name of the robot.
             only_robot: name of the station's robot if it has one only, which changes need not name.
+            numbers: names of the numbers of the controller's command, in order. Others of the change have no effect.
             begin: time at which the run began, since the timeline began [s].
             time: time since the run began [s].
 
@@ -269,7 +279,8 @@ class Timeline:
                 continue
             for since, ahead, left, turn_deg in change.drive.commands:
                 if change.time + since < begin + time - _TIME_ROUNDING:
-                    drive = (ahead, left, radians(turn_deg))
+                    values = {"ahead": ahead, "left": left, "turn": radians(turn_deg)}
+                    drive = tuple(values[number] for number in numbers)
         return drive
 
     @property

@@ -13,11 +13,10 @@ from pathlib import Path
 from typing import Literal, TypedDict
 
 import numpy as np
-from pydrake.trajectories import Trajectory
 
 from simrob_drake.base.folders import filled_at_once
 from simrob_drake.base.frames import Vector
-from simrob_drake.blocks.references import Samples, SineReference, hermite_samples
+from simrob_drake.blocks.references import as_reference
 from simrob_drake.parts.references import TIME_COLUMN, Interpolation, Table, speed_columns
 from simrob_drake.results.plots.formats import PlotFormat, plot_format
 from simrob_drake.results.record.run import RecordedRun, all_events
@@ -30,7 +29,6 @@ RUNS = Path("runs")
 SUMMARY = "summary.json"
 START = "start.json"
 EVENTS, PROGRAM, COMMANDS = "events.csv", "program.yaml", "commands.yaml"
-_TRAJECTORY_RATE = 1000.0  # samples a second [Hz] of a Drake trajectory that is not made of smooth cubics
 
 
 class Saved(TypedDict, total=False):
@@ -87,7 +85,9 @@ def save_result(
         if result.runs:
             _write_program(result, work)
         if result.commanded:
-            text = station_yaml(result.config, only={"controllers": {name: {"commands"} for name in result.commanded}})
+            controllers = result.config.controllers
+            keys = {name: {controllers[name].command_key} for name in result.commanded}
+            text = station_yaml(result.config, only={"controllers": keys})
             (work / COMMANDS).write_text(text, encoding="utf-8")
         config = with_tables(result, work)
         if result.start is not None:
@@ -102,7 +102,7 @@ def save_result(
                 save_film_strip(result, work / "film_strip.png", frames=shown)
             if video:
                 save_video(result, work / "video.mp4")
-            if recording and any(sensor.kind == "camera" for sensor in result.config.sensors.values()):
+            if recording and any(sensor.takes_images for sensor in result.config.sensors.values()):
                 from simrob_drake.results.footage import footage_of, save_footage
 
                 save_footage(footage_of(result), work / "cameras", video=video)
@@ -137,13 +137,11 @@ def with_tables(result: RecordedRun, folder: Path) -> StationConfig:
         reference, played = config.reference_of(robot), result.references.get(robot)
         axes = result.plant.robots[robot].axes
         way: Interpolation = "cubic" if config.follows_speed(robot) else "linear"  # as simulate() joins samples
-        if isinstance(played, Trajectory):
-            way, samples = "hermite", _rows_of(played, config.duration)
-        elif isinstance(played, SineReference):
-            times = np.linspace(0.0, config.duration, int(config.duration * _TRAJECTORY_RATE) + 2)
-            way, samples = "cubic", (times, played.values(times))
-        elif played is not None:
+        if isinstance(played, tuple):
             samples = played
+        elif played is not None:
+            made = as_reference(played).table(config.duration)
+            way, samples = made.interpolation, (made.times, made.values)
         elif isinstance(reference, Table):
             way, samples = reference.interpolation, reference.rows(axes)
         else:
@@ -154,17 +152,6 @@ def with_tables(result: RecordedRun, folder: Path) -> StationConfig:
         write_table(folder / file, columns, times, values)
         config = _with_reference(config, robot, Table(kind="table", file=file, interpolation=way))
     return config
-
-
-def _rows_of(reference: Trajectory, duration: float) -> Samples:
-    """Return times (m,) and positions with velocities (m, 2n) of a trajectory, as far as a run follows it."""
-    first, last = reference.start_time(), reference.end_time()
-    start, end = max(first, 0.0), min(last, duration)
-    if start >= end:  # it begins after the run, or is over before: one of its ends is held
-        held = reference.value(float(np.clip(0.0, first, last)))[:, 0]
-        return np.array([0.0, duration]), np.tile(np.append(held, np.zeros_like(held)), (2, 1))
-    times, positions, velocities = hermite_samples(reference, start, end, _TRAJECTORY_RATE)
-    return times, np.hstack([positions, velocities])
 
 
 def _with_reference(config: StationConfig, robot: str, table: Table) -> StationConfig:

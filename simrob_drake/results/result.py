@@ -34,7 +34,7 @@ from typing import TypeVar
 from pydrake.multibody.plant import MultibodyPlant
 
 from simrob_drake.base.frames import XYZ_QUATERNION_NAMES, Vector, xyz_quaternion_from_transform
-from simrob_drake.parts.site import StationPlant
+from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.results.record.run import begins_of
 from simrob_drake.results.record.state import State, free_joint, joints_of
 from simrob_drake.results.record.touch import Event

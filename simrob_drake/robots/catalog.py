@@ -7,7 +7,6 @@ A follower is an axis that follows another one, its leader, by a ``mimic`` joint
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from os.path import isfile
 from pathlib import Path
 from typing import Annotated, Any, Literal
 from xml.etree.ElementTree import Element
@@ -17,6 +16,7 @@ from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import InvalidParameter, UnknownName, one_of
+from simrob_drake.base.file_cache import file_state
 from simrob_drake.base.files import ROBOT_FILE, model_file, robot_files
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.sections import FileName, Number, Positive, Strict, default_of, is_file_name, validated
@@ -484,7 +484,7 @@ def _home_of_urdf(robot: RobotModel) -> AxisValues:
 def described_robot(path: Path) -> RobotModel | None:
     """Load the robot of the ``robot.yaml`` in the folder of a URDF. Returns None if there is none for this URDF."""
     file = path.parent / ROBOT_FILE
-    if not isfile(file):
+    if file_state(file) is None:
         return None
     described = load_robot_file(file)
     is_of_this_urdf = described.urdf_path.resolve() == path.resolve()

@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
-from os.path import isfile
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,6 +15,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.tree import CalcSpatialInertia, SpatialInertia
 
 from simrob_drake.base.errors import InvalidModel, one_of
+from simrob_drake.base.file_cache import FileState, file_state
 from simrob_drake.base.files import model_file, piece_files
 from simrob_drake.base.frames import Vector, pose_from_transform, transform_from_pose
 from simrob_drake.base.sections import (
@@ -63,7 +63,7 @@ def solid_inertia(solids: Sequence[Solid], *, closed: bool) -> SolidInertia:
     InvalidModel: a mesh that Drake cannot read, or that must enclose a volume and doesn't.
     """
     own = [
-        _mesh_inertia(solid.shape, solid.scale, closed, solid.shape.stat().st_mtime_ns)
+        _mesh_inertia(solid.shape, solid.scale, closed, file_state(solid.shape))
         if isinstance(solid.shape, Path)
         else CalcSpatialInertia(solid.shape, 1.0)
         for solid in solids
@@ -81,8 +81,21 @@ def solid_inertia(solids: Sequence[Solid], *, closed: bool) -> SolidInertia:
 
 
 @lru_cache(maxsize=64)
-def _mesh_inertia(file: Path, scale: float, closed: bool, changed: int) -> SpatialInertia:
-    """Return the inertia of what a mesh encloses; ``changed`` makes a mesh that was written anew be read anew."""
+def _mesh_inertia(file: Path, scale: float, closed: bool, state: FileState | None) -> SpatialInertia:
+    """Compute the inertia of the volume that a mesh encloses, for a density of 1 kg/m³.
+
+    Results are cached until the file changes.
+
+    Args:
+        file: the mesh.
+        scale: factor for the lengths in the file.
+        closed: whether the mesh must enclose a volume. Otherwise the convex hull of an open mesh is taken.
+        state: state of the file. The function does not read it: it is part of the cache's key, so that a changed file
+            is read again.
+
+    Raises:
+        InvalidModel: Drake cannot read the mesh, or the mesh must enclose a volume and does not.
+    """
     try:
         whole = _is_closed(file)
         if closed and not whole:
@@ -252,9 +265,13 @@ def piece_file(name: str) -> Path:
 
 
 def described_piece(file: Path) -> PieceModel:
-    """Return a piece as described, no figures computed; raises InvalidConfig: a wrong entry; InvalidModel: its mesh."""
-    changed = file.stat().st_mtime_ns if isfile(file) else 0
-    return _described(file.resolve(), changed)
+    """Read a piece from its YAML file. Masses and inertias that the file leaves out are not computed yet.
+
+    Raises:
+        InvalidConfig: the file has a wrong entry.
+        InvalidModel: a mesh is missing or cannot be used.
+    """
+    return _described(file.resolve(), file_state(file))
 
 
 def with_changes(piece: PieceModel, changes: Mapping[str, Any], where: str) -> PieceModel:
@@ -292,8 +309,14 @@ def weighed(piece: PieceModel) -> PieceModel:
 
 
 @lru_cache(maxsize=128)
-def _described(file: Path, changed: int) -> PieceModel:
-    """Read a piece once for each time that its file was ``changed``: stations ask for their pieces again and again."""
+def _described(file: Path, state: FileState | None) -> PieceModel:
+    """Read a piece from its YAML file. Results are cached until the file changes.
+
+    Args:
+        file: the file.
+        state: state of the file. The function does not read it: it is part of the cache's key, so that a changed file
+            is read again.
+    """
     piece = validated(PieceModel, {"folder": file.parent, **read_yaml(file)}, file)
     for shape in piece.shapes:
         if shape.mesh is not None:

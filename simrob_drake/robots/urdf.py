@@ -8,6 +8,7 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -22,8 +23,9 @@ from simrob_drake.base.frames import Vector
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
+@lru_cache(maxsize=10_000)  # most numbers of a robot are equal to others, such as the zeros of its poses
 def written(value: float) -> str:
-    """Return a number as short as it can be without loss."""
+    """Write a number as short as possible without loss."""
     return repr(float(value) + 0.0).removesuffix(".0")
 
 
@@ -33,10 +35,11 @@ def text(values: Iterable[float]) -> str:
 
 
 def pose_of(element: ET.Element) -> RigidTransform:
-    """Return the pose that an element's ``<origin>``, or its own attributes, give; none is the identity."""
+    """Read the pose in an element's ``<origin>``, or in its own attributes. Without any, it is the identity."""
     origin = element.find("origin")
     source = element if origin is None else origin
-    xyz, rpy = (np.array(source.get(key, "0 0 0").split(), dtype=float) for key in ("xyz", "rpy"))
+    xyz = np.array(source.get("xyz", "0 0 0").split(), dtype=float)
+    rpy = np.array(source.get("rpy", "0 0 0").split(), dtype=float)
     return RigidTransform(RollPitchYaw(rpy), xyz)
 
 
@@ -145,9 +148,10 @@ def set_moments(inertial: ET.Element, moments: Sequence[float] | Vector) -> None
 
 
 def moments_of(inertial: ET.Element) -> Vector:
-    """Return the moments (3, 3) [kg m²] in an ``<inertial>``; those that are missing are zero."""
+    """Read the matrix of moments (3, 3) [kg m²] in an ``<inertial>``. Moments that are missing are zero."""
     element = inertial.find("inertia")
-    xx, yy, zz, xy, xz, yz = (0.0 if element is None else float(element.get(key, 0)) for key in MOMENTS)
+    attributes = {} if element is None else element.attrib
+    xx, yy, zz, xy, xz, yz = [float(attributes.get(key, 0)) for key in MOMENTS]
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 

@@ -7,10 +7,10 @@ from collections import Counter
 from collections.abc import Callable
 from functools import lru_cache, partial
 from graphlib import CycleError, TopologicalSorter
-from os.path import isfile
 from pathlib import Path
 
 from simrob_drake.base.errors import InvalidModel, counted
+from simrob_drake.base.file_cache import FileState, file_state
 from simrob_drake.robots.urdf import (
     DRAKE,
     LIMITED_JOINTS,
@@ -54,20 +54,22 @@ Refuse = Callable[[str, str], InvalidModel]  # makes the error for an element an
 
 
 def checked_urdf(path: Path) -> ET.Element:
-    """Return the ``robot`` element of a URDF file, as :func:`~simrob_drake.robots.urdf.read_urdf`, without a defect.
+    """Read a URDF file and check it for defects. Returns a copy of its ``robot`` element.
 
-    Raises InvalidModel: the file cannot be read or has a defect; names the element and what would be right.
+    Raises:
+        InvalidModel: the file cannot be read or has a defect; names the element and what would be right.
     """
-    state = path.stat() if isfile(path) else None
-    changed = state and (state.st_dev, state.st_ino, state.st_mtime_ns, state.st_size)
-    return copied(_checked(path, changed))
+    return copied(_checked(path, file_state(path)))
 
 
 @lru_cache(maxsize=64)
-def _checked(path: Path, changed: object) -> ET.Element:
-    """Read a file once for each time that it was ``changed``: stations ask for their robots again and again.
+def _checked(path: Path, state: FileState | None) -> ET.Element:
+    """Read and check a URDF file. Results are cached until the file changes.
 
-    Which file it is belongs to that: a relative path leads elsewhere from another folder.
+    Args:
+        path: the file.
+        state: state of the file. The function does not read it: it is part of the cache's key, so that a changed file
+            is read again. It also tells the files apart that a relative path names from different folders.
     """
     root = read_urdf(path)
     check_urdf(root, path)
@@ -102,11 +104,12 @@ def check_size(root: ET.Element, refuse: Refuse) -> None:
 
 def _check_numbers(element: ET.Element, refuse: Refuse) -> None:
     """Check that every number is one, and that there are as many as there must be."""
+    owner = f"{element.tag} '{name_of(element)}'"
     for part in element.iter():
         for key, counts in NUMBER_COUNTS.items():
             if key not in part.attrib:
                 continue
-            where, text = f"{element.tag} '{name_of(element)}' <{part.tag}>", part.attrib[key]
+            where, text = f"{owner} <{part.tag}>", part.attrib[key]
             words = text.split()
             if len(words) not in counts:
                 expected = " or ".join(str(count) for count in counts)

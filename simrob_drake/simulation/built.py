@@ -2,8 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from math import degrees
-from typing import TYPE_CHECKING, TypeAlias, cast
+from typing import Protocol, TypeAlias, cast
 
 import numpy as np
 from pydrake.systems.framework import Context, Diagram, LeafSystem
@@ -11,18 +10,15 @@ from pydrake.systems.framework import Context, Diagram, LeafSystem
 from simrob_drake.base.arguments import instance
 from simrob_drake.base.errors import InvalidParameter, one_of, quoted
 from simrob_drake.base.frames import numbers
-from simrob_drake.blocks.references import Reference, SineReference, corner_times, hold
+from simrob_drake.blocks.references import Reference, as_reference, corner_times, hold
 from simrob_drake.parts.controllers import readers_of
 from simrob_drake.parts.controllers.loop import sensors_read
 from simrob_drake.parts.controllers.own import driven_inputs
+from simrob_drake.parts.controllers.section import ControllerSection, TimedCommand, commanded_sections
 from simrob_drake.parts.forces import ForceConfig, Push
 from simrob_drake.stations.closed import ClosedStation, closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import ResolvedStation
-
-if TYPE_CHECKING:
-    from simrob_drake.parts.controllers.walk import Walk, WalkingLoop
-    from simrob_drake.walking.commands import Commanded
 
 
 class StationDiagrams:
@@ -51,8 +47,11 @@ class StationDiagrams:
         self.references, self.forces = dict(references), dict(station.config.forces)
 
     def fits(self, references: Mapping[str, Reference]) -> bool:
-        """Tell whether these references can be played: those that are sines stay as they are."""
-        return all(_same_kind(self.references[robot], reference) for robot, reference in references.items())
+        """Whether the sources of the diagrams can play these references. A source plays one sine only."""
+        return all(
+            as_reference(self.references[robot]).player_key == as_reference(reference).player_key
+            for robot, reference in references.items()
+        )
 
     def play(self, references: Mapping[str, Reference], forces: Mapping[str, ForceConfig]) -> None:
         """Let all diagrams give other references, and other pushes at the same places."""
@@ -114,65 +113,97 @@ class StationDiagrams:
         return made
 
 
-def _same_kind(old: Reference, new: Reference) -> bool:
-    if isinstance(old, SineReference) or isinstance(new, SineReference):
-        return (
-            isinstance(old, SineReference)
-            and isinstance(new, SineReference)
-            and old.frequency == new.frequency
-            and all(np.array_equal(getattr(old, key), getattr(new, key)) for key in ("centre", "amplitude", "phase"))
-        )
-    return True
-
-
 Hands: TypeAlias = Mapping[str, Callable[[float], Sequence[float] | None]]
-"""By the name of a controller of kind ``walk``, what it is asked for at a time [s]: speeds ahead and to the left [m/s],
-turn [rad/s]; None leaves it as it is."""
-_DIGITS = 9  # of degrees in a second: a table holds no more, and a run is to be repeated to the last bit
+"""Functions that command controllers, by the name of the controller.
+
+A function gets the time [s] and returns the numbers of the controller's command, such as the speeds ahead and to the
+left [m/s] and the turn [rad/s] of a walk. None leaves the command as it is.
+"""
+
+
+class TakesCommands(Protocol):
+    """The block of a controller that takes commands."""
+
+    def command_by_hand(self, context: Context, values: Sequence[float]) -> None:
+        """Make a command hold from the next sample on. The context of the block is changed."""
 
 
 class ByHand:
-    """Hands over what walks are asked for, after each accepted step; their next sample obeys."""
+    """Passes commands to controllers during a run, after each accepted step. They act from the next sample on."""
 
     def __init__(self, config: StationConfig, hands: Hands | None) -> None:
-        """Prepare; raises InvalidParameter: something else than functions by name, or a name that is no walk's."""
+        """Take the functions that command the controllers of a station.
+
+        Raises:
+            InvalidParameter: the functions are no mapping of names to functions.
+            UnknownName: no controller of this name takes commands.
+        """
         self._hands = {} if hands is None else instance(hands, "commands", Mapping, "a mapping by controller")
-        self._rows: dict[str, list[Commanded]] = {}
-        walks = [name for name, section in config.controllers.items() if section.kind == "walk"]
+        self._sections = commanded_sections(config.controllers)
+        self._commands: dict[str, list[TimedCommand]] = {}  # commands up to now, by controller
         for name, ask in self._hands.items():
-            one_of("walk", name, walks)
+            one_of("controller that takes commands", name, self._sections)
             if not callable(ask):
                 raise InvalidParameter(f"commands: {name}", ask, "a function of the time")
 
     def look(self, diagram: Diagram, context: Context) -> None:
-        """Ask and tell the walks, but not at the first moment; raises InvalidParameter: an answer is no command."""
+        """Ask the functions for commands, and pass on those that have changed. At time 0 nothing is asked.
+
+        Args:
+            diagram: the diagram that is stepped.
+            context: its context, which is changed.
+
+        Raises:
+            InvalidParameter: a function returns something that is no command.
+        """
         time = context.get_time()
+        if time == 0.0:
+            return
         for name, ask in self._hands.items():
-            if not time or (command := ask(time)) is None:
+            answer = ask(time)
+            if answer is None:
                 continue
-            row, rows = _row(name, time, command), self._rows.setdefault(name, [])
-            if not rows or row.command != rows[-1].command:
-                rows.append(row)
-                loop = cast("WalkingLoop", diagram.GetSubsystemByName(f"controller.{name}"))
-                loop.command_by_hand(loop.GetMyMutableContextFromRoot(context), row.command)
+            section = self._sections[name]
+            command = section.rounded_command(_checked_command(section, name, time, answer))
+            earlier = self._commands.setdefault(name, [])
+            if earlier and earlier[-1].values == command.values:
+                continue
+            earlier.append(command)
+            block = diagram.GetSubsystemByName(f"controller.{name}")
+            own_context = block.GetMyMutableContextFromRoot(context)
+            cast(TakesCommands, block).command_by_hand(own_context, command.values)
 
     def commanded(self, config: StationConfig) -> StationConfig:
-        """Return a station whose tables hold what was commanded: run again, it does the same."""
-        sections = {name: cast("Walk", config.controllers[name]).commanded(rows) for name, rows in self._rows.items()}
-        return config.model_copy(update={"controllers": {**config.controllers, **sections}}) if sections else config
+        """Copy a configuration with the commands of this run in its controllers: its run does the same again."""
+        if not self._commands:
+            return config
+        controllers = dict(config.controllers)
+        for name, commands in self._commands.items():
+            controllers[name] = controllers[name].with_commands(commands)
+        return config.model_copy(update={"controllers": controllers})
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The walks that were commanded."""
-        return tuple(self._rows)
+        """Names of the controllers that were commanded."""
+        return tuple(self._commands)
 
 
-def _row(name: str, time: float, command: Sequence[float]) -> "Commanded":
-    from simrob_drake.walking.commands import Commanded  # loaded where a walk is commanded: most stations have none
+def _checked_command(section: ControllerSection, name: str, time: float, answer: Sequence[float]) -> TimedCommand:
+    """Check what a user's function returned as a command.
 
-    values = numbers(command)
-    if values.shape != (3,) or not all(abs(value) < float("inf") for value in values):
-        expected = "three numbers: speeds ahead and to the left [m/s], turn [rad/s]"
-        raise InvalidParameter(f"commands: {name} at {time:g} s", quoted(command), expected)
-    ahead, left, turn = values.tolist()
-    return Commanded(time=time, ahead=ahead, sideways=left, turn_deg=round(degrees(turn), _DIGITS))
+    Args:
+        section: section of the controller.
+        name: name of the controller.
+        time: time of the run [s].
+        answer: value that the function returned.
+
+    Raises:
+        InvalidParameter: the value does not have the finite numbers of the controller's command.
+    """
+    values = numbers(answer)
+    parts = section.command_parts
+    if values.shape != (len(parts),) or not np.isfinite(values).all():
+        described = ", ".join(f"{part.name} [{part.unit}]" for part in parts)
+        expected = f"a list of {len(parts)} numbers: {described}"
+        raise InvalidParameter(f"commands: {name} at {time:g} s", quoted(answer), expected)
+    return TimedCommand(time, tuple(values.tolist()))

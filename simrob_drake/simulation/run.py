@@ -20,7 +20,7 @@ from simrob_drake.base.arguments import instance, seconds, truth
 from simrob_drake.base.errors import InvalidParameter, one_of, quoted
 from simrob_drake.base.frames import Vector, numbers
 from simrob_drake.base.progress import note, progress_bar
-from simrob_drake.blocks.references import Reference, Samples, SineReference
+from simrob_drake.blocks.references import Reference, ReferenceSignal, Samples
 from simrob_drake.parts.forces import Push
 from simrob_drake.results.record.history import Recorder, StateHistory
 from simrob_drake.results.record.run import FAILED
@@ -142,9 +142,9 @@ class Run:
             ending=outcome.ending,
             stopped_by=outcome.stopped_by,
             message=outcome.message,
-            names=[name for signal in ports.signals for name in signal.names],
-            signals=tuple(ports.signals),
-            notes=ports.notes,
+            names=[name for signal in ports.outputs.signals for name in signal.names],
+            signals=tuple(ports.outputs.signals),
+            notes=ports.outputs.notes,
             times=samples.times,
             values=samples.values,
             step_times=sampler.history.times,
@@ -198,7 +198,7 @@ class Run:
             """Whether the condition of the monitor is met at a time [s]."""
             return watch.holds(stop.name, sampler, time)
 
-        hold = self.whole.ports.monitors[stop.name].hold
+        hold = self.whole.ports.outputs.monitors[stop.name].hold
         cut_at_stop(probe, holds, self.stepper.step, onset=stop.onset, hold=hold)
         return probe.history
 
@@ -261,7 +261,7 @@ def watched(stepper: Stepper, whole: ClosedStation, *watchers: Callable[[Context
     sampler = Sampler(whole.diagram, ports, _NO_STATES)
     held = torques_held_over_steps(ports)
     watch = Watch(ports, sampler, held=held, begins_in_motion=stepper.begins_in_motion)
-    look = watch.look if ports.monitors else None
+    look = watch.look if ports.outputs.monitors else None
     recorder = Recorder(stepper.simulator, *watchers, look=look, pace=stepper.pace())
     return recorder, watch
 
@@ -372,7 +372,7 @@ def _trajectory_or_samples(reference: Any) -> Reference | Samples:
     Raises:
         InvalidParameter: the reference has another type or shape.
     """
-    if isinstance(reference, SineReference):
+    if isinstance(reference, ReferenceSignal):
         return reference
     if isinstance(reference, Trajectory):
         empty = isinstance(reference, PiecewisePolynomial) and reference.get_number_of_segments() < 1

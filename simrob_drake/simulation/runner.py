@@ -97,7 +97,9 @@ class Runner:
         self._blocks = {**made, **named_blocks(blocks)}
         self._driven = driven_inputs(self._blocks)
         inputs = with_driven(self.config.inputs, self._blocks)
-        self._station = resolve(self.config.model_copy(update={"inputs": inputs}))
+        # The same object where nothing changes: it was resolved when it was loaded.
+        is_same = inputs == self.config.inputs
+        self._station = resolve(self.config if is_same else self.config.model_copy(update={"inputs": inputs}))
         self._diagrams: dict[Any, StationDiagrams] = {}
 
     def __repr__(self) -> str:
@@ -309,7 +311,7 @@ def simulate_diagram(
 
 def _is_moving(ports: StationPorts, context: Context) -> bool:
     """Whether any joint of a station has a velocity in ``context``, a context of the root diagram."""
-    velocities = [ports.value(f"{robot.prefix}velocity", context) for robot in ports.plant.robots.values()]
+    velocities = [ports.outputs.value(f"{robot.prefix}velocity", context) for robot in ports.plant.robots.values()]
     return any(velocity.any() for velocity in velocities)
 
 

@@ -42,7 +42,7 @@ class Moment:
 
     def value(self, output: str) -> Vector:
         """Present value of an output of the station, such as ``position``."""
-        return self._built.ports.value(output, self._context)
+        return self._built.ports.outputs.value(output, self._context)
 
     def play_forces(self, forces: Mapping[str, ForceConfig]) -> None:
         """Replace the forces of the station, such as pushes, from now on."""

@@ -11,7 +11,8 @@ from simrob_drake.base.errors import listed
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.signals import Signal
 from simrob_drake.blocks.references import Reference
-from simrob_drake.parts.site import WORLD, ResolvedPiece, StationPlant, StationRobot
+from simrob_drake.parts.resolved import WORLD, ResolvedPiece
+from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.robots.axis_map import AxisUnit
 from simrob_drake.robots.motors import Motor
 from simrob_drake.robots.urdf import doubtful_efforts
@@ -68,7 +69,7 @@ def check_station(config: StationConfig) -> list[Finding]:
         findings += _contact_model_findings(ports)
     findings += clearance_findings(config, closed.references)
     # Signals without a part are those of the robots themselves, which every station has.
-    return findings + [_signal_finding(signal) for signal in ports.signals if signal.part]
+    return findings + [_signal_finding(signal) for signal in ports.outputs.signals if signal.part]
 
 
 def _signal_finding(signal: Signal) -> Finding:

@@ -15,7 +15,7 @@ from pydrake.multibody.tree import Frame, JacobianWrtVariable, RigidBody
 from pydrake.systems.framework import Context
 
 from simrob_drake.base.frames import Vector
-from simrob_drake.parts.site import StationPlant, StationRobot
+from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.parts.targets import FLOOR
 from simrob_drake.robots.outlines import lowest_points, shape_corners, shape_outline
 from simrob_drake.stations.collisions import START_TOLERANCE, CollisionPolicy, Overlap

@@ -15,7 +15,7 @@ import numpy as np
 from simrob_drake.base.errors import counted, listed
 from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.references import Reference
-from simrob_drake.parts.site import StationRobot
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations.clearance import Clearance
 from simrob_drake.stations.closed import reference_samples
 from simrob_drake.stations.collisions import Bodies, Overlap

@@ -18,13 +18,15 @@ from simrob_drake.blocks.references import (
     ReferenceSource,
     Samples,
     add_reference,
+    as_reference,
     corner_times,
     reference_values,
     table,
 )
 from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.forces import ForceConfig
-from simrob_drake.parts.site import ResolvedRobot, StationRobot
+from simrob_drake.parts.resolved import ResolvedRobot
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations.coupled_references import obey_couplings
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import ResolvedStation
@@ -98,7 +100,7 @@ def closed_station(
         if source is not None:
             ports.edges.extend(corner_times(reference))
             caption = ports.config.reference_of(robot.name).caption(robot.model)
-            ports.draw(f"{robot.prefix}reference_source", "reference", wrapped(caption), robot)
+            ports.picture.draw(f"{robot.prefix}reference_source", "reference", wrapped(caption), robot)
             kept[robot.name] = reference
             if source.player is not None:
                 players[robot.name] = source.player
@@ -108,7 +110,7 @@ def closed_station(
         if not builder.IsConnectedOrExported(port):
             builder.Connect(fed(builder, f"{name}.zero", ConstantVectorSource(np.zeros(port.size()))), port)
             owner = next((robot for robot in ports.plant.robots.values() if name.startswith(robot.prefix)), None)
-            ports.draw(f"{name}.zero", "reference", "0", owner)
+            ports.picture.draw(f"{name}.zero", "reference", "0", owner)
     try:
         return ClosedStation(built(builder), ports, kept, players)
     except RuntimeError as problem:
@@ -167,8 +169,8 @@ def _add_prescribed(
     builder.Connect(motion, ports.inputs[name])
     ports.edges.extend(corner_times(reference))
     caption = ports.config.prescribed[f"{robot.prefix}{axis}"].caption(robot.model)
-    ports.draw(f"{name}.source", "reference", wrapped(caption), robot)
-    ports.draw_nothing(f"{name}.motion")
+    ports.picture.draw(f"{name}.source", "reference", wrapped(caption), robot)
+    ports.picture.draw_nothing(f"{name}.motion")
 
 
 def station_references(
@@ -195,9 +197,10 @@ def station_references(
         else:
             linear = not station.config.follows_speed(robot.name)
             reference = _through(own, robot, linear=linear) if isinstance(own, tuple) else own
-        if isinstance(reference, Trajectory) and reference.rows() != len(robot.axes):
+        count = as_reference(reference).size
+        if count != len(robot.axes):
             expected = f"{len(robot.axes)} joints: {', '.join(robot.axes)}"
-            raise InvalidParameter("reference", f"a trajectory of {reference.rows()} joints", expected)
+            raise InvalidParameter("reference", f"a trajectory of {count} joints", expected)
         references[robot.name] = reference
     return obey_couplings(station, references, requested or {}, starts or {})
 

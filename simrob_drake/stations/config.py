@@ -27,7 +27,6 @@ from simrob_drake.base.sections import (
     check_plain,
     default_of,
 )
-from simrob_drake.importer.options import ImportOptions
 from simrob_drake.parts.controllers import Controllers
 from simrob_drake.parts.couplings import Couplings
 from simrob_drake.parts.engine import KINEMATIC, Engine
@@ -37,6 +36,7 @@ from simrob_drake.parts.references import Hold, ReferenceConfig
 from simrob_drake.parts.sensors import Sensors
 from simrob_drake.parts.terrain import Terrain
 from simrob_drake.robots.axis_map import AxisValues, NotNegativeAxisValues, PositiveAxisValues, every_axis
+from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.robots.motors import CommandBusConfig, Drives, Motors
 from simrob_drake.stations.piece_config import PieceConfig, scattered
 from simrob_drake.stations.solver_config import (

@@ -31,7 +31,7 @@ from pydrake.systems.primitives import ConstantVectorSource, Saturation
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.block import fed, mapped, summed
-from simrob_drake.parts.site import StationRobot
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.parts.targets import FLOOR, piece_of_shape
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.ports import StationPorts
@@ -58,9 +58,9 @@ MODULUS = 1e7  # hydroelastic modulus [Pa] where none is given: stiff rubber
 
 
 def needs_shapes(config: StationConfig) -> bool:
-    """Whether a station's plant needs collision shapes: for contact, or for distance sensors of a kinematic station."""
-    has_distances = any(sensor.kind == "distance" for sensor in config.sensors.values())
-    return config.contact is not None or (not config.engine.moves_by_forces and has_distances)
+    """Whether a plant needs collision shapes: for contact, or in a kinematic station for sensors that measure them."""
+    measures_shapes = any(sensor.measures_shapes for sensor in config.sensors.values())
+    return config.contact is not None or (not config.engine.moves_by_forces and measures_shapes)
 
 
 def apply_materials(plant: MultibodyPlant, scene_graph: SceneGraph, station: ResolvedStation) -> None:
@@ -286,7 +286,7 @@ def wire_friction(builder: DiagramBuilder, ports: StationPorts) -> None:
             desired_state = ports.plant.plant.get_desired_state_input_port(robot.instance)
             rest = ConstantVectorSource(np.zeros(desired_state.size()))
             builder.Connect(fed(builder, f"{robot.prefix}rest", rest), desired_state)
-            ports.draw_nothing(f"{robot.prefix}rest")
+            ports.picture.draw_nothing(f"{robot.prefix}rest")
 
 
 def with_friction(
@@ -346,7 +346,7 @@ def _sliding(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, 
     """
     name = f"{robot.prefix}friction"
     friction = robot.model.friction
-    ports.draw(name, "force", f"Friction\nof {robot.model.name}", robot)
+    ports.picture.draw(name, "force", f"Friction\nof {robot.model.name}", robot)
     # The lower half of the state matrix gives the speeds of the axes.
     speeds_of_state = robot.axis_map.state_matrix[len(friction) :]
     slope = (friction / speed)[:, np.newaxis] * speeds_of_state

@@ -44,7 +44,8 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
 from simrob_drake.base.frames import Vector
-from simrob_drake.parts.site import WORLD, StationRobot
+from simrob_drake.parts.resolved import WORLD
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.parts.targets import FLOOR, own_name, piece_of_shape
 from simrob_drake.robots.outlines import shape_corners
 from simrob_drake.stations.config import StationConfig

@@ -14,8 +14,8 @@ import numpy as np
 from simrob_drake.base.errors import InvalidParameter, listed
 from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.combined_references import combine_references
-from simrob_drake.blocks.references import Reference, SineReference, reference_values
-from simrob_drake.parts.site import ResolvedRobot
+from simrob_drake.blocks.references import Reference, as_reference, reference_values
+from simrob_drake.parts.resolved import ResolvedRobot
 from simrob_drake.robots.coupled_axes import CoupledAxes, Dependence, Firmness
 from simrob_drake.stations.coupled import (
     ROUNDING_DEG,
@@ -240,8 +240,8 @@ def _comparison_times(references: Mapping[str, Reference], duration: float) -> V
         references: references by robot.
         duration: duration of the run [s].
     """
-    # Sines have no end, and the end of a trajectory that stands still may be infinite.
-    ends = [reference.end_time() for reference in references.values() if not isinstance(reference, SineReference)]
+    # Sines, and trajectories that stand still, have an infinite end.
+    ends = [as_reference(reference).span[1] for reference in references.values()]
     finite = [end for end in ends if np.isfinite(end)]
     return np.linspace(0.0, max([duration, *finite]), _COMPARISONS + 1)
 

@@ -22,9 +22,9 @@ from simrob_drake.base.files import ROBOT_FILE
 from simrob_drake.base.frames import Vector, lean, xyz_quaternion_from_transform
 from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.importer.importing import gains_of, robot_from_file
-from simrob_drake.importer.options import ImportOptions
-from simrob_drake.importer.packages import robot_file
+from simrob_drake.importer.robot_files import robot_file
 from simrob_drake.robots.catalog import RobotModel, load_robot_file
+from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.stations.clear_start import ClearStart
 from simrob_drake.stations.clearance import Clearance
 from simrob_drake.stations.closed import closed_station

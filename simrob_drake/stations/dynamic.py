@@ -17,7 +17,9 @@ from simrob_drake.blocks.model_torque import add_admittance, add_computed_torque
 from simrob_drake.blocks.monitor import SteadySteps
 from simrob_drake.blocks.passive_joints import add_external_force, add_joint_stops
 from simrob_drake.blocks.servo import ServoSignals, add_actuator_servos, add_motor, add_servos
-from simrob_drake.parts.site import FromState, Site, StationPlant, StationRobot
+from simrob_drake.parts.outputs import FromState
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.robots.motors import CommandBusConfig
 from simrob_drake.stations.config import JointStops, StationConfig
 from simrob_drake.stations.contact import wire_friction, with_friction
@@ -57,9 +59,10 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
             ports.inputs[name] = entry.get_input_port()
             output, unit = name.replace("external", "applied"), "N·m" if turns else "N"
             title = f"{external.replace('_', ' ')} at {robot.prefix}{robot.tcp}, in its axes"
-            ports.add(output, entry.get_output_port(), applied_signal(output, unit, title))
+            ports.outputs.add(output, entry.get_output_port(), applied_signal(output, unit, title))
             ports.spatial_forces.append(block.get_spatial_forces_output_port())
-            ports.draw(name, "force", f"{external.replace('_', ' ').capitalize()}\nat {robot.prefix}{robot.tcp}")
+            label = f"{external.replace('_', ' ').capitalize()}\nat {robot.prefix}{robot.tcp}"
+            ports.picture.draw(name, "force", label)
     wire_friction(builder, ports)
     if not config.engine.holds_joint_limits:
         stiffness, damping = stops_of(config, ports.plant)
@@ -119,18 +122,18 @@ def add_motion(
 ) -> None:
     """Declare what a robot is asked and how it moves, which the plant's state tells at once."""
     rows, count = robot.axis_map.state_matrix, len(robot.axes)
-    site.add(f"{robot.prefix}reference", reference, axis_signal(robot, "q_ref", "reference", "reference"))
+    site.outputs.add(f"{robot.prefix}reference", reference, axis_signal(robot, "q_ref", "reference", "reference"))
     motion = axis_signal(robot, "q", "position", "motion")
-    site.add(f"{robot.prefix}position", position, motion, of_state=FromState(rows[:count]))
+    site.outputs.add(f"{robot.prefix}position", position, motion, of_state=FromState(rows[:count]))
     speed = axis_signal(robot, "v", "velocity", "motion")
-    site.add(f"{robot.prefix}velocity", velocity, speed, of_state=FromState(rows[count:]))
+    site.outputs.add(f"{robot.prefix}velocity", velocity, speed, of_state=FromState(rows[count:]))
 
 
 def _add_signals(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot) -> ServoSignals:
     prefix, count, listed = robot.prefix, len(robot.joints), ports.config.inputs
     state = mapped(builder, f"{prefix}axes", robot.axis_map.state_matrix, ports.state)
     split = Demultiplexer([count, count])
-    ports.add_report(builder, f"{prefix}state", split, state, f"{prefix}position", f"{prefix}velocity")
+    ports.outputs.add_report(builder, f"{prefix}state", split, state, f"{prefix}position", f"{prefix}velocity")
     reference = ports.add_input(builder, robot, "reference")
     if robot.prescribed:
         reference = add_prescribed_motion(builder, ports, robot, reference)
@@ -172,7 +175,7 @@ def _add_bus(
         own[key] = block.GetOutputPort(key)
     optional.update({key: own[key] for key in optional})
     late = f", {1000 * bus.delay / bus.rate:g} ms late" if bus.delay else ""
-    ports.draw(name, "servo", f"Bus\n{bus.rate:g} Hz{late}", robot)
+    ports.picture.draw(name, "servo", f"Bus\n{bus.rate:g} Hz{late}", robot)
     return own["reference"]
 
 
@@ -201,7 +204,7 @@ def _with_feedforward(
 
 def declare_torque(site: Site, robot: StationRobot, torque: OutputPort) -> None:
     """Declare the torques of a robot's axes, size n [N·m or N]."""
-    site.add(f"{robot.prefix}torque", torque, axis_signal(robot, "tau", "torque", "effort"))
+    site.outputs.add(f"{robot.prefix}torque", torque, axis_signal(robot, "tau", "torque", "effort"))
 
 
 def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, signals: ServoSignals) -> None:
@@ -288,13 +291,13 @@ def _add_admittance_servos(
     total = summed(builder, f"{prefix}feedforward_sum", *feedforward, extra)
     torque = _add_servo_blocks(builder, ports, robot, replace(signals, feedforward=total))
     declare_torque(ports, robot, torque)
-    ports.draw(f"{prefix}admittance", "servo", f"Admittance\nintegrator, {gain:g} 1/s", robot)
-    ports.draw(f"{prefix}model_torque", "servo", "Torque of the model\nat this speed", robot)
-    ports.draw_nothing(f"{prefix}felt_torque", f"{prefix}model_torque.axes", f"{prefix}admittance.bus")
+    ports.picture.draw(f"{prefix}admittance", "servo", f"Admittance\nintegrator, {gain:g} 1/s", robot)
+    ports.picture.draw(f"{prefix}model_torque", "servo", "Torque of the model\nat this speed", robot)
+    ports.picture.draw_nothing(f"{prefix}felt_torque", f"{prefix}model_torque.axes", f"{prefix}admittance.bus")
     felt = joined(builder, f"{prefix}felt_torque.bus", model, torque)
     difference = np.hstack([np.eye(len(robot.joints)), -np.eye(len(robot.joints))])
     output, port = f"{prefix}felt_torque", mapped(builder, f"{prefix}felt_torque", difference, felt)
-    ports.add(output, port, axis_signal(robot, "felt", "felt_torque", "effort"))
+    ports.outputs.add(output, port, axis_signal(robot, "felt", "felt_torque", "effort"))
 
 
 STEP = 0.01  # how often monitors look [s]: nothing is integrated here, so a simulator would go to the end in one step

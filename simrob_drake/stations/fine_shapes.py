@@ -38,7 +38,7 @@ from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.convex_parts import cached_convex_parts
 from simrob_drake.importer.meshes.parts import Faces, mend, plain
 from simrob_drake.importer.meshes.reading import read_mesh
-from simrob_drake.parts.site import StationPlant
+from simrob_drake.parts.station_plant import StationPlant
 
 _SAME_HULL = 5e-3
 """Two meshes have the same hull if their extents differ by less than this in every direction [m].

@@ -14,7 +14,7 @@ import numpy as np
 
 from simrob_drake.base.frames import Vector
 from simrob_drake.dynamics import Dynamics
-from simrob_drake.parts.site import StationRobot
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.motors import rated_torques
 from simrob_drake.robots.plausibility import moving_mass, payload_doubt
 from simrob_drake.stations.config import StationConfig

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from simrob_drake.base.errors import listed
-from simrob_drake.importer.options import Entry, read_report
-from simrob_drake.parts.site import ResolvedRobot
+from simrob_drake.parts.resolved import ResolvedRobot
+from simrob_drake.robots.imports import Entry, read_report
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.coupled import unheld_mimics
 from simrob_drake.stations.findings import Finding

@@ -8,7 +8,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.tree import RevoluteJoint, RigidBody
 
 from simrob_drake.base.frames import Vector
-from simrob_drake.parts.site import StationRobot
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations.clearance import KNEELING, Clearance, outline
 from simrob_drake.stations.posed import posture_range
 

@@ -23,9 +23,10 @@ from simrob_drake.base.arguments import as_path, instance
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName, quoted
 from simrob_drake.base.extension import installed_extensions
 from simrob_drake.base.files import model_file, station_files
+from simrob_drake.base.packages import Border
 from simrob_drake.base.sections import validated
 from simrob_drake.base.yaml_files import YAML_SUFFIXES, place_of, read_yaml
-from simrob_drake.importer.packages import Border, is_robot_file
+from simrob_drake.importer.robot_files import is_robot_file
 from simrob_drake.stations.change_of_kind import KeyLosses, kind_of
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.located import located, located_program
@@ -185,7 +186,7 @@ def with_settings(config: StationConfig, settings: Mapping[str, Any], where: str
     """
     if not settings:
         return config
-    has_own_code = any(controller.kind == "own" for controller in config.controllers.values())
+    has_own_code = any(controller.runs_code for controller in config.controllers.values())
     content = station_content(config)
     return _make_config(content, settings, where, allow_code=has_own_code, is_complete=True)
 
@@ -255,7 +256,7 @@ def _validate(content: Content, where: Path | str, allow_code: bool) -> StationC
     except InvalidConfig as problem:
         raise InvalidConfig(where, _in_short_form(problem.key), _in_short_form(problem.problem)) from problem
     for name, controller in config.controllers.items():
-        if controller.kind == "own" and not allow_code:
+        if controller.runs_code and not allow_code:
             expected = f"would run the code {controller.class_}; if you trust it, say allow_code=True, or --allow-code"
             raise InvalidConfig(where, f"controllers.{name}", expected)
     try:

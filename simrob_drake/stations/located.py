@@ -9,13 +9,13 @@ from typing import Any
 
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.files import ROBOT_FILE
+from simrob_drake.base.packages import Border, resolved
 from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.importer.importing import robot_from_file
 from simrob_drake.importer.meshes.places import MeshPlaces
-from simrob_drake.importer.options import ImportOptions
-from simrob_drake.importer.packages import Border, resolved
 from simrob_drake.parts.controllers.own import class_from
 from simrob_drake.robots.catalog import RobotModel, load_robot_file
+from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.robots.pieces import described_piece
 from simrob_drake.robots.urdf import mesh_file
 from simrob_drake.stations.config import StationConfig

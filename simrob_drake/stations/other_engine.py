@@ -9,7 +9,7 @@ from pydrake.systems.framework import DiagramBuilder
 from simrob_drake.base.extension import BrokenExtension
 from simrob_drake.base.sections import Positive
 from simrob_drake.parts.engine import Engine, PlantBlock, missing_methods
-from simrob_drake.parts.site import StationPlant
+from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import ResolvedStation
 from simrob_drake.stations.solver_config import TIGHTER, SolverSection

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 from simrob_drake.blocks.references import Reference
 from simrob_drake.parts.controllers import loops_of
-from simrob_drake.parts.site import StationPlant
+from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import pairs_without_surface
 from simrob_drake.stations.contact_points import is_flat, uses_contact_points

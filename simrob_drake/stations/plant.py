@@ -24,7 +24,8 @@ from simrob_drake.base.errors import InvalidModel, InvalidParameter
 from simrob_drake.base.frames import transform_from_pose
 from simrob_drake.blocks.passive_joints import set_friction
 from simrob_drake.blocks.servo import set_actuators
-from simrob_drake.parts.site import WORLD, ResolvedRobot, StationPlant, StationRobot
+from simrob_drake.parts.resolved import WORLD, ResolvedRobot
+from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.parts.targets import FLOOR
 from simrob_drake.robots.feet import put_on_feet
 from simrob_drake.robots.motors import add_play

@@ -14,8 +14,9 @@ import numpy as np
 from pydantic import BaseModel
 
 from simrob_drake.base.errors import InvalidModel, listed
+from simrob_drake.base.file_cache import FileState, file_state
 from simrob_drake.base.sections import MOST_TURN
-from simrob_drake.parts.site import ResolvedPiece, Surroundings
+from simrob_drake.parts.resolved import ResolvedPiece, Surroundings
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.pieces import PieceShape, solid_inertia
 from simrob_drake.robots.plausibility import Doubt, MassProperties, doubts_by_shapes, robot_doubts
@@ -87,18 +88,17 @@ def _robot_doubts(model: RobotModel) -> tuple[Doubt, ...]:
     # A robot that is described by Denavit-Hartenberg parameters has no URDF file.
     if model.dh is not None:
         return tuple(robot_doubts(model.element, model.folder))
-    state = model.urdf_path.stat()
-    return _urdf_doubts(model.urdf_path, (state.st_mtime_ns, state.st_size))
+    return _urdf_doubts(model.urdf_path, file_state(model.urdf_path))
 
 
 @lru_cache(maxsize=64)
-def _urdf_doubts(path: Path, changed: object) -> tuple[Doubt, ...]:
+def _urdf_doubts(path: Path, state: FileState | None) -> tuple[Doubt, ...]:
     """Find the implausible numbers of a URDF file.
 
     Args:
         path: the file, in the form that the import writes.
-        changed: time of the file's last change and its size. The function does not read them: they are part of the
-            cache's key, so that a changed file is read again.
+        state: state of the file. The function does not read it: it is part of the cache's key, so that a changed file
+            is read again.
     """
     return tuple(robot_doubts(checked_urdf(path), path.parent))
 

@@ -8,7 +8,8 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import PassThrough
 
 from simrob_drake.parts.captions import MANY, short, shown_limits, shown_values, wrapped
-from simrob_drake.parts.site import Site, StationRobot
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations.config import StationConfig
 
 
@@ -43,19 +44,19 @@ def draw_plant(ports: StationPorts) -> None:
     config, robots = ports.config, list(ports.plant.robots.values())
     robot_texts = [_robot_text(robot) for robot in robots]
     if not config.engine.moves_by_forces:
-        ports.draw("inverse_dynamics", "robot", "\n".join(["Inverse dynamics", *robot_texts]))
-        ports.draw("geometry_poses", "robot", "Geometry poses")
+        ports.picture.draw("inverse_dynamics", "robot", "\n".join(["Inverse dynamics", *robot_texts]))
+        ports.picture.draw("geometry_poses", "robot", "Geometry poses")
     else:
         pieces = [wrapped(f"with {', '.join(config.pieces)}")] if config.pieces else []
-        ports.draw("plant", "robot", "\n".join(["Plant", *robot_texts, *pieces]))
+        ports.picture.draw("plant", "robot", "\n".join(["Plant", *robot_texts, *pieces]))
         if robots and not config.engine.holds_joint_limits:
             stops = zip(*(robot.stops for robot in robots), strict=True)
             stiffness, damping = (shown_values(np.concatenate(values)) for values in stops)
             units = list(dict.fromkeys(unit for robot in robots for unit in robot.model.units))
             springs = ", ".join(f"{unit.effort}/{unit.si}" for unit in units)
             dampers = ", ".join(f"{unit.effort}·s/{unit.si}" for unit in units)
-            ports.draw("stops", "force", f"Joint stops\n{stiffness} {springs}\n{damping} {dampers}")
-    ports.draw("scene_graph", "scene", "Scene graph\nall geometry")
+            ports.picture.draw("stops", "force", f"Joint stops\n{stiffness} {springs}\n{damping} {dampers}")
+    ports.picture.draw("scene_graph", "scene", "Scene graph\nall geometry")
 
 
 def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) -> None:
@@ -72,7 +73,7 @@ def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) ->
         if axis in between:
             label = f"⋮\n{len(between)} joints,\n{between[0]} to {between[-1]}"
             for part in _PARTS:
-                ports.draw(f"{prefix}{axis}.{part}", "servo", label, robot, key=f"{prefix}more")
+                ports.picture.draw(f"{prefix}{axis}.{part}", "servo", label, robot, key=f"{prefix}more")
         else:
             _draw_servo(ports, robot, axis, [index], axis)
 
@@ -83,9 +84,9 @@ def draw_actuator_servos(ports: StationPorts, robot: StationRobot) -> None:
     limit = wrapped(shown_limits(robot.gains.torque_limit, list(robot.model.effort_units)))
     kp, kd = f"kp {shown_values(robot.gains.kp)}", f"kd {shown_values(robot.gains.kd)}"
     law = f"PD\n{kp}, {kd}" if short(f"{kp}, {kd}") else f"PD\n{wrapped(kp)}\n{wrapped(kd)}"
-    ports.draw_nothing(f"{robot.prefix}applied_and_state", f"{robot.prefix}applied_torque")
+    ports.picture.draw_nothing(f"{robot.prefix}applied_and_state", f"{robot.prefix}applied_torque")
     for part in ("desired_state", "actuation"):
-        ports.draw(
+        ports.picture.draw(
             f"{robot.prefix}{part}",
             "servo",
             label,
@@ -100,14 +101,14 @@ def draw_feedforward(ports: StationPorts, robots: list[str]) -> None:
     """Draw what the model predicts for the desired motion of robots: one block for all of them."""
     kinds = dict.fromkeys(ports.config.servo_of(robot).feedforward.replace("_", " ") for robot in robots)
     whose = wrapped(f"of {', '.join(robots)}") if len(ports.plant.robots) > 1 else "of what is asked for"
-    ports.draw("model_feedforward", "servo", "\n".join([f"Feedforward: {', '.join(kinds)}", whose]))
+    ports.picture.draw("model_feedforward", "servo", "\n".join([f"Feedforward: {', '.join(kinds)}", whose]))
 
 
 def draw_computed_torque(ports: StationPorts, robot: StationRobot) -> None:
     """Draw the law that goes through the model, and what saturates its torques."""
     gains, name = robot.gains, f"{robot.prefix}computed_torque"
     kp, kd = shown_values(gains.kp), shown_values(gains.kd)
-    ports.draw(name, "servo", f"Computed torque\nkp {kp} 1/s²\nkd {kd} 1/s", robot)
+    ports.picture.draw(name, "servo", f"Computed torque\nkp {kp} 1/s²\nkd {kd} 1/s", robot)
     _draw_saturation(ports, f"{robot.prefix}torque", list(range(len(robot.axes))), robot)
     _draw_motors(ports, f"{robot.prefix}motors", list(range(len(robot.axes))), robot)
 
@@ -117,7 +118,7 @@ def draw_integral(ports: StationPorts, robot: StationRobot, row: str, group: lis
     gains, units = robot.gains, [robot.model.effort_units[index] for index in group]
     label = f"{who}: I\nki {shown_values(gains.ki[group])}, {shown_limits(gains.integral_limit[group], units)}"
     for part in ("integrator", "integral_clip"):
-        ports.draw(f"{robot.prefix}{row}.{part}", "servo", label, robot, key=f"{robot.prefix}{row}.integral")
+        ports.picture.draw(f"{robot.prefix}{row}.{part}", "servo", label, robot, key=f"{robot.prefix}{row}.integral")
 
 
 def _draw_servo(ports: StationPorts, robot: StationRobot, row: str, group: list[int], who: str) -> None:
@@ -125,11 +126,11 @@ def _draw_servo(ports: StationPorts, robot: StationRobot, row: str, group: list[
     kp, kd = gains.kp[group], gains.kd[group]
     if gains.speed_limit is not None:
         limit = shown_limits(gains.speed_limit[group], [f"{unit}/s" for unit in units])
-        ports.draw(f"{name}.position_loop", "servo", f"{who}: P\n{shown_values(kp / kd)} 1/s", robot)
-        ports.draw(f"{name}.speed_limit", "servo", f"Speed\n{limit}", robot)
-        ports.draw(f"{name}.velocity_loop", "servo", f"{who}: velocity\n{shown_values(kd)}", robot)
-        ports.draw_nothing(f"{name}.speed")
-    ports.draw(f"{name}.pd", "servo", f"{who}: PD\nkp {shown_values(kp)}, kd {shown_values(kd)}", robot)
+        ports.picture.draw(f"{name}.position_loop", "servo", f"{who}: P\n{shown_values(kp / kd)} 1/s", robot)
+        ports.picture.draw(f"{name}.speed_limit", "servo", f"Speed\n{limit}", robot)
+        ports.picture.draw(f"{name}.velocity_loop", "servo", f"{who}: velocity\n{shown_values(kd)}", robot)
+        ports.picture.draw_nothing(f"{name}.speed")
+    ports.picture.draw(f"{name}.pd", "servo", f"{who}: PD\nkp {shown_values(kp)}, kd {shown_values(kd)}", robot)
     _draw_saturation(ports, f"{name}.saturation", group, robot)
     _draw_motors(ports, name, group, robot)
     if (gains.ki[group] > 0).any():
@@ -140,13 +141,13 @@ def _draw_motors(ports: StationPorts, name: str, group: list[int], robot: Statio
     line = robot.gains.line
     if line is not None and line.slope[group].any():
         limit = shown_limits(line.stall[group], [robot.model.effort_units[index] for index in group])
-        ports.draw(f"{name}.stall", "servo", f"Motor\n{wrapped(limit)} at rest", robot)
-        ports.draw_nothing(*(f"{name}.{part}" for part in (*_MOTOR, "commands", "driven") if part != "stall"))
+        ports.picture.draw(f"{name}.stall", "servo", f"Motor\n{wrapped(limit)} at rest", robot)
+        ports.picture.draw_nothing(*(f"{name}.{part}" for part in (*_MOTOR, "commands", "driven") if part != "stall"))
 
 
 def _draw_saturation(ports: StationPorts, name: str, group: list[int], robot: StationRobot) -> None:
     limit = shown_limits(robot.gains.torque_limit[group], [robot.model.effort_units[index] for index in group])
-    ports.draw(name, "servo", f"Saturation\n{wrapped(limit)}", robot)
+    ports.picture.draw(name, "servo", f"Saturation\n{wrapped(limit)}", robot)
 
 
 def _robot_text(robot: StationRobot) -> str:

@@ -21,7 +21,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.lifetime import built
-from simrob_drake.parts.site import StationPlant, StationRobot
+from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.parts.targets import owner_of_shape
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.plant import add_plant

@@ -16,7 +16,8 @@ from simrob_drake.base.frames import Indices, Vector
 from simrob_drake.base.signals import POSE, VELOCITY, Panel, Role, Signal
 from simrob_drake.blocks.frame_poses import FramePoses
 from simrob_drake.parts.captions import wrapped
-from simrob_drake.parts.site import FromState, StationRobot
+from simrob_drake.parts.outputs import FromState
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations.ports import StationPorts
 
 
@@ -37,26 +38,28 @@ def add_poses(builder: DiagramBuilder, ports: StationPorts) -> None:
         if robot.tcp:
             outputs.append(f"{robot.prefix}tcp_pose")
         # The block joins the diagram that is stepped only if another block reads one of these outputs.
-        ports.add_report(builder, f"{robot.prefix}poses", poses, ports.state, *outputs)
-        ports.draw(f"{robot.prefix}poses", "sensor", "Poses\n" + wrapped(", ".join(["base", *robot.tools])), robot)
+        ports.outputs.add_report(builder, f"{robot.prefix}poses", poses, ports.state, *outputs)
+        label = "Poses\n" + wrapped(", ".join(["base", *robot.tools]))
+        ports.picture.draw(f"{robot.prefix}poses", "sensor", label, robot)
 
         # Only the base and the tool in use have columns in a result. The pose of a free base is part of the state, so
         # that it can also be computed from recorded states.
         is_free = _is_free(robot)
         from_state = FromState(_free_pose(robot.root.body()), unit_poses) if is_free else None
         base_signal = _pose_signal(robot, "base", "base_pose")
-        ports.add(f"{robot.prefix}base_pose", poses.GetOutputPort("base_pose"), base_signal, of_state=from_state)
+        base_port = poses.GetOutputPort("base_pose")
+        ports.outputs.add(f"{robot.prefix}base_pose", base_port, base_signal, of_state=from_state)
         for tool in robot.tools:
-            ports.add(f"{robot.prefix}tcp_pose.{tool}", poses.GetOutputPort(f"tcp_pose.{tool}"))
+            ports.outputs.add(f"{robot.prefix}tcp_pose.{tool}", poses.GetOutputPort(f"tcp_pose.{tool}"))
         if is_free:
             output = f"{robot.prefix}base_velocity"
             entries = _free_velocity(plant, robot.root.body())
             velocity = _selector(plant, {output: entries})
-            ports.add_report(builder, output, velocity, ports.state, output)
-            ports.add(output, velocity.get_output_port(), of_state=FromState(entries))
+            ports.outputs.add_report(builder, output, velocity, ports.state, output)
+            ports.outputs.add(output, velocity.get_output_port(), of_state=FromState(entries))
         if robot.tcp:
             port = poses.GetOutputPort(f"tcp_pose.{robot.tcp}")
-            ports.add(f"{robot.prefix}tcp_pose", port, _pose_signal(robot, "tcp", "tcp_pose"))
+            ports.outputs.add(f"{robot.prefix}tcp_pose", port, _pose_signal(robot, "tcp", "tcp_pose"))
 
 
 def add_free_pieces(builder: DiagramBuilder, ports: StationPorts) -> None:
@@ -72,18 +75,18 @@ def add_free_pieces(builder: DiagramBuilder, ports: StationPorts) -> None:
     # One block for the poses of all pieces, and one for their velocities: a station may have thousands of pieces.
     frames = {f"piece_pose.{piece}": body.body_frame() for piece, body in free.items()}
     poses = FramePoses(plant=plant, frames=frames)
-    ports.add_report(builder, "piece_poses", poses, ports.state, *frames)
-    ports.draw("piece_poses", "sensor", wrapped(f"Poses of {', '.join(free)}"))
+    ports.outputs.add_report(builder, "piece_poses", poses, ports.state, *frames)
+    ports.picture.draw("piece_poses", "sensor", wrapped(f"Poses of {', '.join(free)}"))
     entries = {f"piece_velocity.{piece}": _free_velocity(plant, body) for piece, body in free.items()}
     velocities = _selector(plant, entries)
-    ports.add_report(builder, "piece_velocity", velocities, ports.state, *entries)
+    ports.outputs.add_report(builder, "piece_velocity", velocities, ports.state, *entries)
     for piece, body in free.items():
         pose = piece_pose_signal(piece)
         from_state = FromState(_free_pose(body), unit_poses)
-        ports.add(pose.output, poses.GetOutputPort(pose.output), pose, of_state=from_state)
+        ports.outputs.add(pose.output, poses.GetOutputPort(pose.output), pose, of_state=from_state)
         velocity = _piece_signal(piece, "velocity", VELOCITY)
         port = velocities.GetOutputPort(velocity.output)
-        ports.add(velocity.output, port, velocity, of_state=FromState(entries[velocity.output]))
+        ports.outputs.add(velocity.output, port, velocity, of_state=FromState(entries[velocity.output]))
 
 
 def piece_pose_signal(piece: str) -> Signal:

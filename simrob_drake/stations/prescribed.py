@@ -51,7 +51,8 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.block import fed, joined, mapped
 from simrob_drake.blocks.joint_torque import JointTorqueSensor
 from simrob_drake.blocks.references import reference_values
-from simrob_drake.parts.site import ResolvedRobot, StationRobot
+from simrob_drake.parts.resolved import ResolvedRobot
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import ServoConfig, StationConfig
 from simrob_drake.stations.ports import StationPorts
@@ -223,7 +224,7 @@ def add_prescribed_motion(
         name = f"{robot.prefix}prescribed.{robot.axes[axis]}"
         block = builder.AddNamedSystem(name, PassThrough(_MOTION_SIZE))
         ports.inputs[name] = block.get_input_port()
-        ports.draw(name, "reference", f"Prescribed motion\nof {axis_name}", robot)
+        ports.picture.draw(name, "reference", f"Prescribed motion\nof {axis_name}", robot)
         motions.append(block.get_output_port())
     name = f"{robot.prefix}prescribed"
     multiplexer = Multiplexer([_MOTION_SIZE] * len(motions))
@@ -238,7 +239,7 @@ def add_prescribed_motion(
     for index, axis in enumerate(axes):
         selection[axis, count + _MOTION_SIZE * index] = 1.0
     both = joined(builder, f"{name}.references", reference, all_motions)
-    ports.draw_nothing(name, f"{name}.references", f"{name}.whole")
+    ports.picture.draw_nothing(name, f"{name}.references", f"{name}.whole")
     return mapped(builder, f"{name}.whole", selection, both)
 
 
@@ -298,8 +299,8 @@ def add_prescribed_torque(
     every_axis = np.eye(len(robot.axes))
     matrix = np.hstack([every_axis, every_axis[:, axes] @ motion_torque])
     efforts = joined(builder, f"{name}.efforts", *signals)
-    ports.draw_nothing(f"{name}.bus", f"{name}.efforts", f"{name}.torque")
-    ports.draw(f"{name}.force", "force", "What moves\nprescribed joints", robot)
+    ports.picture.draw_nothing(f"{name}.bus", f"{name}.efforts", f"{name}.torque")
+    ports.picture.draw(f"{name}.force", "force", "What moves\nprescribed joints", robot)
     return mapped(builder, f"{name}.torque", matrix, efforts)
 
 
@@ -385,7 +386,7 @@ def _add_joint_forces(builder: DiagramBuilder, ports: StationPorts, robot: Stati
         signs=robot.axis_map.signs[axes],
     )
     name = f"{robot.prefix}prescribed.joint_forces"
-    ports.draw_nothing(name)
+    ports.picture.draw_nothing(name)
     return fed(builder, name, block, ports.plant.plant.get_reaction_forces_output_port())
 
 

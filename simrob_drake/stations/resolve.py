@@ -10,14 +10,16 @@ from pydrake.geometry import ReadObjToTriangleSurfaceMesh
 from pydrake.math import RigidTransform
 
 from simrob_drake.base.errors import InvalidModel, InvalidParameter, UnknownName, Unsuitable, one_of
+from simrob_drake.base.file_cache import FileCache
 from simrob_drake.base.frames import Vector, transform_from_pose
+from simrob_drake.base.packages import granted
 from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.parts.controllers import flows_of, loops_of, readers_of
 from simrob_drake.parts.controllers.loop import check_loops, sensors_read
 from simrob_drake.parts.couplings import Gear
 from simrob_drake.parts.ground import Ground
+from simrob_drake.parts.resolved import WORLD, ResolvedPiece, ResolvedRobot, Surroundings
 from simrob_drake.parts.sensors.sensor import SampledSensor
-from simrob_drake.parts.site import WORLD, ResolvedPiece, ResolvedRobot, Surroundings
 from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
 from simrob_drake.robots.coupled_axes import CoupledAxes
@@ -53,8 +55,31 @@ _SERVO_KEYS = "kp", "ki", "kd", "torque_limit", "integral_limit", "speed_limit"
 _FOOT = "foot"  # how tools on feet are called, after their side
 
 
+# Stations that were resolved last, by the identity of their configuration. A run resolves the same configuration
+# when it is loaded and checked, and when its diagram is built.
+_STATIONS: FileCache[tuple[StationConfig, ResolvedStation]] = FileCache(size=8)
+# Robots that were read last, by the name or file that a station gives for them. Changed copies of a configuration,
+# such as those with other pieces or forces, have the same robots.
+_ROBOTS: FileCache[RobotModel] = FileCache(size=32)
+
+
 def resolve(config: StationConfig) -> ResolvedStation:
-    """Read a station's robots and pieces; raises SimrobError: the key whose name or figure does not fit."""
+    """Read the robots and pieces of a station, and check that its keys fit them.
+
+    The result for a configuration object is kept, and returned again until one of the station's files changes.
+
+    Raises:
+        SimrobError: a name or a value does not fit; the message names its key.
+    """
+    # The folders that the user allows decide which files a robot may name.
+    key = (id(config), tuple(granted()))
+    # The cached value contains the configuration: as long as it is there, no other object can have the same identity.
+    _, station = _STATIONS.value(key, lambda: (config, _resolve_from_files(config)))
+    return station
+
+
+def _resolve_from_files(config: StationConfig) -> ResolvedStation:
+    """Resolve a station without a look at former results. Raises the errors of `resolve`."""
     driven = {name for loop in readers_of(config.controllers).values() for name in loop.needs} - set(config.inputs)
     config = config.model_copy(update={"inputs": (*config.inputs, *sorted(driven))}) if driven else config
     models = {name: _robot_model(entry, config.servo_of(name)) for name, entry in config.robots.items()}
@@ -145,6 +170,21 @@ def _robot_model(entry: RobotConfig, servo: ServoConfig) -> RobotModel:
 
 
 def _robot_as_described(entry: RobotConfig) -> RobotModel:
+    """Read a robot from its files, or take it from the cache. Raises SimrobError if the files have a defect."""
+    options = "" if entry.import_options is None else entry.import_options.model_dump_json()
+    key = (entry.urdf, entry.model, options, tuple(granted()))
+    return _ROBOTS.value(key, lambda: _robot_from_files(entry))
+
+
+def _robot_from_files(entry: RobotConfig) -> RobotModel:
+    """Read a robot with its URDF from its files. Raises SimrobError if the files have a defect."""
+    robot = _described_robot(entry)
+    robot.element  # noqa: B018  # reads the URDF now, so that the cache records its file
+    return robot
+
+
+def _described_robot(entry: RobotConfig) -> RobotModel:
+    """Read the description of a robot: a URDF, a YAML file, or a robot of the package by its name."""
     if entry.urdf is not None:
         from simrob_drake.importer.importing import robot_from_file  # few stations need the importer
 

@@ -5,7 +5,7 @@ import numpy as np
 from simrob_drake.base.errors import InvalidParameter, UnknownName, Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.servo import MotorLine, ServoGains
-from simrob_drake.parts.site import ResolvedRobot
+from simrob_drake.parts.resolved import ResolvedRobot
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.motors import NO_MOTOR, OF_URDF, Drives, Motor, known_motors
 from simrob_drake.stations.config import ServoConfig, StationConfig

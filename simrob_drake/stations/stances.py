@@ -7,7 +7,7 @@ import numpy as np
 from pydrake.multibody.tree import RevoluteJoint, RigidBody
 
 from simrob_drake.base.frames import Vector
-from simrob_drake.parts.site import StationRobot
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations.clearance import KNEELING, Clearance, Standing, reduce_own_overlaps, standing
 from simrob_drake.stations.legs import Leg, ends_of, foot_place, legs_of, put_upright, straight
 from simrob_drake.stations.posed import posture_range

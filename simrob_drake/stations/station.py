@@ -17,6 +17,7 @@ from simrob_drake.parts.controllers.loop import add_loops
 from simrob_drake.parts.controllers.own import add_own_blocks, wire_own_blocks, with_driven
 from simrob_drake.parts.forces import add_force
 from simrob_drake.parts.monitors.monitor import add_monitor
+from simrob_drake.parts.outputs import OutputRegistry
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.dynamic import add_dynamic_robots, add_kinematic_robots, add_motion_inputs, check_servo_steps
 from simrob_drake.stations.load import load_station
@@ -90,12 +91,14 @@ def compose(
         check_servo_steps(config, plant)
     if not station.engine.moves_by_forces:
         inputs, state = add_motion_inputs(builder, plant)
-        ports = StationPorts(station=station, plant=plant, state=state, inputs=inputs, config=config, lean=lean)
+        outputs = OutputRegistry(state, plant.plant, lean=lean)
+        ports = StationPorts(station=station, plant=plant, state=state, outputs=outputs, inputs=inputs, config=config)
         add_kinematic_robots(builder, ports)
     else:
         state = plant.stepped.get_state_output_port()
         driven = sources or {}
-        ports = StationPorts(station=station, plant=plant, state=state, config=config, sources=driven, lean=lean)
+        outputs = OutputRegistry(state, plant.plant, lean=lean)
+        ports = StationPorts(station=station, plant=plant, state=state, outputs=outputs, config=config, sources=driven)
         add_dynamic_robots(builder, ports)
     draw_plant(ports)
     add_poses(builder, ports)
@@ -103,7 +106,7 @@ def compose(
     add_free_pieces(builder, ports)
     for name, sensor in station.sensors.items():
         if sensors is None or name in sensors:
-            ports.notes[name] = {"kind": sensor.kind}
+            ports.outputs.notes[name] = {"kind": sensor.kind}
             sensor.wire(builder, ports, name)
     for name, force in config.forces.items() if forces else ():
         add_force(builder, ports, name, force, force.source(), force.caption())
@@ -128,7 +131,7 @@ def _sort_by_robot(ports: StationPorts) -> None:
     robots = list(ports.plant.robots.values())
     if len(robots) > 1:
         place = {robot.prefix: index for index, robot in enumerate(robots)}
-        ports.signals.sort(key=lambda signal: place[f"{signal.names[0].partition('.')[0]}."])
+        ports.outputs.signals.sort(key=lambda signal: place[f"{signal.names[0].partition('.')[0]}."])
 
 
 def gather_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
@@ -136,11 +139,11 @@ def gather_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
     found = ports.spatial_forces
     if found:
         forces = fed(builder, "external_forces", ExternallyAppliedSpatialForceMultiplexer(len(found)), *found)
-        ports.draw_nothing("external_forces")
+        ports.picture.draw_nothing("external_forces")
         builder.Connect(forces, ports.plant.stepped.get_applied_spatial_force_input_port())
     if ports.generalized_forces:
         joints = summed(builder, "joint_forces", *ports.generalized_forces)
-        ports.draw_nothing("joint_forces")
+        ports.picture.draw_nothing("joint_forces")
         builder.Connect(joints, ports.plant.stepped.get_applied_generalized_force_input_port())
 
 

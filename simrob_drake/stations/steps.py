@@ -17,7 +17,7 @@ from pydrake.systems.framework import Context, Diagram
 from simrob_drake.base.errors import UnsupportedSolver
 from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.references import Reference
-from simrob_drake.parts.site import StationPlant, StationRobot
+from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.stations.closed import reference_samples
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.dynamic import largest_explicit_steps, servo_inertias

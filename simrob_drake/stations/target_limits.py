@@ -7,7 +7,7 @@ a target posture.
 import numpy as np
 
 from simrob_drake.base.errors import InvalidParameter
-from simrob_drake.parts.site import ResolvedRobot
+from simrob_drake.parts.resolved import ResolvedRobot
 from simrob_drake.robots.coupled_axes import Firmness
 from simrob_drake.stations.config import StationConfig
 

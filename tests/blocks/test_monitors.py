@@ -15,7 +15,7 @@ from simrob_drake import add_station, load_station
 from simrob_drake.base.errors import InvalidParameter, SimrobError
 from simrob_drake.blocks.monitor import Condition, Monitor, SteadySteps
 from simrob_drake.parts.monitors.monitor import MonitorSection
-from simrob_drake.parts.site import Surroundings
+from simrob_drake.parts.resolved import Surroundings
 from simrob_drake.stations.resolve import resolve
 
 AddPendulum = Callable[..., MultibodyPlant]
@@ -324,7 +324,7 @@ def test_a_station_s_monitor_reads_its_outputs_under_their_names() -> None:
     assert block.get_name() == "monitor.slow"
     assert names == ["left.velocity", "left.position", "left.reference"]
     assert all(ports.outputs[name].size() == block.GetInputPort(name).size() for name in names)
-    assert (ports.monitors["slow"].hold, ports.monitors["slow"].after) == (0.3, 0.1)
+    assert (ports.outputs.monitors["slow"].hold, ports.outputs.monitors["slow"].after) == (0.3, 0.1)
 
 
 @pytest.mark.parametrize("name", ["hold", "after"])

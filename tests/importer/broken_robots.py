@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from simrob_drake.importer.options import ImportOptions
+from simrob_drake.robots.imports import ImportOptions
 
 
 def _inertial(mass: float, moments: tuple[float, float, float], height: float) -> str:

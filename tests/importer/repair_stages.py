@@ -6,7 +6,6 @@ from pathlib import Path
 from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 
-from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.reading.source import read_source
 from simrob_drake.importer.repairs.base import choose_base
 from simrob_drake.importer.repairs.drives import repair_drives
@@ -14,6 +13,7 @@ from simrob_drake.importer.repairs.inertias import repair_inertias
 from simrob_drake.importer.repairs.joints import repair_joints
 from simrob_drake.importer.repairs.materials import repair_materials
 from simrob_drake.importer.repairs.structure import repair_structure
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.urdf import with_absolute_meshes
 from simrob_drake.robots.urdf_check import check_urdf

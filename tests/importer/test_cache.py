@@ -11,7 +11,7 @@ from simrob_drake.base.files import models_root
 from simrob_drake.base.folders import CACHE_VARIABLE
 from simrob_drake.importer import importing
 from simrob_drake.importer.importing import import_summary, robot_from_file
-from simrob_drake.importer.options import ImportOptions
+from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.simulation import simulate
 from simrob_drake.stations.load import load_station
 

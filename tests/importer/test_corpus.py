@@ -11,8 +11,8 @@ from broken_robots import ARM, DEFECTS, LEGS, Absent, Defect, Package, Swap
 
 from simrob_drake.base.errors import InvalidModel, OutputError
 from simrob_drake.importer.importing import ImportedRobot, import_robot
-from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.probe import probe
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.parse import lone_robot
 
 PAIRS, FEW = 150, 30

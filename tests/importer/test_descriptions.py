@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from simrob_drake.base.errors import InvalidModel, UnknownName
 from simrob_drake.cli.app import app
 from simrob_drake.importer.importing import examine_robot
-from simrob_drake.importer.packages import is_robot_file, robot_file
+from simrob_drake.importer.robot_files import is_robot_file, robot_file
 
 MODULE = """
 from os import path

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from simrob_drake.base.errors import InvalidModel
 from simrob_drake.importer.importing import import_robot
-from simrob_drake.importer.options import ImportOptions
 from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.robots.parse import lone_robot
 
 FILES = 200

@@ -8,7 +8,7 @@ from simrob_drake import load_station
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.cli.app import run_command
 from simrob_drake.importer.importing import import_robot, robot_from_file
-from simrob_drake.importer.options import ImportOptions
+from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.robots.parse import held_robot
 from simrob_drake.robots.urdf import mass_of, name_of
 from tests.robots.hands import box, finger, joint, link

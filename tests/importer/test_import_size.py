@@ -8,8 +8,8 @@ import pytest
 from repair_stages import joint, repair
 
 from simrob_drake.base.errors import InvalidModel
-from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.robots import urdf_check
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf_check import check_urdf
 
 BODY = '<inertial><mass value="0.1"/><inertia ixx="1e-3" iyy="1e-3" izz="1e-3"/></inertial>'

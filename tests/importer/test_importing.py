@@ -9,8 +9,8 @@ import pytest
 
 from simrob_drake.base.errors import InvalidModel, OutputError
 from simrob_drake.importer.importing import default_folder, examine_robot, import_robot
-from simrob_drake.importer.options import ImportOptions
 from simrob_drake.robots.catalog import load_robot
+from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.robots.parse import LoneRobot, lone_robot
 
 

@@ -9,10 +9,10 @@ import pytest
 import trimesh
 from trimesh.visual.material import PBRMaterial
 
+from simrob_drake.base.packages import OutsideBorder
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.library import Mesh, MeshLibrary
 from simrob_drake.importer.meshes.places import MeshPlaces
-from simrob_drake.importer.packages import OutsideBorder
 
 KINDS = ["stl", "stl_ascii", "obj", "ply", "ply_ascii", "off", "dae", "glb", "gltf"]
 

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from simrob_drake.base.packages import OutsideBorder, package_root
 from simrob_drake.importer.meshes.places import MeshMissing, MeshPlaces, mesh_files
-from simrob_drake.importer.options import ImportOptions
-from simrob_drake.importer.packages import OutsideBorder, package_root
+from simrob_drake.robots.imports import ImportOptions
 
 MANIFEST = "<package><name>{}</name></package>"
 

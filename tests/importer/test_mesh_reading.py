@@ -11,11 +11,11 @@ from PIL import Image
 from pydrake.geometry import Mesh as DrakeMesh
 from trimesh.visual.material import PBRMaterial
 
+from simrob_drake.base.packages import OutsideBorder
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.library import Mesh, MeshLibrary
 from simrob_drake.importer.meshes.parts import points_of
 from simrob_drake.importer.meshes.places import MeshPlaces
-from simrob_drake.importer.packages import OutsideBorder
 
 RED, BLUE = (1.0, 0.0, 0.0, 1.0), (0.0, 0.0, 1.0, 1.0)
 BOUNDS = np.array([[0.25, 0.4, 0.5], [0.35, 0.6, 0.9]])  # of the box, in metres

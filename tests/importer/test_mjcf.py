@@ -17,9 +17,9 @@ from simrob_drake.extensions.mujoco.mjcf import reading
 from simrob_drake.importer import importing
 from simrob_drake.importer.importing import ImportedRobot, import_robot
 from simrob_drake.importer.meshes.places import MeshPlaces
-from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.reading.child import ChildFailed
 from simrob_drake.importer.reading.source import read_source
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.urdf import mass_of, name_of
 from simrob_drake.stations.load import load_station

@@ -9,7 +9,7 @@ from simrob_drake import Arm, SimrobError, load_station
 from simrob_drake.base.errors import InvalidParameter, UnknownName
 from simrob_drake.base.folders import CACHE_VARIABLE
 from simrob_drake.importer.importing import import_robot, robot_from_file
-from simrob_drake.importer.options import ImportOptions
+from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.stations.draft import draft_station
 from simrob_drake.stations.load import bare_station
 

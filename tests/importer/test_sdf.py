@@ -10,8 +10,8 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.importer.importing import ImportedRobot, import_robot
-from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.reading.source import read_source
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.parse import add_urdf
 
 INERTIA = """<inertial><pose>0.1 0.02 0.05 0.1 0.2 0.3</pose><mass>{0}</mass><inertia><ixx>0.02</ixx><iyy>0.03</iyy>

@@ -9,7 +9,7 @@ from pydrake.geometry import Role
 from simrob_drake import Arm, load_station
 from simrob_drake.base.errors import InvalidModel
 from simrob_drake.importer.importing import import_robot, robot_from_file
-from simrob_drake.importer.options import ImportOptions
+from simrob_drake.robots.imports import ImportOptions
 from tests.robots.hands import box, gantry, joint, link
 
 SRDF = """<robot name="gantry">

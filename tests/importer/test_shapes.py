@@ -16,8 +16,8 @@ from pydrake.systems.framework import DiagramBuilder
 from trimesh.visual.material import PBRMaterial
 
 from simrob_drake.base.errors import InvalidModel
-from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.shapes import import_shapes
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import pose_of
 
 BOUNDS = [[0.25, 0.4, 0.5], [0.35, 0.6, 0.9]]

@@ -5,8 +5,8 @@ import xml.etree.ElementTree as ET
 import pytest
 from repair_stages import joint
 
-from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.base import choose_base
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 
 
 def robot(branches: list[list[str]], root: str = "body", foot: str = "") -> ET.Element:

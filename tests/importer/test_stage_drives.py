@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from repair_stages import ARM, DRIVE, END, INERTIA, LIMIT, Repaired, joint, with_defect
 
-from simrob_drake.importer.options import ImportOptions
+from simrob_drake.robots.imports import ImportOptions
 
 HAND = f'<link name="hand"><inertial><origin xyz="0 0 0.2"/><mass value="2"/>{INERTIA}</inertial></link>'
 ELBOW = joint("elbow", "tip", "hand", "revolute", f'<origin xyz="0 0 0.1"/><axis xyz="0 1 0"/>{LIMIT}')

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from repair_stages import END, INERTIA, Repaired, joint, with_defect
 
 from simrob_drake.base.errors import InvalidModel
-from simrob_drake.importer.options import ImportOptions
+from simrob_drake.robots.imports import ImportOptions
 
 HAND = f'<link name="hand"><inertial><mass value="1"/>{INERTIA}</inertial></link>'
 SLIDE = joint("slide", "tip", "hand", "prismatic", '<axis xyz="1 0 0"/><limit lower="0" upper="1" effort="9"/>')

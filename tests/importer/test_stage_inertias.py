@@ -5,9 +5,9 @@ import pytest
 from pydrake.multibody.tree import SpatialInertia
 from repair_stages import ARM, END, INERTIA, LIMIT, TIP, Repaired, joint, with_defect
 
-from simrob_drake.importer.options import ImportOptions
 from simrob_drake.importer.repairs.inertias import mended
 from simrob_drake.robots.bodies import links_without_inertia
+from simrob_drake.robots.imports import ImportOptions
 
 ESTIMATE = ImportOptions(estimate_inertia=True)
 MASS = '<mass value="1"/>'

@@ -5,7 +5,7 @@ import pytest
 from repair_stages import ARM, DRIVE, END, LIMIT, TIP, Repaired, joint, with_defect
 
 from simrob_drake.base.errors import InvalidModel
-from simrob_drake.importer.options import ImportOptions
+from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.robots.urdf import root_link
 
 REVOLUTE = 'type="revolute"'

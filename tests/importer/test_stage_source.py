@@ -7,9 +7,9 @@ import pytest
 from repair_stages import ARM
 
 from simrob_drake.base.errors import InvalidModel
-from simrob_drake.importer.options import ImportReport
 from simrob_drake.importer.reading import xml_file
 from simrob_drake.importer.reading.source import read_source
+from simrob_drake.robots.imports import ImportReport
 from simrob_drake.robots.urdf import DRAKE, movable_joints
 
 BOMB = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;&a;">]><robot name="&b;"><link name="l"/></robot>'

@@ -6,8 +6,8 @@ import pytest
 from repair_stages import ARM, END, FLANGE, INERTIA, LIMIT, TIP, Repaired, joint, with_defect
 
 from simrob_drake.base.errors import InvalidModel
-from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.structure import mend_numbers
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import movable_joints, name_of, root_link
 
 SHOULDER = '<joint name="shoulder" type="revolute">'

@@ -14,9 +14,9 @@ from simrob_drake.base.errors import InvalidModel
 from simrob_drake.base.folders import CACHE_VARIABLE
 from simrob_drake.cli.app import app
 from simrob_drake.importer.importing import robot_from_file
-from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.reading import child, xacro
 from simrob_drake.importer.reading.source import read_source
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.simulation import simulate
 from simrob_drake.stations.load import load_station
 

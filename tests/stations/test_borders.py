@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from simrob_drake.base.errors import InvalidConfig
-from simrob_drake.importer.packages import MESH_PATH_VARIABLE, granted, granting
+from simrob_drake.base.packages import MESH_PATH_VARIABLE, granted, granting
 from simrob_drake.parts import controllers
 from simrob_drake.programs.program import Program
 from simrob_drake.robots.catalog import load_robot_file

@@ -10,7 +10,7 @@ from simrob_drake import load_station, simulate
 from simrob_drake.base.errors import InvalidModel, SimrobError
 from simrob_drake.base.folders import CACHE_VARIABLE
 from simrob_drake.importer.importing import examine_robot
-from simrob_drake.importer.options import ImportOptions
+from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.stations.draft import draft_station
 
 CRANK, COUPLER, ROCKER, GROUND = 0.1, 0.3, 0.25, 0.3  # lengths of a four-bar linkage [m]

@@ -5,7 +5,7 @@ import pytest
 
 from simrob_drake.base.files import models_root
 from simrob_drake.base.folders import CACHE_VARIABLE
-from simrob_drake.importer.options import ImportOptions
+from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.simulation import simulate
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.draft import draft_station

@@ -99,6 +99,8 @@ def test_the_arm_with_force_control_holds_its_start():
 )
 def test_no_section_keeps_keys_of_another_kind(station, sections, key, changes, left, kept, tmp_path):
     """Neither from a station's file nor from a configuration that is there already."""
+    if "mujoco" in f"{sections} {changes}":
+        pytest.importorskip("simrob_drake.extensions.mujoco")
     before = load_station(station, sections)
     file = tmp_path / "station.yaml"
     file.write_text(station_yaml(before))

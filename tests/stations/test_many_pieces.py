@@ -36,8 +36,8 @@ def test_thousands_of_pieces_are_refused_by_their_number(tmp_path, free, fixed, 
 def test_the_memory_of_a_free_piece_does_not_grow_with_their_number(tmp_path):
     for count in (2, 20):
         ports = build_station(load_station(pieces_file(tmp_path, count))).ports
-        assert ports.of_state["piece_pose.free_1"].pick.shape == (7,)
-        assert ports.of_state["piece_velocity.free_1"].pick.shape == (6,)
+        assert ports.outputs.of_state["piece_pose.free_1"].pick.shape == (7,)
+        assert ports.outputs.of_state["piece_velocity.free_1"].pick.shape == (6,)
 
 
 def test_outputs_of_free_pieces_are_poses_and_velocities_of_the_plant(tmp_path):
@@ -59,8 +59,8 @@ def test_outputs_of_free_pieces_are_poses_and_velocities_of_the_plant(tmp_path):
         expected = [*motion.translational(), *motion.rotational()]
         velocity = station.GetOutputPort(f"piece_velocity.{name}").Eval(context)
         np.testing.assert_allclose(velocity, expected, atol=1e-12)
-        np.testing.assert_array_equal(station.ports.of_state[f"piece_velocity.{name}"].of(states)[0], velocity)
-        pose = station.ports.of_state[f"piece_pose.{name}"].of(states)[0]
+        np.testing.assert_array_equal(station.ports.outputs.of_state[f"piece_velocity.{name}"].of(states)[0], velocity)
+        pose = station.ports.outputs.of_state[f"piece_pose.{name}"].of(states)[0]
         np.testing.assert_allclose(pose, station.GetOutputPort(f"piece_pose.{name}").Eval(context), atol=1e-12)
         transform = plant.EvalBodyPoseInWorld(own, body)
         np.testing.assert_allclose(pose[:3], transform.translation(), atol=1e-12)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simrob_drake.parts.site import StationRobot
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations import draft
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.clearance import Clearance

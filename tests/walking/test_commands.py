@@ -99,10 +99,10 @@ def test_a_run_that_was_commanded_by_hand_is_repeated_to_the_last_bit(tmp_path, 
 @pytest.mark.parametrize(
     ("hands", "told"),
     [
-        ({"wlak": lambda time: None}, "wlak.*did you mean walk|no walk 'wlak'.*walk"),
+        ({"wlak": lambda time: None}, "no controller that takes commands 'wlak'.*walk"),
         ({"walk": 3}, "commands: walk"),
-        ({"walk": lambda time: (1, 2)}, "three numbers"),
-        ({"walk": lambda time: (0.1, 0, float("nan"))}, "three numbers"),
+        ({"walk": lambda time: (1, 2)}, "3 numbers: ahead"),
+        ({"walk": lambda time: (0.1, 0, float("nan"))}, "3 numbers: ahead"),
         (7, "commands"),
     ],
 )

@@ -31,8 +31,9 @@ class JointPower(Sensor):
         columns = axis_names("joint_power", name, robot.axes)
         units = ("W",) * len(robot.axes)
         panel = sensor_panel(f"joint power '{name}'", "power", columns, units)
-        site.add(output, block.GetOutputPort("power"), Signal(columns, units, "effort", output, part=name, panel=panel))
-        site.draw(f"sensor.{name}", "sensor", sensor_label("Joint power", name), robot)
+        signal = Signal(columns, units, "effort", output, part=name, panel=panel)
+        site.outputs.add(output, block.GetOutputPort("power"), signal)
+        site.picture.draw(f"sensor.{name}", "sensor", sensor_label("Joint power", name), robot)
 
 
 class PowerOfJoints(Block):

@@ -13,7 +13,7 @@ from simrob_drake.extensions.learning.rewards import Origin, RewardSample
 from simrob_drake.parts.controllers import readers_of
 from simrob_drake.parts.controllers.loop import sensors_read
 from simrob_drake.parts.forces import ForceConfig
-from simrob_drake.parts.site import StationRobot
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.record.walks import headings
 from simrob_drake.simulation.stepping import Stepper
 from simrob_drake.stations.closed import closed_station, station_references
@@ -102,7 +102,7 @@ class Episode:
             self._simulator.set_monitor(pace)
         self._simulator.Initialize()
         self._step, self.ended = 0, ""
-        self._onsets = dict.fromkeys(self._ports.monitors, NOT_YET)
+        self._onsets = dict.fromkeys(self._ports.outputs.monitors, NOT_YET)
         base = self._value("base_pose")
         self._origin = Origin(base, float(headings(self._ports.plant, self.robot, base[np.newaxis])[0]))
         self._last = self._action = np.zeros(self.policy.acts)
@@ -168,7 +168,7 @@ class Episode:
 
     def _look(self) -> None:
         """Ask the monitors, which look at the end of each control period."""
-        for name, trigger in self._ports.monitors.items():
+        for name, trigger in self._ports.outputs.monitors.items():
             values = [self._output(output) for output in trigger.condition.watched]
             onset = self._onsets[name] = trigger.since(self._onsets[name], self.time, values)
             if trigger.ends(onset, self.time):
@@ -177,7 +177,7 @@ class Episode:
     def _value(self, output: str) -> Vector:
         """Return an output of the robot, at once where the plant's state tells it."""
         name = f"{self.robot.prefix}{output}"
-        known = self._ports.of_state.get(name)
+        known = self._ports.outputs.of_state.get(name)
         return self._output(name) if known is None else np.asarray(known.of(self._motion[np.newaxis])[0])
 
     def _output(self, name: str) -> Vector:

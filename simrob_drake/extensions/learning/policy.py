@@ -21,7 +21,9 @@ from simrob_drake.base.sections import Frequency, Number, Positive
 from simrob_drake.blocks.sampled import BlockFails, Changes, Named, SampledBlock
 from simrob_drake.extensions.learning.network import Network
 from simrob_drake.parts.controllers.loop import LoopSection
-from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
+from simrob_drake.parts.resolved import ResolvedRobot
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.axis_map import PositiveAxisValues
 
 TURNED = {"attitude": 3, "lean": 2, "heading_error": 1}  # what is observed of the orientation, and of what size it is

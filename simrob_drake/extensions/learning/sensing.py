@@ -13,7 +13,7 @@ from simrob_drake.blocks.command_bus import rounded
 from simrob_drake.extensions.learning.policy import Policy
 from simrob_drake.parts.sensors.frames import Imu
 from simrob_drake.parts.sensors.joints import Encoders
-from simrob_drake.parts.site import StationRobot
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations.config import StationConfig
 
 with needed("learning", "rl"):

@@ -13,13 +13,13 @@ from simrob_drake.base.distributions import AnyDistribution
 from simrob_drake.base.errors import InvalidConfig, UnknownName, one_of
 from simrob_drake.base.files import models_root
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.packages import Border
 from simrob_drake.base.sections import Boolean, Duration, Instant, NotNegative, Number, Positive, Strict, validated
 from simrob_drake.base.yaml_files import YAML_SUFFIXES, read_yaml
 from simrob_drake.extensions.learning.episode import policies_of
 from simrob_drake.extensions.learning.rewards import TERMS
-from simrob_drake.importer.packages import Border
 from simrob_drake.parts.forces import ForceConfig, Push
-from simrob_drake.parts.site import StationRobot
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.located import located_changes, located_station

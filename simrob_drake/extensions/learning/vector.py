@@ -263,7 +263,7 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._ends = np.asarray(self._built.step * np.arange(1, len(self._rows) + 1), dtype=float)
         self._action = np.zeros((k, len(self._moved)))
         self._forces = np.tile(self._rows[:, self._servos :], (k, 1, 1))
-        self._onsets = {name: np.full(k, NOT_YET) for name in self._ports.monitors}
+        self._onsets = {name: np.full(k, NOT_YET) for name in self._ports.outputs.monitors}
         self._upright = self.robot.base.rotation().ToQuaternion().wxyz()
         first = self._value("base_pose", np.hstack(self._home)[np.newaxis])
         self._motion = self._motion_of(self._state)
@@ -311,7 +311,7 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
     def _value(self, output: str, motion: Vector) -> Vector:
         """Return an output of the robot, shape (m, size), by motions (m, nq + nv); a fixed root stays."""
-        known = self._ports.of_state.get(f"{self.robot.prefix}{output}")
+        known = self._ports.outputs.of_state.get(f"{self.robot.prefix}{output}")
         if known is not None:
             return np.asarray(known.of(motion))
         fixed = xyz_quaternion_from_transform(self.robot.base) if output == "base_pose" else np.zeros(6)
@@ -344,7 +344,7 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         ended = np.full(self.num_envs, "", dtype=object)
         astray = ~(np.abs(self._motion) < _ASTRAY).all(axis=1)
         times = self._time.tolist()
-        for name, trigger in self._ports.monitors.items():
+        for name, trigger in self._ports.outputs.monitors.items():
             values, onsets = [self._watched(output, sensed) for output in trigger.condition.watched], self._onsets[name]
             for place, (time, onset, *row) in enumerate(zip(times, onsets.tolist(), *values, strict=True)):
                 onsets[place] = since = trigger.since(onset, time, row)
@@ -354,7 +354,7 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         return ended
 
     def _watched(self, output: str, sensed: Vector) -> Vector:
-        known = self._ports.of_state.get(output)
+        known = self._ports.outputs.of_state.get(output)
         return self._built.output(output, sensed) if known is None else np.asarray(known.of(self._motion))
 
     def _now(self, last: Vector, sensed: Vector, ended: npt.NDArray[np.bool_]) -> RewardSample:

@@ -12,7 +12,7 @@ from pydrake.multibody.tree import RevoluteJoint
 
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.frames import Vector
-from simrob_drake.parts.site import StationRobot
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations.clearance import Clearance, outline
 from simrob_drake.stations.legs import Leg, alike, ends_of, legs_of, lengths, put_upright, straight
 from simrob_drake.walking.knees import Knee, knee_of

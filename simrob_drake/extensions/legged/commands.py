@@ -11,7 +11,7 @@ from simrob_drake.base.extension import needed_extension
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.options import FileArgument, Force, with_import_options
 from simrob_drake.cli.screen import errors, say
-from simrob_drake.importer.options import ImportOptions
+from simrob_drake.robots.imports import ImportOptions
 
 
 @with_import_options("mesh_path", "collision", "estimate_inertia", "xacro_arg", "drop_loops")

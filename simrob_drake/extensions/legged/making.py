@@ -39,14 +39,14 @@ from simrob_drake.extensions.legged.scaling import (
 )
 from simrob_drake.extensions.legged.soles import FootSole, feet_section, soles_of, write_soles
 from simrob_drake.importer.importing import write_robot
-from simrob_drake.importer.options import ImportOptions, ImportReport
-from simrob_drake.importer.packages import robot_file
+from simrob_drake.importer.robot_files import robot_file
 from simrob_drake.programs.gaits.biped import Kick
 from simrob_drake.programs.gaits.climb import Climb
 from simrob_drake.programs.gaits.legs import ROWS
 from simrob_drake.programs.gaits.motion import Gait
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.gaits_file import GAITS_FILE
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.stations.draft import at_home, draft_station
 from simrob_drake.stations.load import ONLY_ROBOT
 from simrob_drake.stations.stances import Stance, Stances

@@ -13,7 +13,8 @@ from simrob_drake.base.lifetime import built
 from simrob_drake.blocks.block import joined
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.extensions.linear.model import LinearModel
-from simrob_drake.parts.site import named
+from simrob_drake.parts.outputs import OutputRegistry
+from simrob_drake.parts.resolved import named
 from simrob_drake.robots.motors import Drives
 from simrob_drake.stations.checks import holding_torque
 from simrob_drake.stations.config import StationConfig
@@ -66,7 +67,9 @@ def linearize(station: StationLike, at: Posture | None = None) -> LinearModel:
                 f"robots.{name}", robot.model.name, "one on a fixed base: only contact holds this one"
             )
     plant = add_plant(builder, resolved)
-    ports = StationPorts(station=resolved, plant=plant, state=plant.plant.get_state_output_port(), config=config)
+    state = plant.plant.get_state_output_port()
+    registry = OutputRegistry(state, plant.plant)
+    ports = StationPorts(station=resolved, plant=plant, state=state, outputs=registry, config=config)
     add_dynamic_robots(builder, ports)
     gather_forces(builder, ports)
     outputs = [ports.outputs[f"{robot.prefix}{name}"] for robot in plant.robots.values() for name in _OUTPUTS]

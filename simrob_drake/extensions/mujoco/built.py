@@ -16,7 +16,8 @@ from simrob_drake.extensions.mujoco.coordinates import Coordinates, Names
 from simrob_drake.extensions.mujoco.drives import OutputSensors
 from simrob_drake.extensions.mujoco.model import STEP, Driver, mujoco_model
 from simrob_drake.parts.forces import Drag, ForceConfig, Push, SineForce
-from simrob_drake.parts.site import ResolvedRobot, StationPlant
+from simrob_drake.parts.resolved import ResolvedRobot
+from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.ports import StationPorts
@@ -164,14 +165,13 @@ class BuiltStation:
     @property
     def signals(self) -> list[Signal]:
         """The station's signals that are known here."""
-        return [signal for signal in self.ports.signals if self._known(signal)]
+        return [signal for signal in self.ports.outputs.signals if self._known(signal)]
 
     @property
     def left_out(self) -> list[str]:
         """The station's other outputs, by the sensor that tells them, such as ``imu``."""
-        return list(
-            dict.fromkeys(signal.part or signal.output for signal in self.ports.signals if not self._known(signal))
-        )
+        unknown = [signal for signal in self.ports.outputs.signals if not self._known(signal)]
+        return list(dict.fromkeys(signal.part or signal.output for signal in unknown))
 
     def state(self, q: Vector, v: Vector) -> Vector:
         """Return MuJoCo's state at positions (nq,) and velocities (nv,) of the plant, at time zero."""

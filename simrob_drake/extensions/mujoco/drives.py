@@ -12,8 +12,9 @@ from pydrake.multibody.tree import Frame, JointActuatorIndex
 
 from simrob_drake.base.frames import Vector
 from simrob_drake.extensions.mujoco.coordinates import Names
+from simrob_drake.parts.resolved import Surroundings
 from simrob_drake.parts.sensors.shapes import Distance, Force
-from simrob_drake.parts.site import StationPlant, StationRobot, Surroundings
+from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.parts.targets import shapes_of
 from simrob_drake.stations.poses import unit_poses
 

@@ -5,7 +5,7 @@ from typing import ClassVar, Literal
 from simrob_drake.base.extras import needed
 from simrob_drake.base.sections import Positive
 from simrob_drake.parts.engine import Engine, PlantBlock
-from simrob_drake.parts.site import StationPlant
+from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.stations.other_engine import OtherEngine
 from simrob_drake.stations.resolve import ResolvedStation
 

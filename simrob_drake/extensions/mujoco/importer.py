@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from simrob_drake.importer.importer import RobotImporter
-from simrob_drake.importer.options import ImportOptions, ImportReport
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 
 
 class MjcfImporter(RobotImporter):

@@ -51,7 +51,7 @@ from simrob_drake.extensions.mujoco.coordinates import Coordinates, Names
 from simrob_drake.extensions.mujoco.drives import OutputSensors, add_force, add_motors, add_sensors, add_servos
 from simrob_drake.extensions.mujoco.tree import add_gears, add_shapes, add_tree, touching_pairs
 from simrob_drake.parts.forces import place_of
-from simrob_drake.parts.site import StationPlant
+from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.stations.dynamic import stops_of
 from simrob_drake.stations.resolve import ResolvedStation
 

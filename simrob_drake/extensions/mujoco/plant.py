@@ -20,7 +20,7 @@ from simrob_drake.blocks.contacts import Contacts
 from simrob_drake.extensions.mujoco.coordinates import Coordinates, Names, Places
 from simrob_drake.extensions.mujoco.model import mujoco_model
 from simrob_drake.extensions.mujoco.servos import Servos
-from simrob_drake.parts.site import StationPlant
+from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.robots.axis_map import in_a_row
 from simrob_drake.stations.resolve import ResolvedStation
 

@@ -112,7 +112,7 @@ class Stepped:
         return motion[:, : model.nq], motion[:, model.nq :]
 
     def _stop(self, steps: Vector, times: Vector) -> Stopped | None:
-        onsets = dict.fromkeys(self.built.ports.monitors, NOT_YET)
+        onsets = dict.fromkeys(self.built.ports.outputs.monitors, NOT_YET)
         found = self._looked(steps, times, dict(onsets), onsets)
         if found is None:
             return None
@@ -121,7 +121,7 @@ class Stepped:
 
     def _looked(self, steps: Vector, times: Vector, before: Onsets, onsets: Onsets) -> Stopped | None:
         """Ask the monitors at times (m,), in their order; ``onsets`` changes, ``before`` is that of one time before."""
-        monitors = self.built.ports.monitors
+        monitors = self.built.ports.outputs.monitors
         if not monitors:
             return None
         outputs = self._outputs(steps, times)
@@ -319,7 +319,7 @@ def inverse_run(config: StationConfig) -> SimulationResult:
             robot.axis_map.velocities(v) / robot.model.drives.friction_speed, -1, 1
         )
         outputs[f"{robot.prefix}torque"] = robot.axis_map.efforts(forces) + sliding
-    signals = [signal for signal in built.ports.signals if signal.compute is None and signal.output in outputs]
+    signals = [signal for signal in built.ports.outputs.signals if signal.compute is None and signal.output in outputs]
     columns = [outputs[s.output] if s.entries is None else outputs[s.output][:, s.entries] for s in signals]
     names = [name for signal in signals for name in signal.names]
     return replace(run, names=names, signals=tuple(signals), values=np.hstack(columns))

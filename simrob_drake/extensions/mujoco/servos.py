@@ -20,7 +20,7 @@ from pydrake.multibody.tree import JointActuatorIndex
 
 from simrob_drake.base.frames import Vector
 from simrob_drake.extensions.mujoco.coordinates import Names
-from simrob_drake.parts.site import StationPlant
+from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.robots.axis_map import in_a_row
 
 _TOGETHER, _ROUNDS = 5, 100

@@ -30,7 +30,7 @@ from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.extensions.mujoco.coordinates import Names, free_name
 from simrob_drake.parts.couplings import Gear
-from simrob_drake.parts.site import StationPlant
+from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.parts.targets import own_name
 from simrob_drake.stations.resolve import ResolvedStation
 

@@ -12,7 +12,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.base.errors import InvalidParameter, quoted
 from simrob_drake.base.frames import Vector, as_transform, finite, pose_from_transform
-from simrob_drake.parts.site import WORLD
+from simrob_drake.parts.resolved import WORLD
 from simrob_drake.programs.arm import Arm, Workcell
 from simrob_drake.programs.branches import Branch
 from simrob_drake.programs.moves.joints import targets_on

@@ -6,7 +6,7 @@ from typing import Any
 
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.parts.controllers import loops_of
-from simrob_drake.parts.site import StationRobot
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.parts.targets import frame_names
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.gaits.registry import gaits_of
@@ -23,7 +23,7 @@ from simrob_drake.walking.parameters import load_walking
 def description(cell: Workcell) -> dict[str, Any]:
     """Return what a station is, as plain data."""
     config, station = cell.config, resolve(cell.config)
-    shown = cell.runner_of(config).ports(watched=True).signals  # which the first run has built then
+    shown = cell.runner_of(config).ports(watched=True).outputs.signals  # which the first run has built then
     return {
         "station": config.name,
         "mode": config.mode,

@@ -1,7 +1,7 @@
 """A form for every key of a station, made from the schema of station files: plain fields, for whatever draws them."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -13,8 +13,11 @@ from simrob_drake.programs.moves.move import Move
 from simrob_drake.stations.load import ENTRIES
 
 FieldKind = Literal["number", "text", "choice", "switch", "value", "section", "entries"]
-"""How a key is entered: the first three by themselves, ``value`` as YAML (a list, or figures by axis); a ``section``
+"""How a key is entered: the first four by themselves, ``value`` as YAML (a list, or figures by axis); a ``section``
 is there or not, and into ``entries`` new ones can be put by name."""
+
+ENTERED_ALONE: tuple[FieldKind, ...] = ("number", "text", "choice", "switch")
+"""Fields that need no YAML."""
 
 Node = dict[str, Any]
 
@@ -53,12 +56,18 @@ def form_fields(schema: Node, content: Mapping[str, Any]) -> list[Field]:
     return [field for key in keys for field in walk.fields(key, schema["properties"][key], content.get(key))]
 
 
-def move_fields(kind: type[Move], content: Mapping[str, Any]) -> list[Field]:
-    """Return the fields of a kind of move that its form declares, with what a move has there."""
+def move_fields(kind: type[Move], keys: Iterable[str], content: Mapping[str, Any]) -> list[Field]:
+    """Make the fields for some keys of a kind of move.
+
+    Args:
+        kind: the kind of move.
+        keys: names of its keys.
+        content: what a move has for its keys.
+    """
     schema = kind.model_json_schema()
     section = next(branch for branch in schema_branches(schema, schema) if "properties" in branch)
-    keys = section["properties"]
-    return [_leaf(key, schema_branches(keys[key], schema), keys[key], content.get(key)) for key in kind.form]
+    nodes = section["properties"]
+    return [_leaf(key, schema_branches(nodes[key], schema), nodes[key], content.get(key)) for key in keys]
 
 
 def as_text(value: Any) -> str:

@@ -17,7 +17,8 @@ from simrob_drake.extensions.pendant.arm_questions import posed
 from simrob_drake.extensions.pendant.describe import kind_of
 from simrob_drake.kinematics.chain import axes_and_points
 from simrob_drake.kinematics.numeric import fit_postures
-from simrob_drake.parts.site import WORLD, StationRobot
+from simrob_drake.parts.resolved import WORLD
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.model import StationModel
 from simrob_drake.programs.moves.joints import targets_on

@@ -13,8 +13,8 @@ from pathlib import Path, PurePosixPath
 from simrob_drake.base.errors import InvalidParameter, SimrobError, shown
 from simrob_drake.base.folders import writing
 from simrob_drake.base.yaml_files import YAML_SUFFIXES, read_yaml
-from simrob_drake.importer.options import REPORT_FILE
-from simrob_drake.importer.packages import robot_suffixes
+from simrob_drake.importer.robot_files import robot_suffixes
+from simrob_drake.robots.imports import REPORT_FILE
 
 FOLDER = "own"  # of what is taught, for these files; each set of them has a folder there
 MOST = 200_000_000  # bytes of a set of files, unpacked

@@ -9,6 +9,7 @@ from typing import Any, Self, cast
 from simrob_drake.base.arguments import plain
 from simrob_drake.base.errors import InvalidParameter, quoted
 from simrob_drake.base.folders import alone_in, writing
+from simrob_drake.base.packages import granting, package_root
 from simrob_drake.base.sections import validated
 from simrob_drake.extensions.pendant.exports import Exports
 from simrob_drake.extensions.pendant.hand import Hand
@@ -21,7 +22,7 @@ from simrob_drake.extensions.pendant.run_client import HandOver, MakeLive, RunCl
 from simrob_drake.extensions.pendant.setup import Setup
 from simrob_drake.extensions.pendant.store import Taught
 from simrob_drake.extensions.pendant.subjects import program_of, station_for
-from simrob_drake.importer.packages import granting, is_robot_file, package_root, robot_file
+from simrob_drake.importer.robot_files import is_robot_file, robot_file
 from simrob_drake.programs.moves.joints import JointMove, move_of
 from simrob_drake.programs.moves.move import MOVE_TIME
 from simrob_drake.programs.stages import step_moves

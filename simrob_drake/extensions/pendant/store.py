@@ -25,7 +25,7 @@ from simrob_drake.base.folders import writing, written_at_once
 from simrob_drake.base.sections import Number, Strict
 from simrob_drake.base.yaml_files import parse_json
 from simrob_drake.extensions.pendant.pages.words import Notice
-from simrob_drake.parts.site import WORLD
+from simrob_drake.parts.resolved import WORLD
 from simrob_drake.programs.moves.joints import JointMove
 from simrob_drake.programs.moves.kinds import AnyMove
 from simrob_drake.programs.moves.move import Move

@@ -8,7 +8,7 @@ import yaml
 from simrob_drake.base.errors import InvalidConfig, UnknownName
 from simrob_drake.base.folders import written_at_once
 from simrob_drake.base.yaml_files import YAML_SUFFIXES, parse_yaml, read_yaml
-from simrob_drake.importer.packages import is_robot_file, robot_file
+from simrob_drake.importer.robot_files import is_robot_file, robot_file
 from simrob_drake.programs.program import Program
 from simrob_drake.robots.catalog import RobotModel, load_robot, robot_names
 from simrob_drake.stations.draft import draft_station

@@ -24,7 +24,7 @@ from simrob_drake.extensions.simulink.tables import table
 from simrob_drake.extensions.simulink.writing.station import SOLVERS, StationWriter
 from simrob_drake.extensions.simulink.writing.touching import StationFiles
 from simrob_drake.extensions.simulink.writing.urdf import plain
-from simrob_drake.importer.options import REPORT_FILE, EntryKind, ImportReport
+from simrob_drake.robots.imports import REPORT_FILE, EntryKind, ImportReport
 
 Fate = Literal["exact", "ignored", "approximated", "open", "lost"]
 FATES: tuple[Fate, ...] = get_args(Fate)  # what can become of a block, the least loss first

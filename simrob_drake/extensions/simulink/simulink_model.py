@@ -49,7 +49,7 @@ from simrob_drake.extensions.simulink.signals.robotics import ROBOTICS
 from simrob_drake.extensions.simulink.signals.routing import ROUTING, subsystem
 from simrob_drake.extensions.simulink.signals.sources import PHYSICAL, SENSOR, SOURCES, out_of_physics, sensed
 from simrob_drake.extensions.simulink.values.workspace import Variables, find_octave
-from simrob_drake.importer.options import ImportReport
+from simrob_drake.robots.imports import ImportReport
 
 _LONGEST = 3600.0  # s
 

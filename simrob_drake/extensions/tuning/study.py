@@ -13,13 +13,13 @@ from simrob_drake.base.arguments import as_path
 from simrob_drake.base.distributions import AnyDistribution, Choice, Values
 from simrob_drake.base.errors import InvalidConfig, SimrobError, one_of
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.packages import Border
 from simrob_drake.base.sampling import Draws, Space, applying, at, distinct, seeded
 from simrob_drake.base.sections import Boolean, Integer, NotNegative, Number, Positive, Strict, validated
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.extensions.tuning.journal import COMPLETED, Row
 from simrob_drake.extensions.tuning.rollout import SIGNED, UNITS, Case, Margin
 from simrob_drake.extensions.tuning.scene import Scene, of_station
-from simrob_drake.importer.packages import Border
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.located import located_changes, located_station
 

@@ -13,11 +13,11 @@ from simrob_drake.base.arguments import as_path
 from simrob_drake.base.distributions import Choice
 from simrob_drake.base.folders import writing
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.packages import Border
 from simrob_drake.extensions.tuning.analysis import plots_there, save_sensitivity, sweep_in_optuna
 from simrob_drake.extensions.tuning.journal import COMPLETED, Row, TrialFolder, read_spec, write_rows
 from simrob_drake.extensions.tuning.rollout import UNITS, Case, measured
 from simrob_drake.extensions.tuning.sweep import Sweep
-from simrob_drake.importer.packages import Border
 from simrob_drake.results.colours import COLOURS
 from simrob_drake.results.plots.grid import style
 from simrob_drake.stations.located import located_changes

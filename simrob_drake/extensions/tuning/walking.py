@@ -24,7 +24,7 @@ from simrob_drake.extensions.tuning.journal import COMPLETED, Row, Trial
 from simrob_drake.extensions.tuning.scene import DRAKE, ENGINE, GAIT, PROGRAM, Scene
 from simrob_drake.parts.forces import place_of
 from simrob_drake.parts.monitors.sections import Fall
-from simrob_drake.parts.site import named
+from simrob_drake.parts.resolved import named
 from simrob_drake.parts.targets import frame_names
 from simrob_drake.programs.gaits.registry import gaits_of
 from simrob_drake.results.record.walks import headings

@@ -11,6 +11,7 @@ from simrob_drake.base.errors import InvalidModel
 from simrob_drake.base.folders import cache_entry, written_at_once
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.interrupts import heard_afterwards
+from simrob_drake.base.packages import OutsideBorder
 from simrob_drake.importer.meshes.checks import MESH_FORMATS, UnreadableMesh
 from simrob_drake.importer.meshes.parts import (
     MeshPart,
@@ -25,7 +26,6 @@ from simrob_drake.importer.meshes.parts import (
 )
 from simrob_drake.importer.meshes.places import MeshMissing, MeshPlaces
 from simrob_drake.importer.meshes.reading import mesh_content, read_mesh
-from simrob_drake.importer.packages import OutsideBorder
 
 Scale = tuple[float, float, float]
 _KEPT = 4  # how many meshes are kept in memory: the same file is mostly used again at once, for the collision

@@ -10,9 +10,9 @@ from typing import NamedTuple
 from urllib.parse import unquote
 
 from simrob_drake.base.errors import shortened
+from simrob_drake.base.packages import Border, OutsideBorder, resolved, sorted_entries
 from simrob_drake.importer.meshes.checks import references
-from simrob_drake.importer.options import ImportOptions
-from simrob_drake.importer.packages import Border, OutsideBorder, resolved, sorted_entries
+from simrob_drake.robots.imports import ImportOptions
 
 _NETWORK = ("http", "https", "ftp")
 _ENDS = 12  # how many parts of a path that is wrong at its beginning are tried

@@ -19,7 +19,7 @@ from contextlib import suppress
 from typing import IO, Any, cast
 
 from simrob_drake.base.errors import shortened
-from simrob_drake.importer.options import ImportReport
+from simrob_drake.robots.imports import ImportReport
 
 MAX_OUTPUT = 20_000_000  # of one line that the process says [bytes]
 _ENVIRONMENT = ("LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH")  # without which some builds of Python do not start

@@ -8,10 +8,10 @@ from pathlib import Path
 from simrob_drake.base.extension import BrokenExtension, MissingExtension
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.importer.importer import RobotImporter, load_importer
-from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.reading.xacro import XACRO, expanded
 from simrob_drake.importer.reading.xml_file import parse_tree, xml_text
 from simrob_drake.importer.sdf.reading import read_sdf
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import DRAKE
 
 _HIDDEN = re.compile(r"<(link|joint|visual|collision|inertial|transmission|geometry|mesh|origin|limit|mimic)\b[^<]*>")

@@ -22,11 +22,11 @@ from typing import Any
 from simrob_drake.base.errors import InvalidModel, shortened
 from simrob_drake.base.extras import lacking
 from simrob_drake.base.files import NotRead, text_of
+from simrob_drake.base.packages import Border, OutsideBorder, sorted_entries
 from simrob_drake.importer.meshes.places import unknown_package
-from simrob_drake.importer.options import ImportOptions, ImportReport
-from simrob_drake.importer.packages import Border, OutsideBorder, sorted_entries
 from simrob_drake.importer.reading.child import ChildFailed, in_child
 from simrob_drake.importer.reading.xml_file import included, xml_text
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 
 XACRO = "xacro:"  # what stands before the names of xacro's elements
 

@@ -15,7 +15,7 @@ from typing import TypeVar
 from xml.parsers import expat
 
 from simrob_drake.base.files import NotRead, content_of
-from simrob_drake.importer.options import ImportReport
+from simrob_drake.robots.imports import ImportReport
 from simrob_drake.robots.urdf import DRAKE, LARGEST_URDF, MOST_TAGS
 
 MAX_DEPTH = 60  # of elements in elements; a URDF has six levels

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from simrob_drake.importer.options import ImportOptions, ImportReport
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import MOVABLE_JOINTS, joints_at, link_of, name_of, outward, pose_of, root_link
 
 FLOATING_MARK = "simrob_base"

@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from simrob_drake.base.constants import STANDARD_GRAVITY
-from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.base import find_base
 from simrob_drake.importer.repairs.names import FreeNames
 from simrob_drake.importer.repairs.structure import number
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import (
     DRAKE,
     MOVABLE_JOINTS,

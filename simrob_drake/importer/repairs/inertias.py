@@ -9,10 +9,10 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.tree import RotationalInertia, SpatialInertia
 
 from simrob_drake.base.frames import Vector
-from simrob_drake.importer.options import EntryKind, ImportOptions, ImportReport
 from simrob_drake.importer.repairs.base import find_base
 from simrob_drake.importer.repairs.structure import number
 from simrob_drake.robots.bodies import bodies, carriers
+from simrob_drake.robots.imports import EntryKind, ImportOptions, ImportReport
 from simrob_drake.robots.plausibility import robot_doubts
 from simrob_drake.robots.shape_inertia import inertia_of_shapes
 from simrob_drake.robots.urdf import (

@@ -14,10 +14,10 @@ from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.base.errors import nearest, shortened
-from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.base import FLOATING_MARK
 from simrob_drake.importer.repairs.structure import drop_lost_frames, number
 from simrob_drake.robots.fingers import FOLLOWS, mimic_line
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import (
     DRAKE,
     MOVABLE_JOINTS,

@@ -2,8 +2,8 @@
 
 import xml.etree.ElementTree as ET
 
-from simrob_drake.importer.options import ImportReport
 from simrob_drake.importer.repairs.names import free_name
+from simrob_drake.robots.imports import ImportReport
 from simrob_drake.robots.urdf import DRAKE, add_colour, name_of, text
 
 DEFAULT_RGBA = [0.7, 0.7, 0.7, 1.0]  # of a material that is not defined: a light grey

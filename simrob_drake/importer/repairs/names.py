@@ -3,7 +3,7 @@
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 
-from simrob_drake.importer.options import ImportReport
+from simrob_drake.robots.imports import ImportReport
 from simrob_drake.robots.urdf import DRAKE, link_of, name_of
 
 WORLD = "world"  # Drake's own link; no robot's link can have its name

@@ -13,14 +13,14 @@ from dataclasses import replace
 from pathlib import Path, PurePath
 
 from simrob_drake.base.errors import shortened
+from simrob_drake.base.packages import OutsideBorder
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.hulls import box_of, hull_of, is_hull
 from simrob_drake.importer.meshes.library import Mesh, MeshLibrary, MeshWriter, Scale
 from simrob_drake.importer.meshes.parts import MeshPart, Rgba, plain, points_of
 from simrob_drake.importer.meshes.places import MeshPlaces
-from simrob_drake.importer.options import ImportOptions, ImportReport
-from simrob_drake.importer.packages import OutsideBorder
 from simrob_drake.importer.repairs.names import FreeNames, free_name
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import DRAKE, add_colour, drop_collision, name_of, place, pose_of, text
 from simrob_drake.robots.urdf_check import SHAPE_SIZES, numbers_in, shape_defect
 

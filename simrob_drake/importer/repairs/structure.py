@@ -14,9 +14,9 @@ from typing import NamedTuple
 from simrob_drake.base.errors import listed, nearest, shortened
 from simrob_drake.importer.loops import TAG as CLOSING
 from simrob_drake.importer.loops import LoopCoupling, closing_of_joint, second_parents
-from simrob_drake.importer.options import ImportOptions, ImportReport
 from simrob_drake.importer.repairs.names import names, repair_names
 from simrob_drake.robots.fingers import FOLLOWS
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import DRAKE, MOMENTS, MOVABLE_JOINTS, joints_at, link_of, name_of, outward
 from simrob_drake.robots.urdf_check import NUMBER, NUMBER_COUNTS, SHAPE_SIZES, check_parents, check_size
 

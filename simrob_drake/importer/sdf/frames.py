@@ -8,7 +8,7 @@ from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from simrob_drake.base.errors import shortened
-from simrob_drake.importer.options import ImportReport
+from simrob_drake.robots.imports import ImportReport
 from simrob_drake.robots.urdf import name_of
 from simrob_drake.robots.urdf_check import numbers_in
 

@@ -9,12 +9,12 @@ from os.path import isdir
 from pathlib import Path
 
 from simrob_drake.base.errors import one_of, shortened
+from simrob_drake.base.packages import MODEL_MANIFEST, OutsideBorder
 from simrob_drake.importer.meshes.places import MeshMissing, MeshPlaces
-from simrob_drake.importer.options import ImportOptions, ImportReport
-from simrob_drake.importer.packages import MODEL_MANIFEST, OutsideBorder
 from simrob_drake.importer.reading.xml_file import included, xml_element
 from simrob_drake.importer.sdf.frames import MODEL, version_of
 from simrob_drake.importer.sdf.robot import RobotWriter, moves
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import MOST_TAGS, name_of
 
 _MAIN = "model.sdf"

@@ -14,12 +14,12 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.yaml_files import read_yaml
-from simrob_drake.importer.options import ImportReport
 from simrob_drake.importer.repairs.materials import DEFAULT_RGBA
 from simrob_drake.importer.repairs.names import FreeNames
 from simrob_drake.importer.repairs.shapes import PLAIN
 from simrob_drake.importer.sdf.frames import MODEL, SCOPE, WORLD, Frames, named, own_pose
 from simrob_drake.importer.trees import ROOT, add_between
+from simrob_drake.robots.imports import ImportReport
 from simrob_drake.robots.urdf import (
     DRAKE,
     MOMENTS,

@@ -28,7 +28,9 @@ from simrob_drake.blocks.block import mapped
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.controllers.support import Balanced, Direction, Support
-from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
+from simrob_drake.parts.resolved import ResolvedRobot, Surroundings
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationRobot
 
 _TOUCHES = 0.003
 """How high above the lowest foot another still touches the floor, since servos and contacts give way [m]."""
@@ -180,10 +182,10 @@ class Balance(LoopSection):
         """Return what an input reads: of how the base turns, the plant's state unless a sensor is named."""
         parts = {"orientation": ("base_pose", slice(3, 7)), "angular_velocity": ("base_velocity", slice(3, 6))}
         output, part = parts.get(name, ("", slice(0)))
-        known = site.of_state.get(f"{robot.prefix}{output}")
+        known = site.outputs.of_state.get(f"{robot.prefix}{output}")
         if name in self.reads or known is None:
             return super().source(builder, name, robot, site, key)
-        site.draw_nothing(f"{key}.{name}")
+        site.picture.draw_nothing(f"{key}.{name}")
         return mapped(builder, f"{key}.{name}", known.matrix(site.state.size())[part], site.state)
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:

@@ -16,7 +16,9 @@ from simrob_drake.base.sections import NotNegative, Positive, Triple
 from simrob_drake.blocks.sampled import Changes, Named, RunEnds, SampledBlock
 from simrob_drake.parts.controllers.loop import LoopSection, check_force_is_read
 from simrob_drake.parts.monitors.sections import force_limit
-from simrob_drake.parts.site import WORLD, ResolvedRobot, Site, StationRobot, Surroundings
+from simrob_drake.parts.resolved import WORLD, ResolvedRobot, Surroundings
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.parts.targets import frame_of
 from simrob_drake.robots.axis_map import AxisMap, AxisValues
 

@@ -13,7 +13,9 @@ from simrob_drake.base.sections import Boolean, Integer
 from simrob_drake.blocks.sampled import Changes, Named, RunEnds, SampledBlock
 from simrob_drake.parts.controllers.loop import ASKED, LoopSection
 from simrob_drake.parts.ground import Ground
-from simrob_drake.parts.site import Site, StationRobot, Surroundings
+from simrob_drake.parts.resolved import Surroundings
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.gaits_file import gaits_file
 from simrob_drake.walking.getting_up import RisingPosture, load_getting_up, postures
 from simrob_drake.walking.stride import eased

@@ -12,13 +12,16 @@ from pydrake.systems.primitives import Adder, AffineSystem, Multiplexer, Saturat
 
 from simrob_drake.base.errors import InvalidParameter, UnknownName, one_of
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.sections import Integer, Number, Positive, Strict
+from simrob_drake.base.sections import Integer, Number, Positive
 from simrob_drake.blocks.block import mapped
 from simrob_drake.blocks.sampled import SampledBlock
 from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.controllers.own import add_to, declare_output
+from simrob_drake.parts.controllers.section import ControllerSection
+from simrob_drake.parts.resolved import ResolvedRobot, Surroundings
 from simrob_drake.parts.sensors.sensor import Sensor
-from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationRobot
 
 if TYPE_CHECKING:
     from simrob_drake.parts.controllers.signal_flow import SignalFlow
@@ -39,7 +42,7 @@ ASKED = "asked"  # what an input is called that is the reference as it is below 
 Weight = Annotated[Number, Field(gt=0, le=1)]
 
 
-class LoopSection(Strict):
+class LoopSection(ControllerSection):
     """A section of ``controllers`` that is a loop of the package's.
 
     What its block gives tells how it drives axes: ``offset`` (n) is added to the reference [rad or m], ``target`` (n)
@@ -53,7 +56,6 @@ class LoopSection(Strict):
     """What it does at each sample, one after the other, as the block picture shows it."""
     uppermost: ClassVar[bool] = False  # whether it lies above all others, whatever their priorities
 
-    kind: str
     robot: str | None = None
     """Whom it drives; the only robot unless given."""
     rate: Positive = 100.0
@@ -126,7 +128,7 @@ class LoopSection(Strict):
         """Return the output that an input of the loop reads; raises UnknownName: nothing of that name is measured."""
         source = self.reads.get(name, "")
         direct = name if name.startswith(robot.prefix) else f"{robot.prefix}{name}"
-        if not source and direct in site.of_state:
+        if not source and direct in site.outputs.of_state:
             return of_state(builder, site, direct)
         for output in (f"{name}.{source}", source) if source else (f"{robot.prefix}{name}", name):
             if output in site.outputs:
@@ -146,8 +148,8 @@ def loops_of(controllers: Mapping[str, Any]) -> dict[str, LoopSection]:
 
 
 def flows_of(controllers: Mapping[str, Any]) -> "dict[str, SignalFlow]":
-    """Return those controllers that are signal flows, by name."""
-    return {name: section for name, section in controllers.items() if section.kind == "signal_flow"}
+    """The controllers that are signal flows, by name."""
+    return {name: section for name, section in controllers.items() if section.is_flow}
 
 
 def readers_of(controllers: Mapping[str, Any]) -> "dict[str, LoopSection | SignalFlow]":
@@ -171,8 +173,8 @@ def of_state(builder: DiagramBuilder, site: Site, output: str) -> OutputPort:
     name = f"{output}.of_state"
     if builder.HasSubsystemNamed(name):
         return builder.GetSubsystemByName(name).get_output_port()
-    site.draw_nothing(name)
-    return mapped(builder, name, site.of_state[output].matrix(site.state.size()), site.state)
+    site.picture.draw_nothing(name)
+    return mapped(builder, name, site.outputs.of_state[output].matrix(site.state.size()), site.state)
 
 
 def check_loops(station: Surroundings, loops: Mapping[str, LoopSection]) -> None:
@@ -200,10 +202,10 @@ def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSecti
     for name, section in loops.items():
         robot = site.robot(section.robot)
         wired[name] = section.wire(builder, name, robot, site)
-        site.notes[name] = {"kind": section.kind}
+        site.outputs.notes[name] = {"kind": section.kind}
         kind = section.kind.replace("_", " ")
         label = f"{wrapped(name)}\n{kind}, {section.rate:g} Hz" if kind != name else f"{kind}, {section.rate:g} Hz"
-        site.draw(f"controller.{name}", "loop", label, robot, inside=section.stages)
+        site.picture.draw(f"controller.{name}", "loop", label, robot, inside=section.stages)
         for output, port in wired[name].outputs.items():
             driven = {"offset": section.axes, "target": section.layered}.get(output)
             axes = robot.axes if driven is None else driven(robot)
@@ -326,4 +328,4 @@ def _drive(
 def _draw_layers(site: Site, system: str, robot: StationRobot) -> None:
     """Say that a system is part of the block that lays loops over the reference."""
     label = "Reference\nand loops,\njoint limits"
-    site.draw(system, "loop", label, robot, key=f"{robot.prefix}layers")
+    site.picture.draw(system, "loop", label, robot, key=f"{robot.prefix}layers")

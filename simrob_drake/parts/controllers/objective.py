@@ -23,7 +23,9 @@ from simrob_drake.blocks.block import mapped
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.controllers.flow_blocks import chosen, largest, least
 from simrob_drake.parts.controllers.loop import LoopSection, Wired
-from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
+from simrob_drake.parts.resolved import ResolvedRobot
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationRobot
 
 MEMORY = ("integral", "asked", "effort", "number", "held", "begun")
 """What the law remembers: x, what is asked for, u, the number of the target, how long it has been asked for [s], and
@@ -154,17 +156,16 @@ class Objective(LoopSection):
         if name != "measured" or name in self.reads:
             return super().source(builder, name, robot, site, key)
         signal, entry = self._measured(site, key)
-        site.draw_nothing(f"{key}.measured")
-        if signal.output in site.of_state:
-            return mapped(
-                builder, f"{key}.measured", site.of_state[signal.output].matrix(site.state.size())[[entry]], site.state
-            )
+        site.picture.draw_nothing(f"{key}.measured")
+        if signal.output in site.outputs.of_state:
+            matrix = site.outputs.of_state[signal.output].matrix(site.state.size())
+            return mapped(builder, f"{key}.measured", matrix[[entry]], site.state)
         output = super().source(builder, signal.output, robot, site, key)
         return mapped(builder, f"{key}.measured", np.eye(output.size())[[entry]], output)
 
     def _measured(self, site: Site, key: str) -> tuple[Signal, int]:
         """Return the signal that the column belongs to, and its place in the output."""
-        measured = [signal for signal in site.signals if signal.output in site.outputs]
+        measured = [signal for signal in site.outputs.signals if signal.output in site.outputs]
         for signal in measured:
             if self.measures in signal.names:
                 place = signal.names.index(self.measures)

@@ -7,18 +7,19 @@ import sys
 from collections.abc import Collection, Mapping, Sequence
 from os.path import isfile
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import ConfigDict, Field
 from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort, PortDataType
 from pydrake.systems.primitives import PassThrough
 
 from simrob_drake.base.errors import InvalidParameter, one_of, quoted
-from simrob_drake.base.sections import Strict
 from simrob_drake.base.signals import Panel, Signal
 from simrob_drake.blocks.block import summed
 from simrob_drake.parts.captions import wrapped
-from simrob_drake.parts.site import Site, StationRobot
+from simrob_drake.parts.controllers.section import ControllerSection
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationRobot
 
 
 def declare_output(
@@ -48,7 +49,7 @@ def declare_output(
     panel = Panel(f"controller_{name}", f"the block '{name}'", called, f"{called} [{unit}]", names, tuple(components))
     picked = indices if len(indices) < size else None
     units = tuple(unit.split(", ")) if ", " in unit else (unit,) * len(names)
-    site.add(output, port, Signal(names, units, "own", output, picked, part=name, panel=panel))
+    site.outputs.add(output, port, Signal(names, units, "own", output, picked, part=name, panel=panel))
 
 
 def add_to(builder: DiagramBuilder, site: Site, key: str, added: Sequence[OutputPort], *, name: str) -> None:
@@ -56,10 +57,10 @@ def add_to(builder: DiagramBuilder, site: Site, key: str, added: Sequence[Output
     reference = builder.AddNamedSystem(f"{key}.before_{name}", PassThrough(added[0].size()))
     inner, site.inputs[key] = site.inputs[key], reference.get_input_port()
     builder.Connect(summed(builder, f"{key}.{name}", reference.get_output_port(), *added), inner)
-    site.draw_nothing(key)
+    site.picture.draw_nothing(key)
 
 
-class OwnController(Strict):
+class OwnController(ControllerSection):
     """A block of the user's own, from Python code that is run: only where that is allowed (`--allow-code`).
 
     Inputs that are named as outputs of the station, or of another controller (`<controller>.<output>`), read those,
@@ -69,6 +70,7 @@ class OwnController(Strict):
     """
 
     model_config = ConfigDict(serialize_by_alias=True)
+    runs_code: ClassVar[bool] = True
 
     kind: Literal["own"]
     class_: str = Field(alias="class", pattern=r"^[^:]+:[A-Za-z_][\w.]*$")
@@ -110,8 +112,8 @@ class OwnController(Strict):
 
 
 def own_blocks(controllers: Mapping[str, Any]) -> Mapping[str, LeafSystem]:
-    """Return the blocks of those that are the user's own, made anew, by name."""
-    own = {name: section for name, section in controllers.items() if section.kind == "own"}
+    """Make the blocks of the controllers that run the user's own code, by name."""
+    own = {name: section for name, section in controllers.items() if section.runs_code}
     return {name: section.block(f"controllers.{name}") for name, section in own.items()}
 
 
@@ -175,8 +177,8 @@ def add_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, Lea
     site.blocks.update(blocks)
     for name, block in blocks.items():
         builder.AddNamedSystem(f"controller.{name}", block)
-        site.notes[name] = {"kind": type(block).__name__}
-        site.draw(f"controller.{name}", "own", f"{wrapped(name)}\n{type(block).__name__}")
+        site.outputs.notes[name] = {"kind": type(block).__name__}
+        site.picture.draw(f"controller.{name}", "own", f"{wrapped(name)}\n{type(block).__name__}")
         for port in _outputs(block):
             if port.get_name() not in site.inputs:
                 unit, components = (getattr(block, key, {}).get(port.get_name()) for key in ("units", "components"))
@@ -200,10 +202,11 @@ def wire_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, Le
 def _read(builder: DiagramBuilder, site: Site, name: str, port: InputPort) -> None:
     name_of_port = port.get_name()
     if port.get_data_type() != PortDataType.kVectorValued:
-        if name_of_port not in site.images:
-            expected = f"a vector, or image.<sensor> of a camera with in_loop ({', '.join(site.images) or 'none'})"
+        if name_of_port not in site.outputs.images:
+            known = ", ".join(site.outputs.images) or "none"
+            expected = f"a vector, or image.<sensor> of a camera with in_loop ({known})"
             raise InvalidParameter(f"the input {name_of_port} of the block {name}", "abstract", expected)
-        builder.Connect(site.images[name_of_port], port)
+        builder.Connect(site.outputs.images[name_of_port], port)
         return
     one_of(f"output of the station for the input of the block {name} called", name_of_port, site.outputs)
     source = site.port(builder, name_of_port)

@@ -17,7 +17,9 @@ from simrob_drake.base.sections import NotNegative, Number, Positive, Strict
 from simrob_drake.blocks.sampled import Changes, Named, RunEnds, SampledBlock
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.ground import Ground
-from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
+from simrob_drake.parts.resolved import ResolvedRobot
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.catalog import RobotModel
 
 REACHED = "reached"  # what the block remembers last: when each cell was reached [s], -1 until then
@@ -85,6 +87,16 @@ class Sequencer(Pace, LoopSection):
                     key = f"cells[{number}].targets_deg.{axis}"
                     raise InvalidParameter(key, f"{violation.value} {violation.unit}", f"within {violation.limits}")
         return robot.axes
+
+    def cell_times(self, groups: Sequence[Vector]) -> list[float | None]:
+        """Times at which each cell was reached, since the start of the sequencer [s]; None for a cell not reached.
+
+        Args:
+            groups: discrete state of the block, one vector for each group.
+        """
+        # The block keeps the times at the end of its last group. They are negative for cells that were not reached.
+        times = groups[-1][-len(self.cells) :].tolist()
+        return [round(time, 9) if time >= 0 else None for time in times]
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         model = robot.model

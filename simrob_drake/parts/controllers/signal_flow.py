@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from graphlib import CycleError
 from itertools import accumulate
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, TypeAdapter
@@ -47,8 +47,10 @@ from simrob_drake.parts.controllers.flow_states import (
     ZeroOrderHold,
 )
 from simrob_drake.parts.controllers.own import add_to, declare_output
+from simrob_drake.parts.controllers.section import ControllerSection
 from simrob_drake.parts.monitors.monitor import add_monitor
-from simrob_drake.parts.site import Site, Surroundings
+from simrob_drake.parts.resolved import Surroundings
+from simrob_drake.parts.site import Site
 from simrob_drake.parts.targets import check_frame, frame_of
 
 _ONE, _TIME = "one", "time"
@@ -92,18 +94,20 @@ class FlowForce(Strict):
             builder.Connect(ports[output], block.get_command_input_port())
             site.spatial_forces.append(block.get_spatial_forces_output_port())
             what, unit = ("torque", "N·m") if turns else ("force", "N")
-            site.draw(output, "force", f"{what.capitalize()} '{name}'\nat {self.at}")
+            site.picture.draw(output, "force", f"{what.capitalize()} '{name}'\nat {self.at}")
             title = f"applied {what} '{name}' at {self.at}, in its axes"
-            site.add(output, ports[output], applied_signal(output, unit, title, part=name))
+            site.outputs.add(output, ports[output], applied_signal(output, unit, title, part=name))
 
 
-class SignalFlow(Strict):
+class SignalFlow(ControllerSection):
     """A control law of blocks that compute, filter and compare, as they are drawn in Simulink.
 
     Blocks read other blocks by their names (`Plant.1` is an element of an output of several), and signals of the
     station by those of its results (`q.joint_1`, `q_ref.joint_1`, `tcp.z`, a sensor's). Each block's output is a
     signal, ``<controller>.<block>``. Outputs are exact in time: blocks with states are part of the station's.
     """
+
+    is_flow: ClassVar[bool] = True
 
     kind: Literal["signal_flow"]
     robot: str | None = None
@@ -171,9 +175,10 @@ class SignalFlow(Strict):
             declare_output(site, name, opening.get_output_port(), "1", called=block)
         net = _Net(site, f"controllers.{name}", robot.prefix if robot else "", {**self._all, **torque}, opened)
         ports = net.add(builder, f"controller.{name}", integrated=integrated)
-        site.notes[name] = {"kind": self.kind}
+        site.outputs.notes[name] = {"kind": self.kind}
         label = f"{wrapped(name)}\nsignal flow, {len(self.blocks)} blocks"
-        site.draw(f"controller.{name}", "loop", label, robot, net=net.inner_blocks if len(ports) <= _DRAWN else None)
+        inner_blocks = net.inner_blocks if len(ports) <= _DRAWN else None
+        site.picture.draw(f"controller.{name}", "loop", label, robot, net=inner_blocks)
         shown = self.blocks if self.signals is None else self.signals
         for block, port in ports.items():
             if block in shown or block in self.stops:
@@ -271,7 +276,7 @@ class _Net:
             return block, index
         known = [*self.blocks, _ONE, _TIME]
         outputs = {} if self.site is None else self.site.outputs
-        for signal in [] if self.site is None else self.site.signals:
+        for signal in [] if self.site is None else self.site.outputs.signals:
             if signal.output not in outputs or signal.role in _AT_ONCE:
                 continue
             for column in (f"{self.prefix}{term}", term):

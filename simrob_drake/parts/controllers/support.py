@@ -14,7 +14,7 @@ from pydrake.multibody.tree import Frame, RevoluteJoint, RigidBody
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
-from simrob_drake.parts.site import StationRobot
+from simrob_drake.parts.station_plant import StationRobot
 
 _COUNTS = 0.003  # by how much a point of the feet is higher than the lowest when it counts e times less [m]
 _LOWEST = 0.01  # the least height of the centre of mass that is reckoned with [m]: a robot that lies has fallen

@@ -15,7 +15,9 @@ from simrob_drake.base.sections import NotNegative, Positive
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.controllers.support import Limb, limb_to
-from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot
+from simrob_drake.parts.resolved import ResolvedRobot
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.urdf import link_of, name_of
 
 _FOLLOWS, _TOUCHED, _STANDS = 0.0, 1.0, 2.0

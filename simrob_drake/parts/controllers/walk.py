@@ -1,7 +1,7 @@
 """A loop that walks: from commands, and what the robot does, to the reference of its legs."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, ClassVar, Literal
 
@@ -14,8 +14,11 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.sections import Boolean
 from simrob_drake.blocks.sampled import TIME, Changes, Named, RunEnds, SampledBlock
 from simrob_drake.parts.controllers.loop import LoopSection
+from simrob_drake.parts.controllers.section import CommandPart, TimedCommand
 from simrob_drake.parts.controllers.support import axes_to
-from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
+from simrob_drake.parts.resolved import ResolvedRobot, Surroundings
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.gaits_file import gaits_file
 from simrob_drake.walking.body import Body
 from simrob_drake.walking.commands import Commanded, Commander, Follower, Waypoints, beyond, clipped, command_of
@@ -35,6 +38,17 @@ class Walk(LoopSection):
     """Walk by commands, which may change at any time, and answer what disturbs the robot."""
 
     stages: ClassVar[tuple[str, ...]] = ("Estimator\ncapture point", "Planner\nnext steps", "Legs\ninverse kinematics")
+    command_parts: ClassVar[tuple[CommandPart, ...]] = (
+        CommandPart("ahead", "m/s", "ahead ↑ ↓ [m/s]", keys=("ArrowDown", "ArrowUp")),
+        CommandPart("left", "m/s", "left Q E [m/s]", keys=("KeyE", "KeyQ")),
+        CommandPart("turn", "rad/s", "turn ← → [°/s]", keys=("ArrowRight", "ArrowLeft"), slider_unit=math.radians(1)),
+    )
+    command_key: ClassVar[str] = "commands"
+    remarks: ClassVar[Mapping[str, str]] = {
+        "clipped": "is asked for more than its legs can follow, and does what they can",
+        "blind": "reads what is not a number, and goes on as planned",
+    }
+    camera_follows: ClassVar[bool] = True
 
     kind: Literal["walk"]
     gait: dict[str, Any] = Field(default_factory=dict)
@@ -103,10 +117,31 @@ class Walk(LoopSection):
                 found.append(f"{name}, {value:g} {unit}, is clipped to {limit:g} {unit}")
         return found
 
-    def commanded(self, rows: Sequence[Commanded]) -> "Walk":
-        """Return it with commands in place of those from the first of their times on."""
-        before = [row for row in self.commands if rows and row.time < rows[0].time]
-        return self.model_copy(update={"commands": (*before, *rows)}) if rows else self
+    def command_limits(self, robot: ResolvedRobot) -> list[tuple[float, float]]:
+        """Limits of the speeds ahead and to the left [m/s] and of the turn [deg/s] that the legs can follow."""
+        limits = self.walking(robot).max_speed
+        return [
+            (-limits.backward, limits.ahead),
+            (-limits.sideways, limits.sideways),
+            (-limits.turn_deg, limits.turn_deg),
+        ]
+
+    def command_at(self, time: float) -> tuple[float, ...]:
+        """The command of the section at a time [s]: speeds ahead and to the left [m/s], and turn [rad/s].
+
+        They are zero before the first command.
+        """
+        begun = [row for row in self.commands if row.time <= time]
+        return _values(begun[-1] if begun else Commanded())
+
+    def rounded_command(self, command: TimedCommand) -> TimedCommand:
+        """Round the turn of a command to what the section's file can hold in degrees."""
+        return command._replace(values=_values(_row(command)))
+
+    def with_commands(self, commands: Sequence[TimedCommand]) -> "Walk":
+        """Copy the section with commands in place of its own from the time of the first one on."""
+        before = [row for row in self.commands if row.time < commands[0].time]
+        return self.model_copy(update={"commands": (*before, *map(_row, commands))})
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         parameters, feet = self.walking(robot), robot.feet
@@ -139,6 +174,22 @@ class Walk(LoopSection):
             np.deg2rad(posture),
             Commander(self.commands, path),
         )
+
+
+# Decimals of a turn in degrees per second: a file holds no more, and its run must get equal numbers to the last bit.
+_TURN_DECIMALS = 9
+
+
+def _row(command: TimedCommand) -> Commanded:
+    """Convert a command to an entry of the section's ``commands``, with the turn in degrees."""
+    ahead, left, turn = command.values
+    turn_deg = round(math.degrees(turn), _TURN_DECIMALS)
+    return Commanded(time=command.time, ahead=ahead, sideways=left, turn_deg=turn_deg)
+
+
+def _values(row: Commanded) -> tuple[float, ...]:
+    """Convert an entry of ``commands`` to the numbers of a command: ahead and left [m/s], turn [rad/s]."""
+    return row.ahead, row.sideways, math.radians(row.turn_deg)
 
 
 class WalkingLoop(SampledBlock):
@@ -182,9 +233,14 @@ class WalkingLoop(SampledBlock):
         memory |= Commander.MEMORY
         super().__init__(period=1 / section.rate, reads=reads, memory=memory, gives=tuple(outputs))
 
-    def command_by_hand(self, context: Context, command: Command) -> None:
-        """Ask for something from the next sample on, before all else and to the end of the run; the context changes."""
-        self.remember(context, {"hand": np.array([1.0, command.speed.real, command.speed.imag, command.turn])})
+    def command_by_hand(self, context: Context, values: Sequence[float]) -> None:
+        """Command the walk from the next sample on, to the end of the run. No other command counts any more.
+
+        Args:
+            context: context of the block, which is changed.
+            values: speeds ahead and to the left [m/s], and turn [rad/s].
+        """
+        self.remember(context, {"hand": np.array([1.0, *values])})
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return the next posture."""

@@ -11,7 +11,8 @@ from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.frames import XYZ_QUATERNION_NAMES, Vector
 from simrob_drake.base.sections import NotNegative, Strict
 from simrob_drake.blocks.monitor import Condition, Monitor, Trigger
-from simrob_drake.parts.site import ResolvedRobot, Site, Surroundings, named
+from simrob_drake.parts.resolved import ResolvedRobot, Surroundings, named
+from simrob_drake.parts.site import Site
 
 
 class MonitorSection(Strict, ABC):
@@ -65,11 +66,11 @@ def add_monitor(
     builder: DiagramBuilder | None, site: Site, name: str, trigger: Trigger, robot: str | None = None
 ) -> None:
     """Add a monitor, of a robot perhaps; without a builder only the site knows it, for who records the run."""
-    site.monitors[name] = trigger
+    site.outputs.monitors[name] = trigger
     if builder is not None:
         monitor = Monitor(trigger.condition, hold=trigger.hold, after=trigger.after)
         builder.AddNamedSystem(f"monitor.{name}", monitor)
-        site.draw(f"monitor.{name}", "sensor", f"Monitor\n{name}", None if robot is None else site.robot(robot))
+        site.picture.draw(f"monitor.{name}", "sensor", f"Monitor\n{name}", None if robot is None else site.robot(robot))
         for output in trigger.condition.watched:
             builder.Connect(site.port(builder, output), monitor.GetInputPort(output))
 

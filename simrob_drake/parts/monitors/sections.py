@@ -14,7 +14,7 @@ from simrob_drake.base.sections import NotNegative, Number, Positive, Strict, Tr
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.blocks.monitor import Condition
 from simrob_drake.parts.monitors.monitor import MonitorSection, PoseMonitorSection, SensorMonitorSection, of_axes, worst
-from simrob_drake.parts.site import ResolvedRobot, Surroundings
+from simrob_drake.parts.resolved import ResolvedRobot, Surroundings
 from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.description_files import gripper_advice
 from simrob_drake.robots.grasps import stroke_of

@@ -11,7 +11,7 @@ which triangulate does (K. Khoshelham and S. Oude Elberink, Sensors 12, 2012, eq
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -40,8 +40,10 @@ from simrob_drake.base.frames import Vector, transform_from_pose
 from simrob_drake.base.lifetime import weakly
 from simrob_drake.base.sections import ORIGIN, Boolean, Integer, NotNegative, Pose, Positive
 from simrob_drake.blocks.block import Block, fed
+from simrob_drake.parts.resolved import WORLD
 from simrob_drake.parts.sensors.sensor import Sensor, sensor_label
-from simrob_drake.parts.site import WORLD, Site, StationPlant
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.parts.targets import frame_of, owner_of_shape
 
 _RENDERER = "cameras"
@@ -159,6 +161,8 @@ _INSIDE = 1e-3  # m: one on the face of a link is not inside of it
 class CameraSensor(Sensor):
     """A camera; its images are taken after the run, and then cost it nothing."""
 
+    takes_images: ClassVar[bool] = True
+
     kind: Literal["camera"]
     frame: str = WORLD
     """What it is fixed to: a link or a tool of a robot, a piece (its TCP), or `world`."""
@@ -204,13 +208,13 @@ class CameraSensor(Sensor):
         """Let loops look through it if they may; it has no signals."""
         parent, pose = self.mount(site.plant)
         self._check_outside(name, site.plant, parent, pose)
-        site.notes[name] = {"kind": self.kind, "frame": self.frame}
+        site.outputs.notes[name] = {"kind": self.kind, "frame": self.frame}
         if self.in_loop:
             let_render(site.plant.scene_graph)
             block = CameraBlock(self.lens, parent=parent, pose=pose)
             query = site.plant.scene_graph.get_query_output_port()
-            site.images[f"image.{name}"] = fed(builder, f"sensor.{name}", block, query)
-            site.draw(f"sensor.{name}", "sensor", sensor_label("Camera", name))
+            site.outputs.images[f"image.{name}"] = fed(builder, f"sensor.{name}", block, query)
+            site.picture.draw(f"sensor.{name}", "sensor", sensor_label("Camera", name))
 
     def mount(self, plant: StationPlant) -> tuple[FrameId, RigidTransform]:
         """Return the frame of the geometry that it moves with, and its pose in that."""

@@ -17,8 +17,9 @@ from simrob_drake.base.sections import ORIGIN, Boolean, Integer, NotNegative, Po
 from simrob_drake.base.signals import POSE, VELOCITY, Panel, Signal
 from simrob_drake.blocks.block import Block, fed
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
+from simrob_drake.parts.resolved import WORLD, Surroundings
 from simrob_drake.parts.sensors.sensor import SampledSensor, Sensor, axis_names, normal, sensor_label
-from simrob_drake.parts.site import WORLD, Site, Surroundings
+from simrob_drake.parts.site import Site
 from simrob_drake.parts.targets import check_frame, frame_of
 
 _INERTIAL = {
@@ -62,7 +63,7 @@ class Imu(SampledSensor):
             panel = Panel(f"imu_{name}", f"the IMU '{name}'", quantity, f"{quantity} [{unit}]", names)
             signals[part] = Signal(names, (unit,) * len(names), "inertial", part=name, panel=panel)
         self._give(builder, site, name, block=block, title="IMU", inputs={"state": site.state}, signals=signals)
-        site.notes[name] = {"kind": self.kind, "frame": frame}
+        site.outputs.notes[name] = {"kind": self.kind, "frame": frame}
 
     def _frame_name(self, station: Surroundings, key: str) -> str:
         if self.frame is not None:
@@ -164,13 +165,13 @@ class FrameSensor(Sensor):
         )
         block = RelativeMotion(plant=site.plant.plant, ends=ends, axes=self.axes, turning=self.turning)
         fed(builder, f"sensor.{name}", block, site.state)
-        site.draw(f"sensor.{name}", "sensor", sensor_label("Transform sensor", name))
+        site.picture.draw(f"sensor.{name}", "sensor", sensor_label("Transform sensor", name))
         for part, (columns, units, quantity) in _RELATIVE.items():
             names, output = axis_names("frame", name, columns), f"frame_{part}.{name}"
             panel = Panel(f"frame_{name}", f"'{self.frame}' from '{self.base}'", part, quantity, names[:3])
             signal = Signal(names, units, "pose" if part == "pose" else "motion", output, part=name, panel=panel)
-            site.add(output, block.GetOutputPort(part), signal)
-        site.notes[name] = {"kind": self.kind, "frame": self.frame, "base": self.base}
+            site.outputs.add(output, block.GetOutputPort(part), signal)
+        site.outputs.notes[name] = {"kind": self.kind, "frame": self.frame, "base": self.base}
 
 
 class RelativeMotion(Block):

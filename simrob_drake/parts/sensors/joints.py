@@ -15,8 +15,10 @@ from simrob_drake.blocks.command_bus import rounded
 from simrob_drake.blocks.joint_torque import JointTorqueSensor
 from simrob_drake.blocks.momentum_observer import MomentumObserver
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
+from simrob_drake.parts.resolved import ResolvedRobot, Surroundings
 from simrob_drake.parts.sensors.sensor import SampledSensor, Sensor, axis_names, normal, sensor_label
-from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationRobot
 
 
 class Encoders(SampledSensor):
@@ -54,7 +56,7 @@ class Encoders(SampledSensor):
             signals[output] = Signal(names, units, "motion", part=name, panel=panel)
         inputs = {"position": site.port(builder, f"{robot.prefix}position")}
         self._give(builder, site, name, block=block, title="Encoders", inputs=inputs, signals=signals, robot=robot)
-        site.notes[name] = {"kind": self.kind}
+        site.outputs.notes[name] = {"kind": self.kind}
 
 
 class JointEncoders(SampledBlock):
@@ -116,14 +118,14 @@ class JointTorque(Sensor):
         names, units = axis_names("joint_torque", name, robot.axes), robot.model.effort_units
         panel = sensor_panel(f"joint torque '{name}'", "torque", names, units)
         port = _port(builder, site, name, robot)
-        site.add(output, port, Signal(names, tuple(units), "effort", output, part=name, panel=panel))
+        site.outputs.add(output, port, Signal(names, tuple(units), "effort", output, part=name, panel=panel))
 
 
 def _port(builder: DiagramBuilder, site: Site, name: str, robot: StationRobot) -> OutputPort:
     if not site.station.engine.moves_by_forces:  # what inverse dynamics gives is what the joints hand on
         return site.outputs[f"{robot.prefix}torque"]
     block = JointTorqueSensor(joints=robot.joints, signs=robot.axis_map.signs)
-    site.draw(f"sensor.{name}", "sensor", sensor_label("Joint torques", name), robot)
+    site.picture.draw(f"sensor.{name}", "sensor", sensor_label("Joint torques", name), robot)
     return fed(builder, f"sensor.{name}", block, site.plant.plant.get_reaction_forces_output_port())
 
 

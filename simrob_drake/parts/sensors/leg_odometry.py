@@ -37,8 +37,10 @@ from simrob_drake.base.frames import Vector, rotation_of, xyz_quaternion_from_tr
 from simrob_drake.base.sections import Boolean, Positive
 from simrob_drake.base.signals import POSE, VELOCITY, Panel, Signal
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
+from simrob_drake.parts.resolved import ResolvedRobot, Surroundings, named
 from simrob_drake.parts.sensors.sensor import SampledSensor, axis_names
-from simrob_drake.parts.site import ResolvedRobot, Site, StationRobot, Surroundings, named
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationRobot
 
 _COUNTS = 0.003  # by how much a point of the feet is higher than the lowest when it counts e times less [m]
 _BIAS = 1.0  # time constant of the bias of the accelerometer [s]
@@ -111,7 +113,7 @@ class LegOdometry(SampledSensor):
         weight = robot.plant.CalcTotalMass(soles.scratch, [robot.instance]) * float(np.linalg.norm(soles.gravity))
         outputs = {what: f"{what}.{read[sensor]}" for what, sensor in _READS.items()}
         outputs |= {foot: f"force.{read[foot]}" for foot in soles.feet if foot in read}
-        known = {**site.later, **site.outputs}
+        known = {**site.outputs.later, **site.outputs}
         block = BaseEstimator(
             self,
             soles,

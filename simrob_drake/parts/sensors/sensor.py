@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
@@ -16,12 +16,19 @@ from simrob_drake.base.lifetime import release_with
 from simrob_drake.base.sections import Boolean, NotNegative, Positive, Strict
 from simrob_drake.base.signals import Compute, Recorded, Signal
 from simrob_drake.blocks.block import fed
-from simrob_drake.parts.site import Site, StationRobot, Surroundings
+from simrob_drake.parts.resolved import Surroundings
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.parts.targets import check_frame
 
 
 class Sensor(Strict, ABC):
     """A section of ``sensors``."""
+
+    takes_images: ClassVar[bool] = False
+    """Whether it is a camera, whose images a result can save."""
+    measures_shapes: ClassVar[bool] = False
+    """Whether it measures the collision shapes of robots and pieces, which a kinematic station then has."""
 
     kind: str
 
@@ -124,7 +131,7 @@ class SampledSensor(Sensor):
         """
         if self.in_loop:
             builder.AddNamedSystem(f"sensor.{name}", block)
-            site.draw(f"sensor.{name}", "sensor", sensor_label(title, name), robot)
+            site.picture.draw(f"sensor.{name}", "sensor", sensor_label(title, name), robot)
             for port, source in inputs.items():
                 assert isinstance(source, OutputPort)  # what is read while stepping samples then, too
                 builder.Connect(source, block.GetInputPort(port))
@@ -133,11 +140,11 @@ class SampledSensor(Sensor):
         for port, signal in signals.items():
             if self.in_loop:
                 output = f"{port}.{name}"
-                site.add(output, block.GetOutputPort(port), replace(signal, output=output))
+                site.outputs.add(output, block.GetOutputPort(port), replace(signal, output=output))
             else:
                 compute = partial(_after_the_run, block=block, inputs=inputs, output=port)
-                site.later[f"{port}.{name}"] = compute
-                site.signals.append(replace(signal, compute=compute))
+                site.outputs.later[f"{port}.{name}"] = compute
+                site.outputs.signals.append(replace(signal, compute=compute))
 
 
 @lru_cache(maxsize=16)  # the bias of a sensor is drawn at each of its samples

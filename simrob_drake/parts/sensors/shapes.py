@@ -1,7 +1,7 @@
 """What collision shapes feel: how near another thing is, and the force with which it presses."""
 
 from collections.abc import Collection, Sequence
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -19,13 +19,16 @@ from simrob_drake.blocks.block import fed
 from simrob_drake.blocks.command_bus import rounded
 from simrob_drake.blocks.contacts import ContactReader, Contacts, DistanceSensor, ForceSensor
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
+from simrob_drake.parts.resolved import Surroundings
 from simrob_drake.parts.sensors.sensor import ShapeSensor, axis_names, check_contact, normal, sampled, sensor_label
-from simrob_drake.parts.site import Site, Surroundings
+from simrob_drake.parts.site import Site
 from simrob_drake.parts.targets import check_body, check_frame, frame_of, shapes_of
 
 
 class Distance(ShapeSensor):
     """Signed distance between two things [m]; negative: how deep they are in each other."""
+
+    measures_shapes: ClassVar[bool] = True
 
     kind: Literal["distance"]
     other: str = "floor"
@@ -44,10 +47,10 @@ class Distance(ShapeSensor):
         scene_graph = site.plant.scene_graph
         block = DistanceSensor(body=body, other=other, inspector=scene_graph.model_inspector())
         distance = fed(builder, f"sensor.{name}", block, scene_graph.get_query_output_port())
-        site.draw(f"sensor.{name}", "sensor", sensor_label("Distance sensor", name, self.rate))
+        site.picture.draw(f"sensor.{name}", "sensor", sensor_label("Distance sensor", name, self.rate))
         port, output = sampled(builder, f"sensor.{name}.hold", distance, self.rate), f"distance.{name}"
         panel = sensor_panel(f"distance '{name}'", "distance", [output], ["m"])
-        site.add(output, port, Signal((output,), ("m",), "distance", output, part=name, panel=panel))
+        site.outputs.add(output, port, Signal((output,), ("m",), "distance", output, part=name, panel=panel))
 
 
 _CONTACTS = "contacts"
@@ -110,12 +113,12 @@ class Force(ShapeSensor):
         block = ForceSensor(plant=plant, body=body, other=other, frame=frame, normal_only=normal_only)
         poses = site.plant.stepped.get_body_poses_output_port()
         wrench = fed(builder, f"sensor.{name}", block, _contacts(builder, site), poses)
-        site.draw(f"sensor.{name}", "sensor", sensor_label("Force sensor", name, self.rate))
+        site.picture.draw(f"sensor.{name}", "sensor", sensor_label("Force sensor", name, self.rate))
         split = Demultiplexer([3, 3])
         fed(builder, f"sensor.{name}.split", split, self._reported(builder, f"sensor.{name}.hold", wrench))
         tangential = self._tangential(site, body[0])
         balance = MomentumBalance(site, frame, body, other) if tangential == "momentum balance" else None
-        site.notes[name]["tangential"] = tangential
+        site.outputs.notes[name]["tangential"] = tangential
         across = "" if tangential == "contact" else f" (along the surface: {tangential})"
         names, moments = axis_names("force", name), axis_names("moment", name)
         felt = Signal(
@@ -127,9 +130,9 @@ class Force(ShapeSensor):
             panel=sensor_panel(f"contact force '{name}'{across}", "force", names, ["N"]),
             adjust=None if balance is None else balance.with_friction,
         )
-        site.add(f"force.{name}", split.get_output_port(0), felt)
+        site.outputs.add(f"force.{name}", split.get_output_port(0), felt)
         moment = Signal(moments, ("N·m",) * 3, "moment", f"moment.{name}", part=name)
-        site.add(f"moment.{name}", split.get_output_port(1), moment)
+        site.outputs.add(f"moment.{name}", split.get_output_port(1), moment)
 
     def _reported(self, builder: DiagramBuilder, name: str, wrench: OutputPort) -> OutputPort:
         if self.rate is None or not self._errs:
@@ -178,7 +181,7 @@ def _contacts(builder: DiagramBuilder, site: Site) -> OutputPort:
         return site.plant.stand_in.get_contact_results_output_port()
     if not builder.HasSubsystemNamed(_CONTACTS):
         fed(builder, _CONTACTS, ContactReader(), site.plant.stepped.get_contact_results_output_port())
-        site.draw_nothing(_CONTACTS)
+        site.picture.draw_nothing(_CONTACTS)
     return builder.GetSubsystemByName(_CONTACTS).get_output_port()
 
 

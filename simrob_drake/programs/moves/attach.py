@@ -1,14 +1,13 @@
 """A piece that is taken, or hung on something else (SimRob's PegarEn), and one that is let go."""
 
-from collections.abc import Mapping
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 from simrob_drake.base.sections import Boolean, Pose
-from simrob_drake.parts.site import WORLD
+from simrob_drake.parts.resolved import WORLD
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.grasps import let_go
 from simrob_drake.programs.model import StationModel, reparented
-from simrob_drake.programs.moves.move import Move, Outlook, Run, Stage, naming
+from simrob_drake.programs.moves.move import Move, NameOf, Outlook, Run, Stage, naming
 from simrob_drake.programs.stateful_station import StatefulStation
 from simrob_drake.stations.config import StationConfig
 
@@ -18,14 +17,12 @@ class AttachMove(Move):
 
     key: ClassVar[str] = "attach"
     says: ClassVar[str] = "attach {it.piece}"
-    title: ClassVar[str] = "Take a piece"
     brief: ClassVar[bool] = True
     takes_time: ClassVar[bool] = False
-    form: ClassVar[Mapping[str, str | float | None]] = {"piece": "pieces", "tool": "tools", "pose": "origin"}
 
-    piece: str
+    piece: Annotated[str, NameOf("pieces")]
     """Which."""
-    tool: str | None = None
+    tool: Annotated[str | None, NameOf("tools")] = None
     """With what: a tool or link of the robot, or a piece that it carries; the first tool unless given."""
     pose: Pose | None = None
     """Its pose in the hand, to put it there; it keeps its place in the world unless given."""
@@ -73,12 +70,10 @@ class ReleaseMove(Move):
 
     key: ClassVar[str] = "release"
     says: ClassVar[str] = "release {it.piece}"
-    title: ClassVar[str] = "Let a piece go"
     brief: ClassVar[bool] = True
     takes_time: ClassVar[bool] = False
-    form: ClassVar[Mapping[str, str | float | None]] = {"piece": "pieces", "fixed": None}
 
-    piece: str
+    piece: Annotated[str, NameOf("pieces")]
     """Which."""
     parent: str = WORLD
     """Where it is then: the world, or another piece that it hangs on."""

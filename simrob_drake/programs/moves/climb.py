@@ -31,9 +31,7 @@ class ClimbMove(Move):
     model_config = ConfigDict(extra="allow")
     key: ClassVar[str] = "climb"
     says: ClassVar[str] = "climb {it.distance:g} m"
-    title: ClassVar[str] = "Climb"
     of_arms: ClassVar[bool] = False
-    form: ClassVar[Mapping[str, str | float | None]] = {"distance": 1.0}
 
     distance: Positive
     """How far ahead of where it stands [m]."""

@@ -1,6 +1,5 @@
 """A robot that has fallen gets up where it lies."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import ClassVar
 
@@ -25,9 +24,7 @@ class GetUpMove(Move):
 
     key: ClassVar[str] = "get_up"
     says: ClassVar[str] = "get up"
-    title: ClassVar[str] = "Get up"
     of_arms: ClassVar[bool] = False
-    form: ClassVar[Mapping[str, str | float | None]] = {"attempts": None}
 
     attempts: Attempts = 5
     """How often it tries."""

@@ -3,9 +3,8 @@
 They hold it by friction alone.
 """
 
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 from pydantic import model_validator
@@ -13,7 +12,7 @@ from pydantic import model_validator
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.sections import Duration, NotNegative, Pose, Positive
-from simrob_drake.programs.moves.move import Move, Run
+from simrob_drake.programs.moves.move import Move, NameOf, Run
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.planning import POINTS, Planning
 from simrob_drake.programs.segments import joint_segment, joint_way
@@ -29,13 +28,11 @@ class ToolMove(Move):
     """A robot uses another tool; it takes no time."""
 
     key: ClassVar[str] = "tool"
-    title: ClassVar[str] = "Tool"
     brief: ClassVar[bool] = True
     takes_time: ClassVar[bool] = False
     of_legs: ClassVar[bool] = False
-    form: ClassVar[Mapping[str, str | float | None]] = {"name": "tools"}
 
-    name: str | None = None
+    name: Annotated[str | None, NameOf("tools")] = None
     """A tool of the robot, or a piece that it carries."""
     pose: Pose | None = None
     """Or its pose in the frame of the tool that the robot has now."""
@@ -129,9 +126,7 @@ class GripMove(FingerMove):
     """Fingers that close, until something is between them or all the way."""
 
     key: ClassVar[str] = "grip"
-    title: ClassVar[str] = "Grip"
     opens: ClassVar[bool] = False
-    form: ClassVar[Mapping[str, str | float | None]] = {"force": None, "width": None, "duration": None}
 
     force: Positive | None = None
     """With which each finger presses from then on [N]; the gripper's own unless given, or its motors' up to 100 N."""
@@ -168,9 +163,7 @@ class OpenMove(FingerMove):
     """Fingers that open."""
 
     key: ClassVar[str] = "open"
-    title: ClassVar[str] = "Open"
     opens: ClassVar[bool] = True
-    form: ClassVar[Mapping[str, str | float | None]] = {"width": None, "duration": None}
 
 
 def _known(stroke: Stroke | None, robot: RobotModel, key: str, value: float) -> Stroke:

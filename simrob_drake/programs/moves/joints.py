@@ -25,8 +25,6 @@ class JointMove(Move):
 
     key: ClassVar[str] = "target_deg"
     says: ClassVar[str] = ""  # moves of joints that follow each other are one run
-    title: ClassVar[str] = "Move joints"
-    form: ClassVar[Mapping[str, str | float | None]] = {"target_deg": "axes", "duration": None}
 
     target_deg: Targets
     """Absolute positions at the end."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import ConfigDict
@@ -14,7 +14,7 @@ from simrob_drake.programs.gaits.motion import JointMotion
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.legged_gait import perform, planned_gait
-from simrob_drake.programs.moves.move import Move, Outlook, Stage, naming
+from simrob_drake.programs.moves.move import Move, NameOf, Outlook, Stage, naming
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
@@ -25,11 +25,9 @@ class KickMove(Move):
 
     model_config = ConfigDict(extra="allow")
     key: ClassVar[str] = "kick"
-    title: ClassVar[str] = "Kick"
     of_arms: ClassVar[bool] = False
-    form: ClassVar[Mapping[str, str | float | None]] = {"ball": "pieces", "speed": None}
 
-    ball: str | None = None
+    ball: Annotated[str | None, NameOf("pieces")] = None
     """The piece to hit in its middle, seen when the kick begins; unless given the foot swings through the air."""
     toward: tuple[Number, Number] | None = None
     """The place in the world to which the ball shall go [m]; where the robot looks unless given."""

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache, reduce
 from operator import or_
-from typing import Annotated, Any, ClassVar, TypeAlias, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -52,6 +52,30 @@ class Outlook:
     changed: bool = False  # whether earlier moves changed it, so that what depends on it is to be planned anew
 
 
+@dataclass(frozen=True)
+class NameOf:
+    """Annotation of a key of a move whose value names something of the robot or its station.
+
+    Example: ``piece: Annotated[str, NameOf("pieces")]``. A form can then offer the names that there are.
+
+    Attributes:
+        what: ``pieces`` or ``tools`` of the station, ``gaits`` of the robot that go steps, or ``acts``, its gaits that
+            go no steps.
+    """
+
+    what: Literal["pieces", "tools", "gaits", "acts"]
+
+
+def named_things(kind: "type[Move]") -> dict[str, str]:
+    """What the keys of a kind of move name, as in `NameOf`, by the key. Keys that name nothing are left out."""
+    return {
+        key: mark.what
+        for key, field in kind.model_fields.items()
+        for mark in field.metadata
+        if isinstance(mark, NameOf)
+    }
+
+
 class Move(Strict):
     """A line of a program. A kind has its keys and overrides what is its own.
 
@@ -60,25 +84,24 @@ class Move(Strict):
 
     Attributes:
         key: by which a file tells it.
-        title: under which it is offered to users.
-        says: what it does, in a few words with fields of ``it``.
+        says: caption of the move in events and messages, a template with fields of ``it``.
         brief: whether its first field alone can stand for it.
         takes_time: whether it is a run of the station.
         of_arms: whether arms can do it.
         of_legs: whether robots with legs can.
-        form: the fields that pages ask for, each with what it is chosen among (``axes``, ``gaits``, ``acts``,
-            ``pieces`` or ``tools`` of the robot and its station), with ``origin`` where it is a frame's own pose or
-            none, or with what it holds at first; None: its default. Without any it is no move to offer.
     """
 
     key: ClassVar[str]
-    title: ClassVar[str]
     says: ClassVar[str] = "{it.key}"
     brief: ClassVar[bool] = False
     takes_time: ClassVar[bool] = True
     of_arms: ClassVar[bool] = True
     of_legs: ClassVar[bool] = True
-    form: ClassVar[Mapping[str, str | float | None]] = {}
+
+    # Title and form for the pendant, which a move of another package may assign. The core gives them no values: the
+    # pendant has those of the toolbox's own moves.
+    title: ClassVar[str]
+    form: ClassVar[Mapping[str, str | float | None]]
 
     @model_validator(mode="before")
     @classmethod
@@ -108,8 +131,12 @@ class Move(Strict):
         return self.says.format(it=self) + (f" of {whose}" if whose else "")
 
     def pieces(self) -> Iterable[str]:
-        """Return the pieces that it depends on: those that its form asks for."""
-        return [piece for key, what in self.form.items() if what == "pieces" and (piece := getattr(self, key))]
+        """Names of the pieces that the move depends on."""
+        keys = [key for key, what in named_things(type(self)).items() if what == "pieces"]
+        # Until 0.2: moves of other packages whose keys are not annotated, and whose form for the pendant says it.
+        form: Mapping[str, Any] = getattr(type(self), "form", {})
+        keys += [key for key, what in form.items() if what == "pieces" and key not in keys]
+        return [piece for key in keys if (piece := getattr(self, key))]
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
         """Do it with arms of a station, and return what ``run`` gives, which runs plans; None if it takes no time.

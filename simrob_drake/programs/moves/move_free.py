@@ -47,7 +47,6 @@ class MoveFree(ArmMotion):
     """A move of the tool around obstacles; see :meth:`Arm.move_free`."""
 
     key: ClassVar[str] = "move_free"
-    title: ClassVar[str] = "MoveFree"
 
     wobj: str | Pose | None = None
     """Frame of the target: a piece, one of its frames as `piece.frame`, a robot's tool or a pose; the world unless

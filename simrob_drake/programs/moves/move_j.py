@@ -30,7 +30,6 @@ class MoveAbsJ(ArmMotion):
     """Axes that go to a posture, or through many; see :meth:`Arm.move_abs_j`."""
 
     key: ClassVar[str] = "move_abs_j"
-    title: ClassVar[str] = "MoveAbsJ"
     of_axes: ClassVar[bool] = True
 
     targets: Rows | str | None = None  # type: ignore[assignment]  # wider, of what nobody writes
@@ -76,7 +75,6 @@ class MoveJ(ToolMotion, ArmMotion):
     """A tool that goes to poses the easiest way; see :meth:`Arm.move_j`."""
 
     key: ClassVar[str] = "move_j"
-    title: ClassVar[str] = "MoveJ"
 
     stop: Boolean = False
     """Rest at each target."""

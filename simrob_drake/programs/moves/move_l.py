@@ -23,7 +23,6 @@ class MoveL(ToolMotion, ArmMotion):
     """A tool that goes straight; see :meth:`Arm.move_l`."""
 
     key: ClassVar[str] = "move_l"
-    title: ClassVar[str] = "MoveL"
 
     def plan(self, planning: Planning) -> Plan:
         """Return the move, planned."""
@@ -65,7 +64,6 @@ class MoveC(ToolMotion, ArmMotion):
     """A tool that goes along arcs; see :meth:`Arm.move_c`."""
 
     key: ClassVar[str] = "move_c"
-    title: ClassVar[str] = "MoveC"
 
     via: Rows
     """A place [x y z] on the arc, or one for each of several [m]."""

@@ -26,7 +26,6 @@ class TogetherMove(Move):
     """Moves of different robots at the same time."""
 
     key: ClassVar[str] = "together"
-    title: ClassVar[str] = "Together"
     of_legs: ClassVar[bool] = False
 
     together: "Annotated[tuple[AnyMotion, ...], Field(min_length=1)]"

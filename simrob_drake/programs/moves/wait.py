@@ -1,6 +1,5 @@
 """All robots hold their places for a time, or follow the references of the station's file."""
 
-from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from simrob_drake.base.sections import Duration
@@ -13,9 +12,7 @@ class WaitMove(Move):
     """All robots hold their places; on a dynamic station they settle."""
 
     key: ClassVar[str] = "wait"
-    title: ClassVar[str] = "Wait"
     brief: ClassVar[bool] = True
-    form: ClassVar[Mapping[str, str | float | None]] = {"duration": 1.0}
 
     duration: Duration
     """How long [s]."""
@@ -33,9 +30,7 @@ class PlayMove(Move):
     """All robots follow the references of the station's file, from where they are."""
 
     key: ClassVar[str] = "play"
-    title: ClassVar[str] = "Play"
     brief: ClassVar[bool] = True
-    form: ClassVar[Mapping[str, str | float | None]] = {"duration": 5.0}
 
     duration: Duration
     """How long [s]."""

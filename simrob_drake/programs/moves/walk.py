@@ -2,7 +2,6 @@
 
 import math
 from abc import abstractmethod
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated, Any, ClassVar
 
@@ -16,7 +15,7 @@ from simrob_drake.parts.controllers.walk import Walk
 from simrob_drake.programs.gaits.motion import JointMotion, short_steps
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.legged_gait import perform, planned_gait, taught_arms
-from simrob_drake.programs.moves.move import MOST_AMPLITUDE, MOST_STEPS, Move, Outlook, Stage, checked, naming
+from simrob_drake.programs.moves.move import MOST_AMPLITUDE, MOST_STEPS, Move, NameOf, Outlook, Stage, checked, naming
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import check_parts, resolve
@@ -55,14 +54,12 @@ class WalkMove(GaitMove):
     """Steps by a gait."""
 
     key: ClassVar[str] = "walk"
-    title: ClassVar[str] = "Walk"
-    form: ClassVar[Mapping[str, str | float | None]] = {"steps": 4, "amplitude": None, "gait": "gaits"}
 
     steps: Annotated[int, Field(strict=True, ge=-MOST_STEPS, le=MOST_STEPS)]
     """How many step lengths ahead; the gait's `ramp_steps` come in addition. Legs in turn for a crawl."""
     amplitude: Annotated[Number, Field(ge=-MOST_AMPLITUDE, le=MOST_AMPLITUDE)] = 1.0
     """Scales them."""
-    gait: str | None = None
+    gait: Annotated[str | None, NameOf("gaits")] = None
     """One of the robot's gaits that go steps; the first for its feet unless given."""
 
     def planned(self, robot: LeggedGeometry, station: StationConfig) -> JointMotion:
@@ -76,11 +73,9 @@ class ActMove(GaitMove):
 
     key: ClassVar[str] = "act"
     says: ClassVar[str] = "act {it.name}"
-    title: ClassVar[str] = "Act"
     brief: ClassVar[bool] = True
-    form: ClassVar[Mapping[str, str | float | None]] = {"name": "acts"}
 
-    name: str
+    name: Annotated[str, NameOf("acts")]
     """One of the robot's gaits that go no steps."""
 
     def planned(self, robot: LeggedGeometry, station: StationConfig) -> JointMotion:
@@ -99,9 +94,7 @@ class GoMove(Move):
     """
 
     key: ClassVar[str] = "go"
-    title: ClassVar[str] = "Go"
     of_arms: ClassVar[bool] = False
-    form: ClassVar[Mapping[str, str | float | None]] = dict.fromkeys(("ahead", "sideways", "turn_deg", "duration"))
 
     ahead: Number = 0.0
     """[m/s]."""

@@ -1,13 +1,14 @@
 """Where to look at a run from, and when: from which side, how near, beside a robot that walks, frame by frame."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector, xyz_quaternion_from_transform
-from simrob_drake.parts.site import StationPlant
+from simrob_drake.parts.controllers.section import ControllerSection
+from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.results.record.run import DIVERGED, RecordedRun
 from simrob_drake.results.record.walks import headings, legged_robots
 
@@ -53,6 +54,20 @@ def side(station: StationPlant) -> float:
     return _ASIDE
 
 
+def robots_to_follow(robots: Iterable[str], controllers: Mapping[str, ControllerSection]) -> set[str]:
+    """Names of the robots whose controllers ask that the camera goes with them.
+
+    Args:
+        robots: names of the robots of a station.
+        controllers: the controllers of the station, by name.
+    """
+    names = list(robots)
+    only_robot = names[0] if len(names) == 1 else None
+    sections = [section for section in controllers.values() if section.camera_follows]
+    asked = {section.robot_name or only_robot for section in sections}
+    return {name for name in names if name in asked}
+
+
 def framed_time(result: RecordedRun) -> float:
     """Return up to when a run is to be in the picture [s]."""
     return result.stop_time * (_TRUSTED if result.stopped_by == DIVERGED else 1.0)
@@ -69,12 +84,13 @@ def frame_times(end: float, frames_per_second: float) -> Vector:
 def walked_way(result: RecordedRun) -> Way | None:
     """Return how far a camera beside a walking robot goes: the robot's way over the floor, without the sway of steps.
 
-    None where the camera stands still: with no walking robot, with several, or for a way that is short for its size.
+    A robot whose controller asks for it is followed as well. None where the camera stands still: with no such robot,
+    with several, or for a way that is short for its size.
     """
-    walking = legged_robots(result)
-    if len(result.plant.robots) != 1 or not walking:
+    followed = {*legged_robots(result), *robots_to_follow(result.plant.robots, result.config.controllers)}
+    if len(result.plant.robots) != 1 or not followed:
         return None
-    base = result.pose("base", walking[0])
+    base = result.pose("base", followed.pop())
     times = np.linspace(0.0, framed_time(result), max(round(framed_time(result) / _EVERY), 1) + 1)
     places = [np.interp(times, result.times, column) for column in base[:, :2].T]
     ground = result.plant.ground

@@ -1,9 +1,8 @@
 """A browser window that shows a station while it is simulated, run after run, and by which its walks are commanded."""
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from math import radians
 from time import perf_counter, sleep
 from typing import Any
 
@@ -11,7 +10,9 @@ import numpy as np
 from pydrake.geometry import Meshcat, Role
 
 from simrob_drake.base.frames import Vector
-from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on, side
+from simrob_drake.parts.controllers.section import ControllerSection, commanded_sections
+from simrob_drake.parts.resolved import ResolvedRobot
+from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on, robots_to_follow, side
 from simrob_drake.results.animation.drawn import Command, commands, draw_geometry, draw_tool_paths, look, pose_commands
 from simrob_drake.results.animation.scene import ViewedStation, draw_floor_lines, floor_under
 from simrob_drake.results.animation.window import Board, Control, Window
@@ -19,8 +20,6 @@ from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.state import State
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
-from simrob_drake.walking.commands import Commanded
-from simrob_drake.walking.parameters import MaxSpeed
 
 FRAME = 1 / 30  # simulated time from one picture to the next [s]
 _SPEED_OVER = 30  # pictures
@@ -38,11 +37,13 @@ class StationView:
         """
         self._tell, self._aspect = tell, aspect
         self._looks: object = None
+        self._controllers: Mapping[str, ControllerSection] = {}
         self.scene: ViewedStation | None = None  # the station as it is shown
 
     def draw(self, config: StationConfig, state: State | None = None) -> Vector:
         """Show a station in a state, or as it begins, loaded anew where it looks otherwise; return positions (nq,)."""
         robots = {name: robot.model_copy(update={"servo": None}) for name, robot in config.robots.items()}
+        self._controllers = config.controllers
         looks = robots, config.pieces, config.floor, config.mode
         if self.scene is None or looks != self._looks:
             self.scene, self._looks = ViewedStation(config), looks
@@ -58,11 +59,16 @@ class StationView:
             self._tell("poses", [*pose_commands(self.scene.query(), _PREFIXES), *self._followed(self.scene)])
 
     def _followed(self, scene: ViewedStation) -> list[dict[str, Any]]:
-        """Return where a robot on its feet is that the camera goes with; nothing of none, and of several."""
-        walkers = [robot for robot in scene.station.robots.values() if robot.model.feet and robot.floats]
-        if len(walkers) != 1:
+        """Commands by which the camera follows a robot that moves about. Empty if there is no such robot, or several.
+
+        These are robots on feet of their own, and those of controllers that ask for it.
+        """
+        asked = robots_to_follow(scene.station.robots, self._controllers)
+        robots = scene.station.robots.values()
+        followed = [robot for robot in robots if robot.name in asked or (robot.model.feet and robot.floats)]
+        if len(followed) != 1:
             return []
-        place = scene.pose(walkers[0].root).translation()
+        place = scene.pose(followed[0].root).translation()
         return [{"type": "follow", "place": place[:2].round(4).tolist()}, *floor_under(scene, place)]
 
     def _tell_scene(self, scene: ViewedStation, config: StationConfig) -> None:
@@ -154,50 +160,66 @@ class LiveView:
         self._window = None
 
 
-_AHEAD, _LEFT, _TURN, _STOP = "ahead ↑ ↓ [m/s]", "left Q E [m/s]", "turn ← → [°/s]", "stop: space"
-_NOTCHES = 5  # from rest to the max_speed
+_STOP = "stop: space"  # label of the button that sets all numbers of a command to zero
+_SLIDER_STEPS = 5  # steps of a slider from zero to its upper limit
+_SLIDER_DECIMALS = 6  # decimals of a slider's value
 
 
 class Steering:
-    """What the user of a page commands: for each walk a slider for each speed, and a button that stops.
+    """Controls by which the user of a page commands controllers during a run.
+
+    Each controller that takes commands, such as a walk, has a slider for each number of its command, and a button that
+    sets all of them to zero.
 
     Attributes:
-        controls: for the page; those of several walks have the walk's name before theirs. The keys are the first's.
-        hands: what each walk is asked for at a time, as ``simulate(commands=...)`` takes it; nothing before it is set.
-        board: the page, which is shown when a walk was stopped.
+        controls: controls of the page, by label. With several commanded controllers, the label begins with the name of
+            the controller. Only those of the first controller have keys.
+        hands: functions that command the controllers, as ``simulate(commands=...)`` takes them. They return None until
+            the user touches a control.
+        board: the page. It shows where the program has set the sliders.
     """
 
     def __init__(self, config: StationConfig) -> None:
-        """Prepare; a station without walks has nothing to set."""
-        walks = {name: section for name, section in config.controllers.items() if section.kind == "walk"}
+        """Make the controls for a station. There are none if no controller takes commands."""
+        sections = commanded_sections(config.controllers)
         self.controls = dict[str, Control]()
-        self.hands: dict[str, Callable[[float], tuple[float, float, float] | None]] = {}
+        self.hands: dict[str, Callable[[float], tuple[float, ...] | None]] = {}
         self._shown = dict[str, float]()
         station = resolve(config)
-        for number, (name, section) in enumerate(walks.items()):
-            prefix = f"{name}: " if len(walks) > 1 else ""
-            parameters = section.walking(station.robot(section.robot, f"controllers.{name}"))
-            self.controls |= _controls(parameters.max_speed, prefix, keys=number == 0)
-            self.hands[name] = partial(self._command, prefix, section.commands)
+        for number, (name, section) in enumerate(sections.items()):
+            prefix = f"{name}: " if len(sections) > 1 else ""
+            robot = station.robot(section.robot_name, f"controllers.{name}")
+            self.controls |= _controls(section, robot, prefix, keys=number == 0)
+            self.hands[name] = partial(self._command, prefix, section)
         self.board: Board | None = None
         self._begun = set[str]()
 
-    def _command(self, prefix: str, own: Sequence[Commanded], time: float) -> tuple[float, float, float] | None:
-        """Return what is commanded; until the user touches something that is the station's own, which is shown."""
-        sliders = [prefix + name for name in (_AHEAD, _LEFT, _TURN)]
+    def _command(self, prefix: str, section: ControllerSection, time: float) -> tuple[float, ...] | None:
+        """Command that the user has set for a controller.
+
+        Returns None until the user touches a control. Up to then the sliders show the command of the section.
+
+        Args:
+            prefix: beginning of the labels of the controller's controls.
+            section: section of the controller.
+            time: time of the run [s].
+        """
+        parts = section.command_parts
+        sliders = [prefix + part.label for part in parts]
         stop = self.controls[prefix + _STOP]
         if stop.value:
             stop.value = 0.0
-            self._show(sliders, (0.0, 0.0, 0.0))
+            self._show(sliders, [0.0] * len(sliders))
             self._begun.add(prefix)
         if any(self.controls[name].value != self._shown.get(name, 0.0) for name in sliders):
             self._begun.add(prefix)
         if prefix not in self._begun:
-            now = next((row for row in reversed(own) if row.time <= time), Commanded())
-            self._show(sliders, (now.ahead, now.sideways, now.turn_deg))
+            own = zip(section.command_at(time), parts, strict=True)
+            # Rounding removes the error of the conversion to the slider's unit, such as from radians to degrees.
+            self._show(sliders, [round(value / part.slider_unit, _SLIDER_DECIMALS) for value, part in own])
             return None
-        ahead, left, turn = (round(self.controls[name].value, 6) for name in sliders)
-        return ahead, left, radians(turn)
+        values = [round(self.controls[name].value, _SLIDER_DECIMALS) for name in sliders]
+        return tuple(value * part.slider_unit for value, part in zip(values, parts, strict=True))
 
     def _show(self, sliders: Sequence[str], values: Sequence[float]) -> None:
         """Put sliders where the program has them."""
@@ -209,14 +231,25 @@ class Steering:
             self._shown[name] = value
 
 
-def _controls(max_speed: MaxSpeed, prefix: str, *, keys: bool) -> dict[str, Control]:
-    """Return the controls of a walk."""
-    found = {}
-    for name, low, high, less, more in (
-        (_AHEAD, max_speed.backward, max_speed.ahead, "ArrowDown", "ArrowUp"),
-        (_LEFT, max_speed.sideways, max_speed.sideways, "KeyE", "KeyQ"),
-        (_TURN, max_speed.turn_deg, max_speed.turn_deg, "ArrowRight", "ArrowLeft"),
-    ):
-        step = (high or 1.0) / _NOTCHES
-        found[prefix + name] = Control(0.0, -low, high, step, *((less, more) if keys else ()))
-    return {**found, prefix + _STOP: Control(key="Space" if keys else None)}
+def _controls(section: ControllerSection, robot: ResolvedRobot, prefix: str, *, keys: bool) -> dict[str, Control]:
+    """Make the sliders and the stop button of a controller, by label.
+
+    Args:
+        section: section of the controller.
+        robot: robot of the controller.
+        prefix: beginning of the labels.
+        keys: whether keys of the browser move the sliders, too.
+    """
+    controls = dict[str, Control]()
+    for part, (lower, upper) in zip(section.command_parts, section.command_limits(robot), strict=True):
+        down, up = part.keys if keys else ("", "")
+        controls[prefix + part.label] = Control(
+            value=0.0,
+            low=lower,
+            high=upper,
+            step=(upper or 1.0) / _SLIDER_STEPS,
+            key=down or None,
+            key_up=up or None,
+        )
+    controls[prefix + _STOP] = Control(key="Space" if keys else None)
+    return controls

@@ -20,7 +20,7 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.base.frames import Vector
-from simrob_drake.parts.site import StationPlant
+from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.parts.targets import FLOOR
 from simrob_drake.results.animation.camera import Way, framed_time
 from simrob_drake.results.record.run import RecordedRun, begins_of

@@ -190,11 +190,11 @@ def _is_wire(local: str, system: System) -> bool:
 def _drawing_of(name: str, ports: StationPorts) -> Drawn | str | None:
     """Return the block that was said to hold a system, None for wiring, and its name where nothing was said."""
     known = name
-    while known not in ports.drawn:
+    while known not in ports.picture.drawn:
         known, dot, _ = known.rpartition(".")
         if not dot:
             return name
-    return ports.drawn[known]
+    return ports.picture.drawn[known]
 
 
 TITLES: dict[BlockRole, str] = _LOOKS["titles"]

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from simrob_drake.base.frames import Vector, matrices_from_xyz_quaternions, poses_from_matrices
-from simrob_drake.parts.site import StationRobot
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.colours import COLOURS, RED
 from simrob_drake.results.plots.grid import (
     ERROR,

@@ -16,7 +16,7 @@ from matplotlib.font_manager import FontProperties
 from simrob_drake.base.errors import shortened
 from simrob_drake.base.extension import ExtensionWarning, usable_objects
 from simrob_drake.base.folders import writing
-from simrob_drake.parts.site import StationRobot
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.colours import looks
 from simrob_drake.results.plots.formats import UNDATED, PlotFormat, plot_format
 from simrob_drake.results.plots.grid import grid_figure, is_dense, style

@@ -13,7 +13,7 @@ import numpy as np
 
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.signals import Panel, Signal
-from simrob_drake.parts.site import StationRobot
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.colours import COLOURS, looks
 from simrob_drake.results.plots.grid import Curve, Plot, Stack, smallest
 from simrob_drake.results.plots.joint_plots import SideGroup, side_groups

@@ -13,7 +13,7 @@ from pydrake.multibody.plant import ContactResults
 
 from simrob_drake.base.frames import Indices, Vector
 from simrob_drake.blocks.contacts import Contacts
-from simrob_drake.parts.site import StationPlant
+from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.parts.targets import owner_and_robot
 
 EVALUATION_RATE = 50.0

@@ -18,7 +18,8 @@ from simrob_drake.base.errors import one_of
 from simrob_drake.base.frames import VELOCITY_NAMES, XYZ_QUATERNION_NAMES, Vector
 from simrob_drake.base.signals import Panel, Signal
 from simrob_drake.blocks.references import Reference, Samples
-from simrob_drake.parts.site import StationPlant, StationRobot, named
+from simrob_drake.parts.resolved import named
+from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.results.record.piece_contacts import ContactSample, sample_piece_contacts
 from simrob_drake.results.record.state import State
 from simrob_drake.results.record.touch import Event, Touch, onsets
@@ -236,10 +237,9 @@ class RecordedRun:
         found = {}
         for name, section in self.config.controllers.items():
             block = self.final_state.blocks.get(f"controller.{name}")
-            if section.kind == "sequencer" and block is not None:
-                # The block keeps the times at the end of its last discrete group; negative for "not reached".
-                times = block.discrete[-1][-len(section.cells) :].tolist()
-                found[name] = [round(time, 9) if time >= 0 else None for time in times]
+            times = None if block is None else section.cell_times(block.discrete)
+            if times is not None:
+                found[name] = times
         return found
 
     def numbered(self, number: int) -> Self:

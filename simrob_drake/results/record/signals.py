@@ -70,7 +70,7 @@ class Sampler:
         # Outputs that are a function of the plant's state alone, with this function: they need no context.
         self._of_state = dict[OutputPort, Callable[[Vector], Vector]]()
         for name, port in site.outputs.items():
-            function = site.from_state(name)
+            function = site.outputs.from_state(name)
             if function is not None:
                 self._of_state[port] = function
         self._recorded = _recorded_groups(diagram, self._context)
@@ -269,14 +269,14 @@ def sample_signals(sampler: Sampler, site: Site, times: Vector) -> Vector:
     """
     columns_of_signals = []
     column_count = 0
-    for signal in site.signals:
+    for signal in site.outputs.signals:
         columns = slice(column_count, column_count + len(signal.names))
         columns_of_signals.append((signal, columns))
         column_count = columns.stop
     values = np.empty((len(times), column_count))
 
     # Most signals are values of an output port. Some times at once, to save memory.
-    ports = {signal.output: site.outputs[signal.output] for signal in site.signals if signal.output}
+    ports = {signal.output: site.outputs[signal.output] for signal in site.outputs.signals if signal.output}
     for part in parts(len(times)):
         values_of_ports = sampler.sample(list(ports.values()), times[part])
         known = dict(zip(ports, values_of_ports, strict=True))
@@ -343,7 +343,7 @@ class Watch:
         self._held = held
         self._begins_in_motion = begins_in_motion
         # Since when the condition of each monitor is met [s]; NOT_YET if it is not.
-        self._onsets = dict.fromkeys(site.monitors, NOT_YET)
+        self._onsets = dict.fromkeys(site.outputs.monitors, NOT_YET)
         self._count = 0  # count of records that were evaluated
         self._before: StateHistory | None = None  # the last two states of the previous call; None before the first
         self.stop: Stop | None = None
@@ -354,11 +354,11 @@ class Watch:
         Args:
             steps: states at the ends of these steps.
         """
-        ports_of_monitors = {name: self._ports(name) for name in self._site.monitors}
+        ports_of_monitors = {name: self._ports(name) for name in self._site.outputs.monitors}
         all_ports = set[OutputPort]().union(*ports_of_monitors.values())
         values = self._values(all_ports, steps)
         for row, time in enumerate(steps.times.tolist()):
-            for name, trigger in self._site.monitors.items():
+            for name, trigger in self._site.outputs.monitors.items():
                 signals = [values[port][row] for port in ports_of_monitors[name]]
                 onset = trigger.since(self._onsets[name], time, signals)
                 self._onsets[name] = onset
@@ -400,11 +400,11 @@ class Watch:
             time: a time of this run [s].
         """
         values = [rows[0] for rows in sampler.sample(self._ports(name), np.array([time]))]
-        return self._site.monitors[name].holds(time, values)
+        return self._site.outputs.monitors[name].holds(time, values)
 
     def _ports(self, name: str) -> list[OutputPort]:
         """Output ports that a monitor's condition needs, in the order of its arguments."""
-        return [self._site.outputs[output] for output in self._site.monitors[name].condition.watched]
+        return [self._site.outputs[output] for output in self._site.outputs.monitors[name].condition.watched]
 
 
 def cut_at_stop(sampler: Sampler, holds: Holds, step: Step, *, onset: float, hold: float) -> None:

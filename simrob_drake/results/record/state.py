@@ -21,7 +21,9 @@ from simrob_drake.base.frames import Vector, finite
 from simrob_drake.base.sections import Number, Strict, validated
 from simrob_drake.base.yaml_files import parse_json
 from simrob_drake.blocks.monitor import Monitor
-from simrob_drake.parts.site import ResolvedRobot, Site, StationPlant
+from simrob_drake.parts.resolved import ResolvedRobot
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.stations.config import StationConfig
 
 _LARGEST = 10_000_000  # bytes of a file
@@ -125,7 +127,7 @@ class State:
             values = {}
             for robot in ports.plant.robots.values():
                 try:
-                    values[robot.name] = ports.value(f"{robot.prefix}{signal}", context)
+                    values[robot.name] = ports.outputs.value(f"{robot.prefix}{signal}", context)
                 except Exception:
                     if not tolerant:
                         raise

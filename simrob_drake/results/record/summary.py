@@ -4,7 +4,6 @@ import platform
 from collections.abc import Iterator
 from dataclasses import asdict
 from importlib.metadata import version
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,29 +13,46 @@ from simrob_drake.results.record.run import DIVERGED, RecordedRun
 from simrob_drake.results.record.walks import legged_robots, locomotion
 from simrob_drake.results.verdict.verdict import Verdict
 
-_REMARKS = {
-    "clipped": "is asked for more than its legs can follow, and does what they can",
-    "blind": "reads what is not a number, and goes on as planned",
-}
-_MOST = 3  # stretches of time that are told one by one
+_MOST_SPANS = 3  # count of spans of time that a remark lists
 
 
 def remarks_of(run: RecordedRun) -> list[str]:
-    """Return what walks say of a run: when they were asked for too much, or blind, at times of samples."""
+    """Sentences of a station's controllers about a run, such as the times at which a walk was asked for too much."""
     begins = np.cumsum([0.0, *(part.stop_time for part in run.parts)])
     return [remark for begin, part in zip(begins, run.parts, strict=False) for remark in _remarks(part, float(begin))]
 
 
 def _remarks(run: RecordedRun, begin: float) -> Iterator[str]:
+    """Yield the remarks of the controllers of one run.
+
+    Args:
+        run: the run.
+        begin: time at which it began, since the beginning of the whole program [s].
+    """
+    times = begin + run.times
     for name, section in run.config.controllers.items():
-        for output, remark in _REMARKS.items() if section.kind == "walk" else ():
-            times = begin + run.times
-            turns = np.flatnonzero(np.diff(np.concatenate([[0.0], run[f"{name}.{output}"], [0.0]])))
-            spans = [(float(times[first]), float(times[last - 1])) for first, last in list(pairwise(turns))[::2]]
-            if spans:
-                when = ", ".join(f"{first:.2f} to {last:.2f} s" for first, last in spans[:_MOST])
-                more = f" and {len(spans) - _MOST} times more" if len(spans) > _MOST else ""
-                yield f"{name} {remark}: {when}{more}"
+        for output, remark in section.remarks.items():
+            spans = _spans_of_nonzero(run[f"{name}.{output}"], times)
+            if not spans:
+                continue
+            listed = ", ".join(f"{first:.2f} to {last:.2f} s" for first, last in spans[:_MOST_SPANS])
+            further = len(spans) - _MOST_SPANS
+            more = f" and {further} times more" if further > 0 else ""
+            yield f"{name} {remark}: {listed}{more}"
+
+
+def _spans_of_nonzero(values: Vector, times: Vector) -> list[tuple[float, float]]:
+    """Find the spans of time in which a signal is not zero: the times of the first and the last sample of each [s].
+
+    Args:
+        values: samples of the signal, shape (m,).
+        times: times of the samples, shape (m,) [s].
+    """
+    is_nonzero = np.concatenate([[False], values != 0.0, [False]])
+    # Spans begin and end at the changes in turn.
+    changes = np.flatnonzero(np.diff(is_nonzero))
+    spans = zip(changes[::2], changes[1::2], strict=True)
+    return [(float(times[first]), float(times[end - 1])) for first, end in spans]
 
 
 def pose_vector(pose: Vector) -> list[float]:

@@ -18,7 +18,7 @@ from pydrake.systems.framework import Context
 from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.contacts import pressing
 from simrob_drake.parts.ground import Ground
-from simrob_drake.parts.site import StationPlant, StationRobot
+from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.parts.targets import FLOOR, owner_and_robot
 from simrob_drake.stations.config import StationConfig
 

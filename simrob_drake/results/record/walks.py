@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.base.frames import Vector, transform_from_xyz_quaternion
-from simrob_drake.parts.site import StationPlant, StationRobot, named
+from simrob_drake.parts.resolved import named
+from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.results.record.run import RecordedRun, fallen
 from simrob_drake.results.record.touch import legged
 

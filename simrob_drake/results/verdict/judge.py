@@ -18,7 +18,7 @@ from simrob_drake.base.errors import shortened
 from simrob_drake.base.extension import ExtensionWarning, register_core_names, usable_objects
 from simrob_drake.base.frames import Vector
 from simrob_drake.parts.couplings import Between
-from simrob_drake.parts.site import StationRobot
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.verdict.contact_forces import measure_friction_share, measure_resting_force
 from simrob_drake.results.verdict.verdict import NOTHING_LEFT_OUT, Criterion, Measure, Measured, Verdict

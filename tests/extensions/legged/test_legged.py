@@ -9,16 +9,15 @@ import yaml
 
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
-from simrob_drake.extensions.legged import tuning
 from simrob_drake.extensions.legged.anatomy import Anatomy, anatomy_of
 from simrob_drake.extensions.legged.making import STAND, WALK, make_legged
 from simrob_drake.extensions.legged.scaling import EXAMPLES, Build, asked_speed, climb_of, gains, walk_of
 from simrob_drake.extensions.legged.soles import soles_of
 from simrob_drake.importer.importing import robot_from_file
-from simrob_drake.importer.options import ImportOptions
 from simrob_drake.programs.gaits.climb import Climb
 from simrob_drake.robots.catalog import load_robot, load_robot_file
 from simrob_drake.robots.gaits_file import gaits_file
+from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.draft import at_home
 from simrob_drake.stations.load import ONLY_ROBOT, load_station
@@ -252,6 +251,7 @@ def test_a_tuned_walk_tells_how_many_trials_were_made_and_keeps_the_best(tmp_pat
         def run(self, **_):
             return True, ["Proven."]
 
+    tuning = pytest.importorskip("simrob_drake.extensions.legged.tuning")
     monkeypatch.setattr(tuning, "attempt", lambda *_: None)
     monkeypatch.setattr(tuning, "_study", lambda *_: {})
     monkeypatch.setattr(tuning, "Study", dict)

@@ -11,7 +11,7 @@ from pydrake.systems.framework import Context
 
 from simrob_drake import load_station
 from simrob_drake.extensions.mujoco.runner import MujocoRunner
-from simrob_drake.parts.site import StationPlant
+from simrob_drake.parts.station_plant import StationPlant
 
 mujoco = pytest.importorskip("mujoco", reason="a cross-check, installed with the extra dev")
 

@@ -19,8 +19,8 @@ from simrob_drake.extensions.simulink.model.nodes import Findings, Node
 from simrob_drake.extensions.simulink.reading.graph import SimulinkBlock
 from simrob_drake.extensions.simulink.simulink_model import read_simulink
 from simrob_drake.extensions.simulink.values.workspace import Variables
-from simrob_drake.importer.options import ImportReport
 from simrob_drake.results.animation.pictures import save_film_strip
+from simrob_drake.robots.imports import ImportReport
 
 
 def node(kind="x", path="block", **parameters):

@@ -13,11 +13,11 @@ from pydrake.math import RigidTransform, RotationMatrix
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.frames import Vector
 from simrob_drake.extensions.mujoco.mjcf.drives import DriveWriter, UrdfJoint
-from simrob_drake.importer.options import ImportReport
 from simrob_drake.importer.repairs.base import FLOATING_MARK
 from simrob_drake.importer.repairs.names import FreeNames
 from simrob_drake.importer.repairs.shapes import PLAIN
 from simrob_drake.importer.trees import ROOT, add_between
+from simrob_drake.robots.imports import ImportReport
 from simrob_drake.robots.urdf import DRAKE, add_colour, add_frame, add_joint, place, set_inertia, text, written
 
 _FREE, _BALL, _SLIDE = range(3)  # mjtJoint

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from simrob_drake.importer.loops import LoopCoupling
-from simrob_drake.importer.options import ImportReport
 from simrob_drake.importer.trees import HOME, KD, KP, add_note
+from simrob_drake.robots.imports import ImportReport
 from simrob_drake.robots.urdf import DRAKE, add_motor, name_of, written
 
 _FREE, _BALL = 0, 1  # mjtJoint

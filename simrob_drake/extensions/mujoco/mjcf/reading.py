@@ -17,15 +17,15 @@ import numpy as np
 from simrob_drake.base.errors import shortened
 from simrob_drake.base.extras import lacking
 from simrob_drake.base.files import content_of
+from simrob_drake.base.packages import OutsideBorder
 from simrob_drake.extensions.mujoco.mjcf.bodies import robot_from_model
 from simrob_drake.importer.meshes.checks import LARGEST_FILE, UnreadableMesh
 from simrob_drake.importer.meshes.parts import mean_colour, usable
 from simrob_drake.importer.meshes.places import MeshMissing, MeshPlaces
 from simrob_drake.importer.meshes.reading import mesh_content
-from simrob_drake.importer.options import ImportOptions, ImportReport
-from simrob_drake.importer.packages import OutsideBorder
 from simrob_drake.importer.reading.child import ChildFailed, in_child
 from simrob_drake.importer.reading.xml_file import included, xml_element
+from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import MOST_TAGS, text
 from simrob_drake.robots.urdf_check import numbers_in
 

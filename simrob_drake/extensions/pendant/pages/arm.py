@@ -6,6 +6,7 @@ from typing import Any
 
 from nicegui import ui
 
+from simrob_drake.extensions.pendant.move_labels import labels_of
 from simrob_drake.extensions.pendant.pages.arm_jogging import ArmState, Jogging
 from simrob_drake.extensions.pendant.pages.elements import KEYS, card, follow, icon_button, rebuild
 from simrob_drake.extensions.pendant.pages.move_forms import choices_of, offers, speed_field
@@ -51,7 +52,7 @@ def build(session: Session, t: Words) -> None:
 def _build(session: Session, t: Words, robot: Mapping[str, Any]) -> None:
     axes = robot["axes"]
     phrases, place = Phrases(t, axes), ArmState(session)
-    others = [kind for kind in KINDS.values() if kind.of_arms and not {_PIECES, _TOOLS} & {*kind.form.values()}]
+    others = [kind for kind in KINDS.values() if kind.of_arms and not {_PIECES, _TOOLS} & _asked_things(kind)]
     parts: dict[str, Callable[[], object]] = {
         "jog": lambda: Jogging(session, phrases, axes, place),
         "program": lambda: _build_program(session, phrases, robot, place),
@@ -70,8 +71,10 @@ def _build_hand(session: Session, t: Words, place: ArmState) -> None:
     pieces: list[tuple[str, ui.select]] = []
     with ui.row().classes("w-full items-center gap-2"):
         tool = _choice(t("arm.tool"))
-        for kind in (kind for kind in KINDS.values() if kind.of_arms and _PIECES in kind.form.values()):
-            takes = _TOOLS in kind.form.values()
+        for kind in KINDS.values():
+            if not kind.of_arms or _PIECES not in _asked_things(kind):
+                continue
+            takes = _TOOLS in _asked_things(kind)
             piece = _choice(t("arm.piece" if takes else "arm.held"))
             pieces.append(("around" if takes else "carried", piece))
             _put(session, t("arm.take_piece" if takes else "arm.leave_piece"), kind, piece)
@@ -88,6 +91,11 @@ def _build_hand(session: Session, t: Words, place: ArmState) -> None:
     place.subscribe(show)
 
 
+def _asked_things(kind: type[Move]) -> set[str | float | None]:
+    """Things that the form of a kind of move lets the user choose among, such as ``pieces``."""
+    return set(labels_of(kind).form.values())
+
+
 def _choice(label: str, options: Any = None, value: Any = None) -> ui.select:
     field = ui.select(options or [], label=label, value=value).props("dense outlined options-dense").classes("grow")
     return field.style("min-width: 7rem; flex-basis: 7rem")
@@ -95,7 +103,7 @@ def _choice(label: str, options: Any = None, value: Any = None) -> ui.select:
 
 def _put(session: Session, text: str, kind: type[Move], piece: ui.select) -> None:
     """Build the button that does a kind of move with the piece that is chosen."""
-    name = next(name for name, asked in kind.form.items() if asked == _PIECES)
+    name = next(name for name, asked in labels_of(kind).form.items() if asked == _PIECES)
     button = ui.button(text, on_click=lambda: session.try_move({kind.key: {name: piece.value}})).props(
         "outline no-caps"
     )

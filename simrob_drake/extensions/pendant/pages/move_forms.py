@@ -10,6 +10,7 @@ from nicegui import ui
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.yaml_files import parse_yaml
 from simrob_drake.extensions.pendant.form import Field, as_text, as_value, move_fields
+from simrob_drake.extensions.pendant.move_labels import FormFields, labels_of
 from simrob_drake.extensions.pendant.pages.elements import KEYS, NumberField, icon_button, set_label
 from simrob_drake.extensions.pendant.pages.joints import axis_field
 from simrob_drake.extensions.pendant.pages.words import MILLI, Content, Phrases, Words
@@ -22,7 +23,7 @@ SHORTEST, LONGEST = 0.05, 600.0  # durations of moves that fields take [s]
 SPEED, _FASTEST = 200.0, 5000.0
 """Of an arm's tool unless another one is asked for, v200 of RAPID; and that a field takes [mm/s]."""
 AXES, ORIGIN = "axes", "origin"
-"""What a form asks for by fields of its own; see :class:`~simrob_drake.programs.moves.move.Move`."""
+"""What a form asks for by fields of its own; see :mod:`simrob_drake.extensions.pendant.move_labels`."""
 _AT_ORIGIN = [0.0] * 6
 _TAKEN = "TASXRPDEF"  # letters that press something else with Alt, in the page or in browsers
 
@@ -42,7 +43,8 @@ def offers(session: Session, phrases: Phrases, choices: Content, kinds: list[typ
     """
     letters = list(_TAKEN)
     for kind in kinds:
-        if AXES in kind.form.values() or not kind.form or not all(_there(choices, kind)):
+        form = labels_of(kind).form
+        if AXES in form.values() or not form or not all(_there(choices, form)):
             continue
         with ui.row().classes("w-full items-start gap-2").props("role=group") as row:
             set_label(row, phrases.title(kind))
@@ -60,8 +62,9 @@ def choices_of(session: Session, robot: Content) -> dict[str, Any]:
     return {**robot, "pieces": session.description.get("pieces", ())}
 
 
-def _there(choices: Content, kind: type[Move]) -> list[bool]:
-    return [bool(choices.get(what)) for what in kind.form.values() if isinstance(what, str) and what != ORIGIN]
+def _there(choices: Content, form: FormFields) -> list[bool]:
+    """For each field of a form that is chosen among things, whether there is one."""
+    return [bool(choices.get(what)) for what in form.values() if isinstance(what, str) and what != ORIGIN]
 
 
 def _try(session: Session, read: Read) -> None:
@@ -75,11 +78,11 @@ def stored_form(phrases: Phrases, choices: Content, move: Content) -> Read:
     kind = kind_of(move, KINDS.values())
     if kind is not None and issubclass(kind, ArmMotion):
         return _motion_form(phrases, kind, content_of(kind, move))
-    if kind is None or not kind.form:
+    if kind is None or not labels_of(kind).form:
         return yaml_form(phrases.t("legs.as_yaml"), move)
-    content = content_of(kind, move)
-    asked = move_form(phrases, choices, kind, {key: content[key] for key in kind.form if key in content})
-    rest = yaml_form(phrases.t("legs.further"), {key: content[key] for key in content if key not in kind.form})
+    content, form = content_of(kind, move), labels_of(kind).form
+    asked = move_form(phrases, choices, kind, {key: content[key] for key in form if key in content})
+    rest = yaml_form(phrases.t("legs.further"), {key: content[key] for key in content if key not in form})
 
     def read() -> dict[str, Any] | None:
         entry, further = asked(), rest()
@@ -113,7 +116,8 @@ def _entry(kind: type[Move], content: dict[str, Any]) -> dict[str, Any]:
 def move_form(phrases: Phrases, choices: Content, kind: type[Move], content: Content) -> Read:
     """Build the form that a kind of move declares; ``content`` is what it holds at first."""
     with ui.row().classes("items-start gap-2"):
-        fields = {field.key: _asked(phrases, choices, kind, field) for field in move_fields(kind, content)}
+        own_fields = move_fields(kind, labels_of(kind).form, content)
+        fields = {field.key: _asked(phrases, choices, kind, field) for field in own_fields}
 
     def read() -> dict[str, Any] | None:
         try:
@@ -127,7 +131,7 @@ def move_form(phrases: Phrases, choices: Content, kind: type[Move], content: Con
 
 def _asked(phrases: Phrases, choices: Content, kind: type[Move], field: Field) -> _Get:
     """Build what asks for a field of a move, and return what reads it."""
-    what, label = kind.form[field.key], phrases.field(kind, field.key)
+    what, label = labels_of(kind).form[field.key], phrases.field(kind, field.key)
     value = field.value
     if value is None:
         value = field.default if what is None or isinstance(what, str) else what

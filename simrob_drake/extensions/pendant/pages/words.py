@@ -12,6 +12,7 @@ from typing import Any
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.extensions.pendant.form import as_text
+from simrob_drake.extensions.pendant.move_labels import labels_of
 from simrob_drake.programs.moves.kinds import KINDS, check_move
 from simrob_drake.programs.moves.motion import ArmMotion
 from simrob_drake.programs.moves.move import Move, content_of, kind_of
@@ -162,7 +163,7 @@ class Phrases:
 
     def title(self, kind: type[Move]) -> str:
         """Return what a kind of move is called."""
-        return self._named("moves", kind.key, kind.title)
+        return self._named("moves", kind.key, labels_of(kind).title)
 
     def field(self, kind: type[Move], key: str) -> str:
         """Return what a field of a kind of move is called; its ``name`` is that of the kind."""
@@ -174,11 +175,12 @@ class Phrases:
             return ", ".join(self.target(axis, position) for axis, position in value.items())
         if isinstance(value, (int, float)):
             return figure(value)
-        return self.name(value) if isinstance(kind.form.get(key), str) and isinstance(value, str) else as_text(value)
+        is_name = isinstance(labels_of(kind).form.get(key), str) and isinstance(value, str)
+        return self.name(value) if is_name else as_text(value)
 
     def _detail(self, kind: type[Move], key: str, value: Any) -> str:
         """Return what else is said of a move."""
-        what = kind.form.get(key)
+        what = labels_of(kind).form.get(key)
         if value is None or value is False:
             return ""
         if value is True or what == "origin":

@@ -17,7 +17,7 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.extensions.simulink.cad.assembly import End, Instance, Tie, read_assembly
 from simrob_drake.extensions.simulink.mechanics.joints import PRIMITIVES, xyz_angles
 from simrob_drake.extensions.simulink.reading.graph import Model, Port, SimulinkBlock, System
-from simrob_drake.importer.options import EntryKind
+from simrob_drake.robots.imports import EntryKind
 
 _JOINTS = {kind.removesuffix(" Joint").replace(" ", ""): kind for kind in PRIMITIVES if kind != "6-DOF Joint"}
 """What joints are called there."""

@@ -30,7 +30,7 @@ from simrob_drake.extensions.simulink.mechanics.shapes import (
 from simrob_drake.extensions.simulink.model.network import Connections
 from simrob_drake.extensions.simulink.model.nodes import Node
 from simrob_drake.extensions.simulink.reading.graph import Unreadable, one_line, parse_part
-from simrob_drake.importer.options import ImportReport
+from simrob_drake.robots.imports import ImportReport
 
 _SHAPES: dict[str, Callable[[Node], tuple[Shape, Weight]]] = {
     "Brick Solid": shapes.brick, "Cylindrical Solid": shapes.cylinder, "Spherical Solid": shapes.sphere,

@@ -27,7 +27,7 @@ from simrob_drake.extensions.simulink.values.mat import stored_workspace
 from simrob_drake.extensions.simulink.values.syntax import NotUnderstood
 from simrob_drake.extensions.simulink.values.units import UnknownUnit, factor
 from simrob_drake.extensions.simulink.values.workspace import Octave, Variables
-from simrob_drake.importer.options import EntryKind, ImportReport
+from simrob_drake.robots.imports import EntryKind, ImportReport
 
 _OLDER_UNITS = {
     **dict.fromkeys(("TranslationStandardOffset", "TranslationCartesianOffset"), "TranslationLengthUnit"),

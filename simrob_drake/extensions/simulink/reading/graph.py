@@ -14,7 +14,7 @@ from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement
 from xml.parsers import expat
 
-from simrob_drake.importer.options import EntryKind
+from simrob_drake.robots.imports import EntryKind
 
 MAX_DEPTH = 200  # of elements in elements
 

@@ -39,7 +39,7 @@ from simrob_drake.extensions.simulink.signals.forms import (
     widened,
 )
 from simrob_drake.extensions.simulink.signals.sources import orientation, part_of
-from simrob_drake.importer.options import EntryKind
+from simrob_drake.robots.imports import EntryKind
 
 _ROUNDING = 1e-9
 _INSTANT = 1e-6

@@ -10,7 +10,7 @@ from typing import Any
 from simrob_drake.base.frames import VELOCITY_NAMES, XYZ_QUATERNION_NAMES
 from simrob_drake.base.sections import Strict, field_texts
 from simrob_drake.extensions.simulink.values.units import UnknownUnit, parse_unit, plain_unit
-from simrob_drake.parts.site import ResolvedRobot
+from simrob_drake.parts.resolved import ResolvedRobot
 from simrob_drake.robots.urdf import mass_of, name_of
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import ONLY_ROBOT, with_settings
@@ -69,7 +69,7 @@ def elements(ports: StationPorts) -> tuple[dict[str, Element], dict[str, Element
 def _declared(ports: StationPorts) -> dict[str, dict[int, tuple[str, str]]]:
     """Return the names and units of numbers by their place, by port: those of signals, and of inputs by axis."""
     found: dict[str, dict[int, tuple[str, str]]] = {}
-    for signal in ports.signals:
+    for signal in ports.outputs.signals:
         port = signal.output or signal.names[0].rpartition(".")[0]
         names = [port if name == port else f"{port}.{name.rpartition('.')[2]}" for name in signal.names]
         places = signal.entries or range(len(names))

@@ -29,8 +29,8 @@ from simrob_drake.extensions.simulink.signals.laws import ExternalForce, Law
 from simrob_drake.extensions.simulink.signals.sources import SENSOR
 from simrob_drake.extensions.simulink.writing.touching import StationFiles
 from simrob_drake.extensions.simulink.writing.urdf import UniqueNames, plain, pose_list
-from simrob_drake.importer.options import ImportReport
-from simrob_drake.parts.site import WORLD
+from simrob_drake.parts.resolved import WORLD
+from simrob_drake.robots.imports import ImportReport
 
 Sum = dict[str, float]
 _MOST_SIGNALS = 60  # blocks of a law that are signals of its station

@@ -23,10 +23,10 @@ from simrob_drake.extensions.simulink.simulink_model import SimulinkModel
 from simrob_drake.extensions.simulink.writing.flow import FlowWriter
 from simrob_drake.extensions.simulink.writing.touching import StationFiles
 from simrob_drake.extensions.simulink.writing.urdf import RobotFile, pose_list
-from simrob_drake.importer.options import ImportReport
 from simrob_drake.parts.controllers.signal_flow import flow_over_time
 from simrob_drake.parts.references import MOST_VALUES
 from simrob_drake.results.record.state import JointState, State
+from simrob_drake.robots.imports import ImportReport
 from simrob_drake.stations.config import JointStops
 
 _CORNER = 2 * SHORTEST  # how long a step takes [s]: rows of a table must be a SHORTEST apart

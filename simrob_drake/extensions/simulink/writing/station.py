@@ -44,7 +44,7 @@ from simrob_drake.extensions.simulink.writing.urdf import (
     plain,
     pose_list,
 )
-from simrob_drake.importer.options import ImportReport
+from simrob_drake.robots.imports import ImportReport
 from simrob_drake.robots.urdf import joint_limits, name_of
 
 _INSIDE = 1e-8  # how far within its limits a joint starts at least [rad or m]: files hold degrees and radians

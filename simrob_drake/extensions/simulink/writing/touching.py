@@ -24,9 +24,9 @@ from simrob_drake.extensions.simulink.simulink_model import SimulinkModel
 from simrob_drake.extensions.simulink.writing.spheres import POINT, far_apart, spheres_of
 from simrob_drake.extensions.simulink.writing.urdf import RobotFile, UniqueNames
 from simrob_drake.importer.meshes.checks import UnreadableMesh
-from simrob_drake.importer.options import ImportReport
-from simrob_drake.parts.site import WORLD
+from simrob_drake.parts.resolved import WORLD
 from simrob_drake.parts.terrain import MOST_BOXES
+from simrob_drake.robots.imports import ImportReport
 
 _PLANE, _GREY = "Infinite Plane", (0.5, 0.5, 0.5, 1.0)
 _MOST_POINTS = 100  # of a cloud that touch

@@ -22,8 +22,8 @@ from simrob_drake.extensions.simulink.mechanics.trees import BodyOnJoint, Tree
 from simrob_drake.extensions.simulink.model.nodes import Node
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.parts import MeshPart
-from simrob_drake.importer.options import ImportReport
 from simrob_drake.importer.repairs.names import FreeNames
+from simrob_drake.robots.imports import ImportReport
 from simrob_drake.robots.urdf import add_colour, add_joint, add_motor, place, set_inertia, six_moments, text
 
 

@@ -1,0 +1,184 @@
+"""Registry of a station's outputs: ports by name, what they are in results, and the monitors that watch them."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, OutputPort
+
+from simrob_drake.base.frames import Indices, Vector
+from simrob_drake.base.lifetime import release_with
+from simrob_drake.base.signals import Compute, Signal
+from simrob_drake.blocks.frame_poses import FramePoses
+from simrob_drake.blocks.monitor import Trigger
+
+
+@dataclass(frozen=True)
+class FromState:
+    """Rule by which an output of the station is computed from states of the whole plant, without reading its port.
+
+    The rule picks values from a state (nq + nv,) of the plant's positions and velocities, and a function may then
+    compute the output from these values.
+
+    Attributes:
+        pick: indices of the picked entries of the state, integers of shape (size,); or a matrix (size, nq + nv), whose
+            product with the state gives the picked values. Indices save memory in a station of many free pieces.
+        finish: computes the output (m, any size) from the picked values (m, size) of m states. If it is None, the
+            picked values are the output.
+    """
+
+    pick: Vector | Indices
+    finish: Callable[[Vector], Vector] | None = None
+
+    def of(self, states: Vector) -> Vector:
+        """Compute the output (m, size) for each of m states, shape (m, nq + nv)."""
+        values = self._picked_values(states)
+        return values if self.finish is None else self.finish(values)
+
+    def _picked_values(self, states: Vector) -> Vector:
+        """Pick the values (m, size) from each of m states, shape (m, nq + nv)."""
+        if self._picks_entries:
+            # The sum with 0 makes 0 of -0, as a product with a matrix does.
+            return np.asarray(states[:, self.pick] + 0.0)
+        return np.asarray(states @ self.pick.T)
+
+    def matrix(self, size: int) -> Vector:
+        """Matrix (picked values, size) whose product with a state (size,) gives the picked values."""
+        if not self._picks_entries:
+            return np.asarray(self.pick, dtype=float)
+        # Each row has a 1 at the index of its entry.
+        matrix = np.zeros((len(self.pick), size))
+        matrix[np.arange(len(self.pick)), self.pick] = 1.0
+        return matrix
+
+    @property
+    def _picks_entries(self) -> bool:
+        """Whether `pick` contains indices, not a matrix."""
+        return self.pick.ndim == 1
+
+
+@dataclass(frozen=True)
+class _Report:
+    """A block that only reports, and that has not joined the diagram."""
+
+    block: LeafSystem
+    source: OutputPort  # port that the block reads
+
+
+class OutputRegistry(Mapping[str, OutputPort]):
+    """The outputs of a station under construction: a mapping of names to output ports.
+
+    Names are ``position``, ``velocity``, ``torque`` (n), ``base_pose``, ``tcp_pose`` (7), ``piece_pose.<piece>`` (7),
+    ``piece_velocity.<piece>`` (6), ``force.<sensor>`` (3) and so on. With several robots, the names of a robot's
+    outputs have the prefix ``<robot>.``.
+
+    Attributes:
+        signals: what the outputs are in results, in the order of the columns.
+        of_state: rules that compute outputs from states of the plant, by the output's name.
+        later: functions that compute outputs without a port after the run, by the output's name.
+        images: what cameras show to blocks of the user's own, by name, such as ``image.<sensor>``.
+        monitors: conditions that end a run, by the monitor's name. They watch outputs.
+        notes: what results tell of how a part was made, by the name of the part.
+    """
+
+    def __init__(self, state: OutputPort, plant: MultibodyPlant, *, lean: bool = False) -> None:
+        """Begin without outputs.
+
+        Args:
+            state: port with the positions and velocities of the whole plant, size nq + nv.
+            plant: the plant.
+            lean: whether blocks that only report join the diagram when something reads them, and not before.
+        """
+        self._state = state
+        self._plant = plant
+        self._lean = lean
+        self._ports: dict[str, OutputPort] = {}
+        self._reports: dict[str, _Report] = {}  # blocks that have not joined the diagram, by the names of their outputs
+        self.signals: list[Signal] = []
+        self.of_state: dict[str, FromState] = {}
+        self.later: dict[str, Compute] = {}
+        self.images: dict[str, OutputPort] = {}
+        self.monitors: dict[str, Trigger] = {}
+        self.notes: dict[str, dict[str, str]] = {}
+
+    def __getitem__(self, output: str) -> OutputPort:
+        return self._ports[output]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._ports)
+
+    def __len__(self) -> int:
+        return len(self._ports)
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {', '.join(self)}>"
+
+    def add(self, output: str, port: OutputPort, *signals: Signal, of_state: FromState | None = None) -> None:
+        """Declare an output once: result columns, plots and the block picture read the declaration.
+
+        Args:
+            output: name of the output.
+            port: its port.
+            signals: what it is in results. A signal without columns, such as that of limbs that a robot does not have,
+                is left out.
+            of_state: rule that computes the output from states of the plant, if there is one.
+        """
+        self._ports[output] = port
+        self.signals.extend(signal for signal in signals if signal.names)
+        if of_state is not None:
+            self.of_state[output] = of_state
+
+    def add_report(
+        self, builder: DiagramBuilder, name: str, block: LeafSystem, source: OutputPort, *outputs: str
+    ) -> None:
+        """Add a block that only reports. In a lean diagram it joins when something reads it.
+
+        Args:
+            builder: builder of the diagram.
+            name: name of the block.
+            block: the block, with one input.
+            source: port that the block reads.
+            outputs: names of the outputs that the block gives.
+        """
+        block.set_name(name)
+        self._reports.update(dict.fromkeys(outputs, _Report(block, source)))
+        if not self._lean:
+            self._join(builder, block)
+        elif isinstance(block, FramePoses):
+            release_with(self._plant, block)
+
+    def port(self, builder: DiagramBuilder, output: str) -> OutputPort:
+        """Port of an output, for a block to read. The block that gives it joins the diagram if it has not yet."""
+        if output in self._reports:
+            self._join(builder, self._reports[output].block)
+        return self._ports[output]
+
+    def _join(self, builder: DiagramBuilder, block: LeafSystem) -> None:
+        """Add a block that only reports to the diagram."""
+        joining = {output: report for output, report in self._reports.items() if report.block is block}
+        source = next(iter(joining.values())).source
+        builder.AddSystem(block)
+        builder.Connect(source, block.get_input_port(0))
+        for output in joining:
+            del self._reports[output]
+
+    def from_state(self, output: str) -> Callable[[Vector], Vector] | None:
+        """Function that computes an output (m, size) from states (m, nq + nv) of the plant.
+
+        Returns None if the state does not determine the output.
+        """
+        if output in self.of_state:
+            return self.of_state[output].of
+        report = self._reports.get(output)
+        if report is None or not isinstance(report.block, FramePoses):
+            return None
+        return partial(report.block.at, self._ports[output].get_name())
+
+    def value(self, output: str, context: Context) -> Vector:
+        """Value of an output in a context of the whole diagram, from the plant's state where that determines it."""
+        rule = self.from_state(output)
+        port = self._ports[output] if rule is None else self._state
+        value = np.array(port.Eval(port.get_system().GetMyContextFromRoot(context)))
+        return value if rule is None else rule(value[np.newaxis])[0]

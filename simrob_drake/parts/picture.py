@@ -1,0 +1,55 @@
+"""Labels of a station's block picture: in which block of the picture each system of the diagram stands."""
+
+from collections.abc import Mapping, Sequence
+
+from simrob_drake.parts.captions import BlockRole, Drawn, InnerBlock
+from simrob_drake.parts.station_plant import StationRobot
+
+
+class PictureLabels:
+    """Labels of the block picture, which the parts of a station give while they are wired.
+
+    Attributes:
+        drawn: block of the picture, by the name of a system, or the part of its name before a dot. None if the system
+            is wiring, which is drawn as a part of the arrows.
+    """
+
+    def __init__(self) -> None:
+        """Begin without labels."""
+        self.drawn: dict[str, Drawn | None] = {}
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {', '.join(self.drawn)}>"
+
+    def draw(
+        self,
+        name: str,
+        role: BlockRole,
+        label: str,
+        robot: StationRobot | None = None,
+        *,
+        key: str = "",
+        inside: Sequence[str] = (),
+        within: str = "",
+        net: Mapping[str, InnerBlock] | None = None,
+    ) -> None:
+        """Label the block of the picture in which a system stands.
+
+        Systems whose names begin with the system's name and a dot stand in the same block.
+
+        Args:
+            name: name of the system.
+            role: what the block is for; it makes the column and the colour.
+            label: text in the block; lines are separated by line feeds.
+            robot: robot to which the block belongs, if it belongs to one.
+            key: several systems with the same key share a block. It is the name of the system unless given.
+            inside: what happens in the block, one thing after the other.
+            within: key of the block whose system does the work.
+            net: blocks that are drawn in its place, by name.
+        """
+        owner = robot.name if robot is not None and robot.prefix else ""
+        self.drawn[name] = Drawn(key or name, role, label, owner, tuple(inside), within, net or {})
+
+    def draw_nothing(self, *names: str) -> None:
+        """Declare systems as wiring, which is drawn as a part of the arrows."""
+        self.drawn.update(dict.fromkeys(names))
