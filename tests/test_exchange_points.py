@@ -250,10 +250,10 @@ def test_a_file_importer_has_own_options_and_losses_give_four(announce, tmp_path
     assert run_command(["import", "my.lst", "--allow-losses"]) == 0
     capsys.readouterr()
     for command, message in (
-        (["import", "arm.urdf", "--colour", "blue"], "--colour is given; it must be given with a list only"),
-        (["import", "my.lst", "--base", "fixed"], "--base is given; it must be left out with a list"),
-        (["import", "my.lst", "--set", "a=1"], "--set is given; it must be left out with a list"),
-        (["import", "my.lst", "--cycles", "2"], "--cycles is given; it must be given with a RAPID module"),
+        (["import", "arm.urdf", "--colour", "blue"], "--colour: it belongs to a list; leave it out"),
+        (["import", "my.lst", "--base", "fixed"], "--base: it has no effect on a list; leave it out"),
+        (["import", "my.lst", "--set", "a=1"], "--set: it has no effect on a list; leave it out"),
+        (["import", "my.lst", "--cycles", "2"], "--cycles: it belongs to RAPID modules; leave it out"),
         (["check", "my.lst"], "my.lst: is a list, which simrob import reads, and simrob check cannot"),
     ):
         assert run_command(command) == 2

@@ -137,7 +137,7 @@ def refuse_language(options: LanguageOptions) -> bool:
     defaults = LanguageOptions()
     chosen = {name: value for name, value in asdict(options).items() if value != getattr(defaults, name)}
     allow_losses = bool(chosen.pop("allow_losses", False))
-    refuse("given with a RAPID module", **chosen)
+    refuse("it belongs to RAPID modules", **chosen)
     return allow_losses
 
 
