@@ -17,7 +17,7 @@ from pydrake.multibody.tree import Frame, JacobianWrtVariable, Joint, MultibodyF
 
 from simrob_drake.base.errors import InvalidParameter, one_of, quoted
 from simrob_drake.base.frames import Vector, finite
-from simrob_drake.base.yaml_files import YAML_SUFFIXES
+from simrob_drake.base.yaml_files import is_yaml_name
 from simrob_drake.importer.importing import robot_from_file
 from simrob_drake.importer.robot_files import is_robot_file
 from simrob_drake.robots.axis_map import AxisMap
@@ -251,6 +251,6 @@ def _robot(robot: str | Path) -> RobotModel:
     """Return the robot that a name or a path stands for."""
     if not isinstance(robot, (str, Path)):
         raise InvalidParameter("robot", quoted(robot), "a name of `simrob list`, or a path")
-    if Path(robot).suffix in YAML_SUFFIXES:
+    if is_yaml_name(robot):
         return load_robot_file(Path(robot))
     return robot_from_file(robot) if Path(robot).suffix or is_robot_file(str(robot)) else load_robot(str(robot))

@@ -8,11 +8,11 @@ import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from simrob_drake.base.errors import OutputError
+from simrob_drake.base.errors import InvalidParameter, OutputError
 
 CACHE_VARIABLE = "XDG_CACHE_HOME"
 """The environment variable that says where caches lie; without it that is ``~/.cache``."""
@@ -56,13 +56,49 @@ def _delete_forgotten(cache: Path) -> None:
                 shutil.rmtree(entry, ignore_errors=True)
 
 
+def check_ending(file: Path, endings: Sequence[str], name: str) -> str:
+    """Check the ending of the name of a file that will be written, which says in what form.
+
+    Args:
+        file: the file.
+        endings: the endings that are possible, such as ``.xml``, in lower case.
+        name: what users call the parameter or the option that the file was given as.
+
+    Returns:
+        the ending in lower case: ``WALK.PNG`` is as good as ``walk.png``.
+
+    Raises:
+        InvalidParameter: the name has another ending.
+    """
+    ending = file.suffix.lower()
+    if ending not in endings:
+        raise InvalidParameter(name, str(file), f"a file that ends in {' or '.join(endings)}")
+    return ending
+
+
+def check_new_file(file: Path, *, force: bool) -> None:
+    """Check, before any work, that a file may be written.
+
+    Args:
+        file: the file.
+        force: whether it may replace a file that is there.
+
+    Raises:
+        OutputError: the file exists, and may not be replaced.
+    """
+    # os.path is used because methods of paths raise OSError for names that no file can have; such a name is refused
+    # with its reason when the file is written.
+    if os.path.exists(file) and not force:
+        raise OutputError(f"{file} exists already; choose another file or replace it with --force")
+
+
 def check_folder(folder: Path, *, marker: str, force: bool) -> None:
     """Check, before any work, that results can be written to a folder.
 
     Only a folder that holds a file called ``marker``, as each of its kind does, is ever replaced, and with ``force``.
     Raises OutputError: it exists and is not to be replaced, is none of ours, or cannot be made.
     """
-    if folder.exists():
+    if os.path.exists(folder):  # which is false for names that no folder can have: writing tells the reason
         ours = folder.is_dir() and ((folder / marker).is_file() or not any(folder.iterdir()))
         if force and not ours:
             raise OutputError(f"{folder} holds something else than a result; it is not replaced, choose another folder")

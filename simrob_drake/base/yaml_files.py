@@ -19,6 +19,14 @@ _MOST_VALUES, _DEEPEST, _LONGEST_NUMBER = 200_000, 60, 1000
 _SURROGATE = re.compile("[\ud800-\udfff]")
 
 
+def is_yaml_name(file: Path | str) -> bool:
+    """Whether a file is read as YAML, by the ending of its name. Capital letters make no difference.
+
+    The file need not exist: names that are no paths, such as ``irb120``, are told from paths by this function.
+    """
+    return Path(file).suffix.lower() in YAML_SUFFIXES
+
+
 class _Loader(yaml.CSafeLoader):
     """A safe loader for which a key that stands twice is an error, and 1e-3 a number as in YAML 1.2."""
 

@@ -4,16 +4,14 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from simrob_drake.base.errors import InvalidParameter, OutputError, Unsuitable
+from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.packages import Border
-from simrob_drake.base.yaml_files import YAML_SUFFIXES, parse_yaml, read_yaml
+from simrob_drake.base.yaml_files import is_yaml_name, parse_yaml, read_yaml
 from simrob_drake.cli.other_files import refuse_other
 from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.located import located
-
-_PROGRAM_KEYS = {"moves", "references"}
 
 
 def station_from(
@@ -48,7 +46,7 @@ def changes_of(texts: list[str] | None, option: str, *, others: Mapping[str, str
 
 
 def _changes(one: str, option: str) -> Iterator[tuple[str, Any]]:
-    if "=" in one or Path(one).suffix.lower() not in YAML_SUFFIXES:
+    if "=" in one or not is_yaml_name(one):
         for key, text in texts_by_key([one], option):
             yield key, parse_yaml(text, f"{option} {one}")
         return
@@ -65,12 +63,6 @@ def texts_by_key(texts: list[str] | None, option: str) -> Iterator[tuple[str, st
         if not (key.strip() and equals):
             raise InvalidParameter(option, one, "of the form key.path=value")
         yield key.strip(), text
-
-
-def is_program_file(text: str) -> bool:
-    """Tell whether an argument is a program's file and no station; raises InvalidConfig: it cannot be read."""
-    file = Path(text)
-    return file.suffix.lower() in YAML_SUFFIXES and file.is_file() and not _PROGRAM_KEYS.isdisjoint(read_yaml(file))
 
 
 def refuse(problem: str, remedy: str = "leave it out", **options: Any) -> None:
@@ -92,9 +84,3 @@ def refuse(problem: str, remedy: str = "leave it out", **options: Any) -> None:
 def refuse_import(problem: str, options: ImportOptions | None) -> None:
     """Check that options of an import are not given where nothing is imported, as :func:`refuse` does."""
     refuse(problem, **(options.model_dump(exclude_defaults=True) if options else {}))
-
-
-def check_file(file: Path, *, force: bool) -> None:
-    """Check that a file may be written; raises OutputError: it exists and is not to be replaced."""
-    if file.exists() and not force:
-        raise OutputError(f"{file} exists already; choose another file or replace it with --force")

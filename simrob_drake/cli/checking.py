@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from simrob_drake.cli.arguments import is_program_file, refuse, refuse_import, station_from
+from simrob_drake.cli.arguments import refuse, refuse_import, station_from
 from simrob_drake.cli.importers import examine_with, importer_request, other_importer, with_importer_options
 from simrob_drake.cli.options import AllowCode, ChosenOptions, Settings, with_import_options
 from simrob_drake.cli.programs import check_program, own_program, program_from
@@ -14,6 +14,7 @@ from simrob_drake.cli.robots import examine_file, show_robot
 from simrob_drake.cli.screen import console
 from simrob_drake.cli.tables import findings_table
 from simrob_drake.importer.robot_files import is_robot_file
+from simrob_drake.programs.program_files import is_program_file
 from simrob_drake.robots.catalog import load_robot, load_robot_file, robot_names
 from simrob_drake.robots.description_files import is_description_file
 from simrob_drake.robots.imports import ImportOptions

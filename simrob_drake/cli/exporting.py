@@ -9,8 +9,8 @@ import typer
 
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError
 from simrob_drake.base.extension import code_of_extension
-from simrob_drake.base.folders import written_at_once
-from simrob_drake.cli.arguments import check_file, is_program_file, station_from
+from simrob_drake.base.folders import check_ending, check_new_file, written_at_once
+from simrob_drake.cli.arguments import station_from
 from simrob_drake.cli.options import ChosenOptions, Force, Settings, with_group, with_groups, with_mesh_path
 from simrob_drake.cli.programs import program_from
 from simrob_drake.cli.screen import say
@@ -21,6 +21,7 @@ from simrob_drake.programs.exporter import (
     all_exporters,
     load_exporter,
 )
+from simrob_drake.programs.program_files import is_program_file
 
 _FORMATS = all_exporters()
 """Exporters by the name of their format, or the reason why one cannot be used."""
@@ -78,8 +79,8 @@ def export(
         found = "asked for a station and a program" if targets else "asked for nothing"
         raise InvalidParameter("simrob export", found, f"given {_known_formats()}")
     for name, exporter in exporters.items():
-        if exporter.suffix and targets[name].suffix != exporter.suffix:
-            raise InvalidParameter(f"--{name}", str(targets[name]), f"a file that ends in {exporter.suffix}")
+        if exporter.suffix:
+            check_ending(targets[name], [exporter.suffix], f"--{name}")
     options.refuse_all_but([exporter.options_class for exporter in exporters.values()])
     if of_programs:
         _export_program(station, set_, targets, of_programs, options, force=force)
@@ -103,7 +104,7 @@ def _export_station(
     """
     config = station_from(station, set_)
     for name, exporter in exporters.items():
-        check_file(targets[name], force=force)
+        check_new_file(targets[name], force=force)
         with code_of_extension(exporter.owner, f"the exporter {name}"):
             written = exporter.export_station(config, targets[name], options.of(exporter.options_class), force=force)
         for path in written:
@@ -146,7 +147,7 @@ def _export_program(
         texts |= found.texts
         remarks |= dict.fromkeys(found.remarks)
     for file in texts:
-        check_file(file, force=force)
+        check_new_file(file, force=force)
     for file, text in texts.items():
         written_at_once(file, text)
         say(f"written {file}")

@@ -11,7 +11,7 @@ from pydantic import Field
 from simrob_drake.base.errors import InvalidConfig, SimrobError
 from simrob_drake.base.extension import addition_files
 from simrob_drake.base.sections import Strict, validated
-from simrob_drake.base.yaml_files import YAML_SUFFIXES, read_yaml
+from simrob_drake.base.yaml_files import is_yaml_name, read_yaml
 from simrob_drake.stations.config import StationConfig
 
 _OTHERS = Path(__file__).with_name("others.yaml")
@@ -45,7 +45,7 @@ def refuse_other(text: str) -> None:
     file = Path(text)
     if not isdir(file) and not isfile(file):
         return
-    is_yaml = isfile(file) and file.suffix.lower() in YAML_SUFFIXES
+    is_yaml = isfile(file) and is_yaml_name(file)
     keys = set(read_yaml(file)) if is_yaml else set[str]()
     if keys and keys <= _STATION_KEYS:
         return

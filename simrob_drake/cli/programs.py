@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError
 from simrob_drake.base.extension import code_of_extension
-from simrob_drake.base.folders import written_at_once
+from simrob_drake.base.folders import check_new_file, written_at_once
 from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.cli import ExitCode
-from simrob_drake.cli.arguments import changes_of, check_file, refuse, station_from
+from simrob_drake.cli.arguments import changes_of, refuse, station_from
 from simrob_drake.cli.options import LanguageOptions, Saving
 from simrob_drake.cli.saving import Frames, done_in_workcell, way_of
 from simrob_drake.cli.screen import errors, say
@@ -167,7 +167,7 @@ def import_program(file: Path, out: Path | None, options: LanguageOptions, *, fo
     station = target.with_name(f"{target.stem}_station.yaml")
     written = [target] if options.on else [target, station]
     for one in written:
-        check_file(one, force=force)
+        check_new_file(one, force=force)
     imported, config = _imported(file, options, None)
     written_at_once(target, imported.program.on(options.on or station.name).text())
     if options.on is None:

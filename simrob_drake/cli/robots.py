@@ -8,11 +8,11 @@ from typing import Annotated, Any
 import typer
 from rich.text import Text
 
-from simrob_drake.base.errors import InvalidParameter
-from simrob_drake.base.folders import written_at_once
+from simrob_drake.base.folders import check_ending, check_new_file, written_at_once
 from simrob_drake.base.packages import package_root, resolved
+from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.cli import ExitCode
-from simrob_drake.cli.arguments import check_file, refuse, refuse_import
+from simrob_drake.cli.arguments import refuse, refuse_import
 from simrob_drake.cli.importers import import_with, importer_request, other_importer, with_importer_options
 from simrob_drake.cli.options import (
     ChosenOptions,
@@ -135,9 +135,8 @@ def station(
 ) -> None:
     """Write a first station for a robot's file, one that runs at once."""
     target = out or Path(f"{file.stem}.yaml")
-    if target.suffix not in (".yaml", ".yml"):
-        raise InvalidParameter("--out", str(target), "a file that ends in .yaml")
-    check_file(target, force=force)
+    check_ending(target, YAML_SUFFIXES, "--out")
+    check_new_file(target, force=force)
     with errors.status(Text(f"reading {file}")):
         text = draft_station(file, options, folder=target.absolute().parent)
     written_at_once(target, text)

@@ -7,8 +7,9 @@ from typing import Annotated, Any, cast
 import typer
 
 from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.folders import check_new_file
 from simrob_drake.cli import ExitCode
-from simrob_drake.cli.arguments import check_file, is_program_file, refuse, station_from
+from simrob_drake.cli.arguments import refuse, station_from
 from simrob_drake.cli.options import (
     AllowCode,
     Force,
@@ -32,6 +33,7 @@ from simrob_drake.cli.programs import (
 from simrob_drake.cli.saving import Frames, exit_code, prepared_folder, saved, wait_for_watcher
 from simrob_drake.cli.screen import console, say
 from simrob_drake.cli.tables import convergence_table
+from simrob_drake.programs.program_files import is_program_file
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation import simulate
 from simrob_drake.stations.config import StationConfig
@@ -136,7 +138,7 @@ def diagram(
     if out is None:
         print(station_dot(config))
         return
-    check_file(out, force=force)
+    check_new_file(out, force=force)
     say(str(save_block_picture(config, out)))
 
 

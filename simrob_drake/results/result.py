@@ -17,6 +17,7 @@ import numpy as np
 
 from simrob_drake.base.arguments import as_path, truth
 from simrob_drake.base.errors import InvalidParameter, VerdictError, shortened
+from simrob_drake.base.folders import check_ending
 from simrob_drake.results.files import default_folder, save_result
 from simrob_drake.results.plots.formats import PlotFormat
 from simrob_drake.results.record.run import DIVERGED, FAILED, RecordedRun
@@ -45,6 +46,7 @@ from simrob_drake.stations.poses import piece_pose_signal, unit_poses
 from simrob_drake.stations.resolve import resolve
 
 _WIDTH = 100  # characters of a line
+FILM_ENDINGS = (".html", ".png", ".mp4")  # of files with the motion of a run
 
 
 def table_of(result: RecordedRun) -> list[list[str]]:
@@ -158,11 +160,13 @@ class SimulationResult(RecordedRun):
         from simrob_drake.results.animation.recording import save_recording
 
         target = as_path(file, "file")
-        if target.suffix == ".png":
-            return save_film_strip(self, target, frames=frames)
-        if target.suffix not in (".html", ".mp4"):
-            raise InvalidParameter("file", target.name, "one that ends in .html, .png, .mp4")
-        return (save_recording if target.suffix == ".html" else save_video)(self, target)
+        match check_ending(target, FILM_ENDINGS, "file"):
+            case ".png":
+                return save_film_strip(self, target, frames=frames)
+            case ".mp4":
+                return save_video(self, target)
+            case _:
+                return save_recording(self, target)
 
     def check(self, strict: bool = True) -> Self:
         """Return the run; with ``strict`` only if it did what was asked.

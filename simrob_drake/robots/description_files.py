@@ -4,7 +4,7 @@ from os.path import isfile
 from pathlib import Path
 
 from simrob_drake.base.folders import is_cached
-from simrob_drake.base.yaml_files import YAML_SUFFIXES, read_yaml
+from simrob_drake.base.yaml_files import is_yaml_name, read_yaml
 from simrob_drake.robots.catalog import RobotModel
 
 _DESCRIPTION_KEYS = frozenset(("dh", "urdf", "axes"))  # keys of robots that no station has at its top
@@ -17,7 +17,7 @@ def is_description_file(text: str) -> bool:
         InvalidConfig: the file cannot be read.
     """
     file = Path(text)
-    if file.suffix.lower() not in YAML_SUFFIXES or not isfile(file):
+    if not is_yaml_name(file) or not isfile(file):
         return False
     return not _DESCRIPTION_KEYS.isdisjoint(read_yaml(file))
 

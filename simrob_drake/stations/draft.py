@@ -20,7 +20,7 @@ from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.files import ROBOT_FILE
 from simrob_drake.base.frames import Vector, lean, xyz_quaternion_from_transform
-from simrob_drake.base.yaml_files import YAML_SUFFIXES
+from simrob_drake.base.yaml_files import is_yaml_name
 from simrob_drake.importer.importing import gains_of, robot_from_file
 from simrob_drake.importer.robot_files import robot_file
 from simrob_drake.robots.catalog import RobotModel, load_robot_file
@@ -98,7 +98,7 @@ def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, fol
     """
     file = robot_file(urdf, "urdf")
     own_folder = None if folder is None else as_path(folder, "folder")
-    is_description = file.suffix.lower() in YAML_SUFFIXES
+    is_description = is_yaml_name(file)
     if is_description and options is not None:
         raise Unsuitable("options", f"{file.name} describes a robot, and nothing is imported")
     robot = load_robot_file(file) if is_description else robot_from_file(file, options)
@@ -397,7 +397,7 @@ def _header(robot: RobotModel, file: Path, options: ImportOptions | None) -> str
     """
     missing = ", ".join(robot.links_without_inertia)
     text = f"{_FIRST_LINE}# Kinematic, since these links have no inertia: {missing}.\n"
-    if file.suffix.lower() in YAML_SUFFIXES:
+    if is_yaml_name(file):
         return f"{text}# For motion by torque give them a mass in {file.name}, and begin anew.\n"
     command = shlex.join(["simrob", "station", str(file), "--estimate-inertia", *_command_options(options)])
     return f"{text}# For motion by torque begin anew: {command}\n"

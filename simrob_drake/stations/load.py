@@ -25,7 +25,7 @@ from simrob_drake.base.extension import installed_extensions
 from simrob_drake.base.files import model_file, station_files
 from simrob_drake.base.packages import Border
 from simrob_drake.base.sections import validated
-from simrob_drake.base.yaml_files import YAML_SUFFIXES, place_of, read_yaml
+from simrob_drake.base.yaml_files import is_yaml_name, place_of, read_yaml
 from simrob_drake.importer.robot_files import is_robot_file
 from simrob_drake.stations.change_of_kind import KeyLosses, kind_of
 from simrob_drake.stations.config import StationConfig
@@ -343,7 +343,7 @@ def _station_file(name_or_path: str | Path) -> Path:
         inside = path / "station.yaml"
         hint = f"; did you mean {inside}?" if isfile(inside) else ""
         raise InvalidConfig(path, "", f"is a folder, and a station is a name or a YAML file{hint}")
-    if path.suffix not in YAML_SUFFIXES:
+    if not is_yaml_name(path):
         # A plain word is a misspelt name of a station, and so is an existing file that is not YAML.
         has_form_of_path = bool(path.suffix) or len(path.parts) > 1
         if exists(path) or not has_form_of_path:

@@ -10,7 +10,7 @@ from typing import Any
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.files import ROBOT_FILE
 from simrob_drake.base.packages import Border, resolved
-from simrob_drake.base.yaml_files import YAML_SUFFIXES
+from simrob_drake.base.yaml_files import is_yaml_name
 from simrob_drake.importer.importing import robot_from_file
 from simrob_drake.importer.meshes.places import MeshPlaces
 from simrob_drake.parts.controllers.own import class_from
@@ -78,7 +78,7 @@ def located_program(program: Mapping[str, Any], folder: Path, border: Border | N
 
 def located_station(station: str, file: Path) -> str:
     """Return a station's name, or its file's path from another file; raises InvalidConfig: it may not be read."""
-    if Path(station).suffix not in YAML_SUFFIXES:
+    if not is_yaml_name(station):
         return station
     near = file.absolute().parent / station
     path = near if near.is_file() else Path(station).absolute()
@@ -100,7 +100,7 @@ def _paths_at(node: Any, way: list[str], before: str = "") -> Iterator[tuple[dic
         value = node.get(key)
         if len(way) > 1:
             yield from _paths_at(value, way[1:], f"{before}{key}.")
-        elif key == "model" and not str(value).endswith(YAML_SUFFIXES):
+        elif key == "model" and not is_yaml_name(str(value)):
             continue  # it is a name
         elif isinstance(value, list if key == "mesh_path" else str):
             yield node, key, f"{before}{key}"

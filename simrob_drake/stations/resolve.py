@@ -13,7 +13,7 @@ from simrob_drake.base.errors import InvalidModel, InvalidParameter, UnknownName
 from simrob_drake.base.file_cache import FileCache
 from simrob_drake.base.frames import Vector, transform_from_pose
 from simrob_drake.base.packages import granted
-from simrob_drake.base.yaml_files import YAML_SUFFIXES
+from simrob_drake.base.yaml_files import is_yaml_name
 from simrob_drake.parts.controllers import flows_of, loops_of, readers_of
 from simrob_drake.parts.controllers.loop import check_loops, sensors_read
 from simrob_drake.parts.couplings import Gear
@@ -190,7 +190,7 @@ def _described_robot(entry: RobotConfig) -> RobotModel:
 
         return robot_from_file(entry.urdf, entry.import_options)
     model = str(entry.model)
-    if not model.endswith(YAML_SUFFIXES):
+    if not is_yaml_name(model):
         return load_robot(model)
     robot = load_robot_file(Path(model))
     try:
@@ -340,7 +340,7 @@ def piece_of(entry: PieceConfig, name: str) -> PieceModel:
     elif shapes:
         piece = PieceModel(folder=Path(), shapes=shapes)
     else:
-        piece = described_piece(Path(model) if model.endswith(YAML_SUFFIXES) else piece_file(model))
+        piece = described_piece(Path(model) if is_yaml_name(model) else piece_file(model))
     weightless = entry.mass is None and entry.density is None and (entry.free or entry.parent != WORLD)
     if weightless and (entry.mesh is not None or shapes):
         seen = "" if entry.free else ", 0 if it is only seen"

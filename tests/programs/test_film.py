@@ -47,7 +47,7 @@ def test_a_program_is_one_film(robot, tmp_path):
 
 
 def test_what_is_no_film_is_told(robot, tmp_path):
-    with pytest.raises(InvalidParameter, match=r"file is walk\.gif; it must be one that ends in \.html, \.png, \.mp4"):
+    with pytest.raises(InvalidParameter, match=r"walk\.gif; it must be a file that ends in \.html or \.png or \.mp4"):
         robot.film(tmp_path / "walk.gif")
     with pytest.raises(InvalidParameter, match="runs is empty"):
         LeggedRobot("humanoid_fixed").film(tmp_path / "walk.html")

@@ -15,7 +15,7 @@ from simrob_drake.base.files import models_root
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.packages import Border
 from simrob_drake.base.sections import Boolean, Duration, Instant, NotNegative, Number, Positive, Strict, validated
-from simrob_drake.base.yaml_files import YAML_SUFFIXES, read_yaml
+from simrob_drake.base.yaml_files import is_yaml_name, read_yaml
 from simrob_drake.extensions.learning.episode import policies_of
 from simrob_drake.extensions.learning.rewards import TERMS
 from simrob_drake.parts.forces import ForceConfig, Push
@@ -216,7 +216,7 @@ def load_task(name_or_path: str | Path) -> tuple[Task, Path]:
         path = models_root() / "tasks" / f"{name_or_path}.yaml"
     else:
         path = Path(name_or_path)
-        if path.suffix not in YAML_SUFFIXES:
+        if not is_yaml_name(path):
             raise UnknownName("task", str(name_or_path), task_names())
     task, folder = validated(Task, read_yaml(path), path), path.absolute().parent
     changes = located_changes(task.overrides, folder, Border(path))

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from simrob_drake.base.arguments import as_path
-from simrob_drake.base.errors import InvalidParameter, OutputError
-from simrob_drake.base.folders import filled_at_once, replaced_at_once, writing
+from simrob_drake.base.folders import check_ending, check_new_file, filled_at_once, replaced_at_once, writing
 from simrob_drake.extensions.mujoco.model import STEP
 from simrob_drake.extensions.mujoco.runner import MujocoRunner, RunRequest
 from simrob_drake.stations.config import StationConfig
@@ -25,10 +24,8 @@ def save_mjcf(config: StationConfig, file: Path | str, *, step: float = STEP, fo
     ending other than ``.xml``; OutputError: the file is there, or the disk does not take it.
     """
     file = as_path(file, "file")
-    if file.suffix != ".xml":
-        raise InvalidParameter("--mjcf", str(file), "a file that ends in .xml")
-    if file.exists() and not force:
-        raise OutputError(f"{file} exists already; choose another file or replace it with --force")
+    check_ending(file, [".xml"], "--mjcf")
+    check_new_file(file, force=force)
     runner = MujocoRunner(config, step=step, seen=True)
     spec, folder = runner.built.spec, file.with_name(f"{file.stem}_mjcf")
     prepared = runner.prepared(config, RunRequest())

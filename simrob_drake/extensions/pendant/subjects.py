@@ -1,21 +1,22 @@
 """What can be taught: a station, a robot on its usual one, or one of which there is a file."""
 
 from itertools import count
+from os.path import isfile  # which is false for names that no file can have
 from pathlib import Path
 
 import yaml
 
 from simrob_drake.base.errors import InvalidConfig, UnknownName
 from simrob_drake.base.folders import written_at_once
-from simrob_drake.base.yaml_files import YAML_SUFFIXES, parse_yaml, read_yaml
+from simrob_drake.base.yaml_files import is_yaml_name, parse_yaml, read_yaml
 from simrob_drake.importer.robot_files import is_robot_file, robot_file
 from simrob_drake.programs.program import Program
+from simrob_drake.programs.program_files import is_program_file
 from simrob_drake.robots.catalog import RobotModel, load_robot, robot_names
 from simrob_drake.stations.draft import draft_station
 from simrob_drake.stations.load import station_names
 from simrob_drake.stations.located import located_station
 
-_PROGRAM = {"moves", "references"}
 _USUAL = "{}_dynamic"
 
 
@@ -39,12 +40,12 @@ def station_for(subject: str | Path, folder: Path) -> tuple[str, str]:
     if name in robot_names():
         usual = _USUAL.format(name)
         return (usual, usual) if usual in station_names() else (name, _drafted(load_robot(name), name, folder))
-    suffix = file.suffix.lower()
-    if suffix in YAML_SUFFIXES and file.is_file():
+    is_yaml = is_yaml_name(file)
+    if is_yaml and isfile(file):
         return file.stem, str(file.resolve())
-    if suffix not in YAML_SUFFIXES and not is_robot_file(name):
+    if not is_yaml and not is_robot_file(name):
         raise UnknownName("station or robot", name, [*station_names(), *robot_names()])
-    if suffix in YAML_SUFFIXES or not robot_file(file, "subject").is_file():
+    if is_yaml or not isfile(robot_file(file, "subject")):
         raise InvalidConfig(file, "", "there is no such file")
     return _drafted_for(robot_file(file, "subject"), folder)
 
@@ -55,7 +56,7 @@ def program_of(subject: str | Path) -> tuple[Path, str] | None:
     Raises InvalidConfig: a damaged file, or a program that names no station.
     """
     file = Path(subject)
-    if file.suffix.lower() not in YAML_SUFFIXES or not file.is_file() or _PROGRAM.isdisjoint(read_yaml(file)):
+    if not is_program_file(file):
         return None
     station = Program.load(file).station
     if station is None:

@@ -11,9 +11,9 @@ from math import fsum
 from pathlib import Path
 
 from simrob_drake.base.arguments import as_path
-from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.errors import one_of
 from simrob_drake.base.files import diagrams_root
-from simrob_drake.base.folders import replaced_at_once
+from simrob_drake.base.folders import check_ending, replaced_at_once
 from simrob_drake.results.block_diagram.graph import ROLES, BlockGraph, DrawnBlock, Net
 from simrob_drake.results.block_diagram.layout import CELL, LINE, ROW, Layout, Placed, text_width
 from simrob_drake.results.block_diagram.reading import COLOURS, TITLES, WIRE, dot_text, mermaid_text, read_blocks
@@ -252,9 +252,7 @@ def save_block_picture(config: StationConfig, file: Path | str) -> Path:
     written.
     """
     file = as_path(file, "file")
-    suffix = file.suffix.lower()
-    if suffix not in SUFFIXES:
-        raise InvalidParameter("the picture's file", file.name, f"one of {', '.join(SUFFIXES)}")
+    suffix = check_ending(file, SUFFIXES, "the picture's file")
     if suffix in (".png", ".pdf"):
         content = Drawing(_graph(config)).file(suffix[1:])
     else:

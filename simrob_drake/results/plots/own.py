@@ -70,7 +70,7 @@ def save_figure(figure: Figure, file: Path | str, *, beside: bool = False) -> Pa
         OutputError: it cannot be written.
     """
     target = Path(file)
-    kind = plot_format(target.suffix.removeprefix("."))
+    kind = plot_format(target.suffix.removeprefix(".").lower())
     for axes in figure.axes if beside else ():
         if axes.get_legend_handles_labels()[1]:
             axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), **_PLAIN)

@@ -11,9 +11,9 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 from zipfile import ZIP_DEFLATED, ZipFile
 
 from simrob_drake.base.arguments import as_path
-from simrob_drake.base.errors import InvalidParameter, OutputError
+from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.extras import needed
-from simrob_drake.base.folders import replaced_at_once, writing
+from simrob_drake.base.folders import check_ending, check_new_file, replaced_at_once, writing
 from simrob_drake.extensions.simulink.stepping.station import SteppedStation
 from simrob_drake.extensions.simulink.values.units import UnknownUnit, parse_unit, plain_unit
 from simrob_drake.extensions.simulink.writing.urdf import plain
@@ -156,10 +156,8 @@ def write_fmu(config: StationConfig, target: Path | str, *, version: int = 2, fo
     with needed("simrob fmu", "fmi"):
         maker = import_module(_MAKERS[version])
     target = as_path(target, "target")
-    if target.suffix != ".fmu":
-        raise InvalidParameter("--out", str(target), "a file that ends in .fmu")
-    if target.exists() and not force:
-        raise OutputError(f"{target} exists already; choose another file or replace it with --force")
+    check_ending(target, [".fmu"], "--out")
+    check_new_file(target, force=force)
     name = f"{plain(config.name)}_unit"
     with TemporaryDirectory() as folder:
         work = Path(folder)

@@ -1,0 +1,19 @@
+"""How to recognise the file of a program, without reading the moves in it."""
+
+from os.path import isfile  # which is false for names that no file can have
+from pathlib import Path
+
+from simrob_drake.base.yaml_files import is_yaml_name, read_yaml
+
+_PROGRAM_KEYS = frozenset(("moves", "references"))  # keys of programs that no station has
+
+
+def is_program_file(file: Path | str) -> bool:
+    """Whether a text is the path of a program's YAML file, not a station. False if there is no such file.
+
+    Raises:
+        InvalidConfig: the file cannot be read.
+    """
+    if not is_yaml_name(file) or not isfile(file):
+        return False
+    return not _PROGRAM_KEYS.isdisjoint(read_yaml(Path(file)))
