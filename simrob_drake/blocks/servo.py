@@ -56,6 +56,8 @@ from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
 from simrob_drake.blocks.block import fed, joined, mapped
 
+AT_LIMIT = 0.999
+"""A motor is at its limit if it takes at least this share of what it can give, see `ServoGains.torque_shares`."""
 CLAMP_TIME = 0.02
 """T [s]: slow enough for fixed steps of 10 ms, far faster than the load that an integrator is there to find."""
 
@@ -106,6 +108,28 @@ class ServoGains:
     integral_limit: Vector  # N·m, of the integral part alone
     speed_limit: Vector | None = None  # rad/s, of what the outer loop of a cascade commands; None: no cascade
     line: MotorLine | None = None  # of the motors; None: the limit is all
+
+    @property
+    def limit_at_rest(self) -> Vector:
+        """Largest torque of each motor at rest, shape (n,) [N·m]: the limit, or the stall torque if that is smaller."""
+        return self.torque_limit if self.line is None else np.minimum(self.torque_limit, self.line.stall)
+
+    def torque_shares(self, torque: Vector, speed: Vector) -> Vector:
+        """Compare torques with what the motors can give at their speeds.
+
+        All judgements of motors use this function: those of plans, of runs, of walks and of monitors.
+
+        Args:
+            torque: torques, shape (..., n) [N·m].
+            speed: speeds of the axes, shape (..., n) [rad/s].
+
+        Returns:
+            shares, shape (..., n): 1 is all that the motor can give. The limit counts, and of a motor whose torque
+            falls with its speed its line, too.
+        """
+        if self.line is None:
+            return np.asarray(np.abs(torque) / self.torque_limit)
+        return self.line.share(torque, speed, self.torque_limit)
 
     @property
     def damping(self) -> Vector:

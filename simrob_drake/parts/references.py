@@ -147,7 +147,7 @@ class Cruise(ReferenceSection):
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
         """Return the trajectory (n, 1) [rad or m]; raises InvalidParameter: no limit, or one beyond the robot's."""
         target = si_positions(self.target_deg, robot, start)
-        speeds = _within("speed_deg", self.speed_deg, robot, robot.model.speed_limits, target != start)
+        speeds = _within("speed_deg", self.speed_deg, robot, robot.speed_limits, target != start)
         limits = robot.model.accelerations
         accelerations = _within("acceleration_deg", self.acceleration_deg, robot, limits, target != start)
         return cruising(start, target, speeds, accelerations, self._jerks(robot), start_time=self.start)

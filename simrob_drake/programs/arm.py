@@ -149,11 +149,12 @@ class Arm(ArmGeometry):
     @property
     def plan(self) -> Planner:
         """Plan moves without running them: the methods of the same names; :meth:`Workcell.run` runs several at once."""
-        model = self.cell.robot(self.name).model
+        robot = self.cell.robot(self.name)
+        model = robot.model
         return Planner(
             robot=self.name,
             model=model,
-            rate_limits=(model.speed_limits, model.accelerations),
+            rate_limits=(robot.speed_limits, model.accelerations),
             chain=self.chain,
             start=self.reference,
             solver=self.solver,

@@ -177,7 +177,7 @@ class ArmGeometry(CellRobot):
         target = world_poses(pose, self.frame(wobj), chain.forward(self.position)[0, :3, :3], "pose")
         if len(target) != 1:
             raise InvalidParameter("pose", f"{len(target)} poses", "one pose")
-        limit, model = self.cell.robot(self.name).gains.torque_limit, self.cell.collision_model
+        limit, model = self.cell.robot(self.name).gains.limit_at_rest, self.cell.collision_model
         gap = gaps(model, self.name, chain)
 
         def meant(q: Vector) -> Branch:

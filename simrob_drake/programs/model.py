@@ -263,7 +263,7 @@ class StationModel(PosedStation):
         own = self.robots[robot]
         tool, placed = own.tools.get(own.tcp), self.plant.GetPositions(self.context)
         return Dynamics(
-            own.model, self.plant, own.joints, tool=tool, torque_limit=own.gains.torque_limit, positions=placed
+            own.model, self.plant, own.joints, tool=tool, torque_limit=own.gains.limit_at_rest, positions=placed
         )
 
 

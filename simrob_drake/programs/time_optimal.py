@@ -20,7 +20,6 @@ from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.programs.model import StationModel
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.segments import Segment, Stretch, free_spline
-from simrob_drake.robots.catalog import RobotModel
 
 _GRID = 100, 300  # places on a way where limits hold, at least and at most
 _MEAN, _PART = 0.02, 0.125  # s over which accelerations are averaged, but at most this part of the motion
@@ -28,6 +27,9 @@ _SAMPLES, _FINE = 8, 8  # of a mean, and of a sample
 _FULL = 0.995  # of the limits: what is averaged overshoots
 _NONE = 1e6  # what limits nothing
 _TRIES, _ENOUGH = 6, 1 + 1e-9
+_TRIES_WITH_LINES = 24
+"""Largest count of steps in which a motion is slowed down for motors whose torque falls with their speed. A step by the
+square root of the excess, as torques of inertia need it, takes away only half of it there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +40,9 @@ class Motors:
     robots: Sequence[str]  # that move, in turn
 
     @property
-    def models(self) -> list[RobotModel]:
-        """What the robots are."""
-        return [self.model.robots[robot].model for robot in self.robots]
+    def station_robots(self) -> list[StationRobot]:
+        """The robots that move, in turn, with their motors and limits in the station."""
+        return [self.model.robots[robot] for robot in self.robots]
 
     def fastest(self, segment: Segment, speed: float | None) -> tuple[Stretch, Vector]:
         """Return the motion along a segment of all robots from rest to rest, and when it passes its targets, (k,) [s].
@@ -62,9 +64,9 @@ class Motors:
         for robot in own:
             axes, places = slice(begin, begin + len(robot.axes)), robot.axis_map.velocity_places
             control = robot.axis_map.spread_positions(way.c[:, axes], control)
-            speeds[places] = _FULL * robot.model.speed_limits
+            speeds[places] = _FULL * robot.speed_limits
             pushes[places] = np.minimum(_FULL * robot.model.accelerations, _NONE)
-            torques[places] = np.minimum(_FULL * (robot.gains.torque_limit - robot.model.friction), _NONE)
+            torques[places] = np.minimum(_FULL * (robot.gains.limit_at_rest - robot.model.friction), _NONE)
             begin = axes.stop
         path = BsplineTrajectory(BsplineBasis(way.k + 1, way.t.tolist()), list(control[:, :, np.newaxis]))
         problem = Toppra(path, plant, np.linspace(0.0, 1.0, int(np.clip(points, *_GRID)) + 1))
@@ -88,12 +90,13 @@ class Motors:
             robot = self.model.robots[name]
             axes = slice(begin, begin := begin + len(robot.axes))
             q, v, a = (rows[:, axes] for rows in plan.motion(plan.looks))
-            factor = max(factor, np.abs(v / robot.model.speed_limits).max())
+            factor = max(factor, np.abs(v / robot.speed_limits).max())
             factor = max(factor, np.sqrt(np.abs(a / robot.model.accelerations).max()))
             parts.append((robot, self.model.dynamics(name), q, v, a))
-        for _ in range(_TRIES):
+        has_lines = any(robot.gains.line is not None for robot, *_ in parts)
+        for _ in range(_TRIES_WITH_LINES if has_lines else _TRIES):
             shares = [
-                np.abs(dynamics.inverse_dynamics(q, v / factor, a / factor**2) / robot.gains.torque_limit).max()
+                robot.gains.torque_shares(dynamics.inverse_dynamics(q, v / factor, a / factor**2), v / factor).max()
                 for robot, dynamics, q, v, a in parts
             ]
             if max(shares) <= 1.0:

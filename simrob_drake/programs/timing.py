@@ -1,6 +1,6 @@
 """How long the parts of a move take, and by which law of time each is gone."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any, Literal, TypedDict, get_args
 
@@ -13,22 +13,17 @@ from simrob_drake.base.extras import needed
 from simrob_drake.base.frames import Vector, numbers
 from simrob_drake.blocks.cruise import LONGEST_RAMP, TimeLaw, cruise, cruise_in, smooth_law
 from simrob_drake.blocks.references import PEAK
+from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.programs.plan import Check, Plan, rate_ratio
 from simrob_drake.programs.segments import Segment, Stretch, by_law, rest
 from simrob_drake.programs.time_optimal import Motors
-from simrob_drake.robots.catalog import RobotModel
 
 _STRAIGHT = 1e-9  # rad or m that a way may leave its straight line
 _POINTS = 6  # of each part in which all accelerations rise or fall evenly
 _SHORTEST = 1e-6  # s between two parts
-_LIMITS = (
-    ("velocity", "speed_limits", "its URDF"),
-    ("acceleration", "accelerations", "acceleration_deg in its robot.yaml"),
-    ("jerk", "jerks", "jerk_deg in its robot.yaml"),
-)
 
 
-def jerk_limited(robots: Iterable[RobotModel], postures: Vector) -> tuple[Stretch, ...]:
+def jerk_limited(robots: Sequence[StationRobot], postures: Vector) -> tuple[Stretch, ...]:
     """Return the motions from rest to rest along straight postures (k, n) of robots, one after the other.
 
     All axes arrive at the same time; they stay on the line where that takes no longer. Raises InvalidParameter: an axis
@@ -36,17 +31,21 @@ def jerk_limited(robots: Iterable[RobotModel], postures: Vector) -> tuple[Stretc
     """
     with needed("profile jerk_limited", "plan"):
         from ruckig import InputParameter, Ruckig, Synchronization, Trajectory
-    own = [*robots]
     start, end = postures[0], postures[-1]
     parts = np.linspace(0.0, 1.0, len(postures))[:, np.newaxis]
     if np.abs(start + parts * (end - start) - postures).max() > _STRAIGHT:
         expected = "another one: it goes with moves that are straight in the axes, without zones"
         raise InvalidParameter("profile", "jerk_limited", expected)
-    names = [axis for robot in own for axis in robot.axes]
+    names = [axis for robot in robots for axis in robot.axes]
+    rate_limits = (
+        ("velocity", [robot.speed_limits for robot in robots], "its URDF"),
+        ("acceleration", [robot.model.accelerations for robot in robots], "acceleration_deg in its robot.yaml"),
+        ("jerk", [robot.model.jerks for robot in robots], "jerk_deg in its robot.yaml"),
+    )
     task = InputParameter(len(names))
     task.current_position, task.target_position = start.tolist(), end.tolist()
-    for key, own_key, where in _LIMITS:
-        limits = np.concatenate([getattr(robot, own_key) for robot in own])
+    for key, limits_of_robots, where in rate_limits:
+        limits = np.concatenate(limits_of_robots)
         if not np.isfinite(limits).all():
             raise InvalidParameter(f"the {key} of {names[limits.argmax()]}", "not limited", f"limited by {where}")
         setattr(task, f"max_{key}", limits.tolist())
@@ -215,7 +214,7 @@ def _in_least_time(robot: str, segments: Sequence[Segment], how: How, points: in
         if np.ptp(segment.postures, axis=0).max() < _STAYS:
             own: tuple[Stretch, ...] = (rest(segment.end, 0.0, _LEAST_TIME),)
         elif profile_of(how) == "jerk_limited":
-            own = jerk_limited(motors.models, segment.postures)
+            own = jerk_limited(motors.station_robots, segment.postures)
             passed = own[-1].times[-1:]
         else:
             stretch, passed = motors.fastest(segment, speed)

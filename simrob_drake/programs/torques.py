@@ -7,6 +7,7 @@ of gravity plus s² times those of the motion; at s = 0 the robots are held stil
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -73,17 +74,19 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
     if not motors.model.config.engine.moves_by_forces:
         return
     own = motors.model.robots[robot]
-    limits = own.gains.torque_limit
+    limits = own.gains.limit_at_rest
     # First the torques that hold the robot still, then those of the motion.
     for speed in (0.0, 1.0):
-        torques = _torques(motors, robot, plan, speed)
-        shares = np.abs(torques) / limits
+        torques, speeds, shares = _loads(motors, robot, plan, speed)
         row, axis = np.unravel_index(int(shares.argmax()), shares.shape)
         if shares[row, axis] <= _FULL:
             continue
         unit = own.model.effort_units[axis]
         needed = f"{abs(torques[row, axis]):.4g} {unit}"
         maximum = f"the limit of its motor is {limits[axis]:.4g} {unit}"
+        if own.gains.line is not None:
+            at_speed = np.where(torques[row] < 0.0, *own.gains.line.bounds(speeds[row], own.gains.torque_limit))
+            maximum += f", {abs(at_speed[axis]):.4g} {unit} at the speed that it has there"
         time = float(plan.looks[row])
         point = plan.point_at(time)
         if speed == 0.0:
@@ -113,7 +116,7 @@ def _needs_too_much(motors: Motors, plan: Plan, speed: float) -> bool:
 
 
 def _largest_share(motors: Motors, plan: Plan, speed: float) -> float:
-    """Largest ratio of a torque to its motor's limit, over all robots of a plan that is run at a fraction of its speed.
+    """Largest share of what a motor can give, over all robots of a plan that is run at a fraction of its speed.
 
     Args:
         motors: motors of the robots that move together, in the order of the plan's axes.
@@ -127,24 +130,35 @@ def _largest_share(motors: Motors, plan: Plan, speed: float) -> float:
         axes = slice(first_axis, first_axis + len(own.axes))
         first_axis = axes.stop
         own_plan = plan if len(motors.robots) == 1 else plan.of_axes(robot, axes)
-        torques = _torques(motors, robot, own_plan, speed)
-        largest = max(largest, float((np.abs(torques) / own.gains.torque_limit).max()))
+        largest = max(largest, float(_loads(motors, robot, own_plan, speed).shares.max()))
     return largest
 
 
-def _torques(motors: Motors, robot: str, plan: Plan, speed: float) -> Vector:
-    """Torques of one robot's plan, run at a fraction of its speed, at the times `plan.looks`, shape (k, n) [N·m or N].
+class _Loads(NamedTuple):
+    """Loads of the motors of one robot at k times of a plan, each of shape (k, n)."""
 
-    The torques of fingers are 0: fingers press on what they hold, with a force that no plan determines.
+    torques: Vector  # [N·m or N]
+    speeds: Vector  # [rad/s or m/s]
+    shares: Vector  # torques as shares of what the motors can give at these speeds
+
+
+def _loads(motors: Motors, robot: str, plan: Plan, speed: float) -> _Loads:
+    """Loads of the motors of one robot, at the times `plan.looks` of its plan that is run at a fraction of its speed.
+
+    The torques and shares of fingers are 0: fingers press on what they hold, with a force that no plan determines.
     """
     motion = plan.motion(plan.looks)
     dynamics = motors.model.dynamics(robot)
     inverse_dynamics: Callable[..., Vector] = dynamics.inverse_dynamics
+    # At a fraction s of its speed, the motion has velocities s v and accelerations s² a.
+    speeds = speed * motion.velocities
     if speed == 0.0:
         torques = dynamics.gravity(motion.positions)
     else:
-        # At a fraction s of its speed, the motion has velocities s v and accelerations s² a.
-        torques = inverse_dynamics(motion.positions, speed * motion.velocities, speed**2 * motion.accelerations)
-    fingers = list(motors.model.robots[robot].model.fingers)  # indices of axes
+        torques = inverse_dynamics(motion.positions, speeds, speed**2 * motion.accelerations)
+    own = motors.model.robots[robot]
+    fingers = list(own.model.fingers)  # indices of axes
     torques[:, fingers] = 0.0
-    return torques
+    shares = own.gains.torque_shares(torques, speeds)
+    shares[:, fingers] = 0.0
+    return _Loads(torques, speeds, shares)

@@ -270,7 +270,7 @@ def _standing_torque(config: StationConfig, robot: StationRobot, axis: int, torq
         torque: torque of the axis [N·m or N].
     """
     unit = robot.model.units[axis]
-    limit = robot.gains.torque_limit[axis]
+    limit = robot.gains.limit_at_rest[axis]
     kp = robot.gains.kp[axis]
     subject = f"torque of {robot.prefix}{robot.axes[axis]}"
     text = f"standing takes {torque:z.2f} {unit.effort} and the limit is {limit:g} {unit.effort}"

@@ -42,7 +42,7 @@ def holding_findings(ports: StationPorts, robot: StationRobot, positions: Vector
         ports.plant.plant,
         robot.joints,
         tool=robot.tools.get(robot.tcp),
-        torque_limit=robot.gains.torque_limit,
+        torque_limit=robot.gains.limit_at_rest,
     )
     torques = dynamics.gravity(postures)
     # The last posture is where the reference ends and the robot comes to rest.
@@ -68,7 +68,7 @@ def _axis_finding(config: StationConfig, robot: StationRobot, axis: int, torques
         sag: position error at rest at the end of the reference [rad or m], or None if it was not predicted.
     """
     subject = f"torque of {robot.prefix}{robot.axes[axis]}"
-    limit = robot.gains.torque_limit[axis]
+    limit = robot.gains.limit_at_rest[axis]
     effort_unit = robot.model.units[axis].effort
     largest = torques[np.argmax(np.abs(torques))]  # with its sign
 

@@ -117,11 +117,11 @@ class Stances:
             side = "inside" if found.margin >= 0 else "outside"
             place = f"its centre of mass is {abs(found.margin) * 1e3:.0f} mm {side} of the support"
             yield f"{place}, and steady from {_STEADY * found.height * 1e3:.0f} mm inside on"
-        loads = np.abs(found.torque) / self._robot.gains.torque_limit
+        loads = np.abs(found.torque) / self._robot.gains.limit_at_rest
         worst = int(np.argmax(loads))
         if loads[worst] > _LOAD:
             axis, unit = self._robot.axes[worst], self._robot.model.effort_units[worst]
-            has = self._robot.gains.torque_limit[worst]
+            has = self._robot.gains.limit_at_rest[worst]
             yield f"{axis} takes {abs(found.torque[worst]):.3g} {unit} and has {has:.3g} {unit}"
 
     def bent(self, legs: list[Leg], parts: Sequence[float] = _BENT) -> Iterator[Stance]:

@@ -265,8 +265,8 @@ class _Rest:
         name = self._ports.config.name
         for robot in self._robots:
             torque = holding_torque(self._ports.plant, robot, postures[robot.name])
-            worst = int(np.argmax(np.abs(torque) / robot.gains.torque_limit))
-            limit, unit = robot.gains.torque_limit[worst], robot.model.effort_units[worst]
+            worst = int(np.argmax(np.abs(torque) / robot.gains.limit_at_rest))
+            limit, unit = robot.gains.limit_at_rest[worst], robot.model.effort_units[worst]
             if abs(torque[worst]) > limit:
                 axis = f"{robot.prefix}{robot.axes[worst]}"
                 return f"{name} does not rest there: {axis} takes {abs(torque[worst]):.4g} {unit}, and has {limit:g}"

@@ -15,6 +15,7 @@ from simrob_drake.extensions.tuning.doubts import drawn
 from simrob_drake.extensions.tuning.journal import COMPLETED, Row, Trial
 from simrob_drake.extensions.tuning.scene import Scene
 from simrob_drake.results.record.run import DIVERGED, FAILED, RecordedRun
+from simrob_drake.results.record.torques import torque_shares
 from simrob_drake.results.record.walks import legged_robots, locomotion, mechanical_work
 
 UNITS: dict[str, str] = read_yaml(Path(__file__).with_name("measures.yaml"))
@@ -51,7 +52,7 @@ def measures(run: RecordedRun) -> dict[str, float | None]:
             "tracking_error": float(np.sqrt(np.mean(error**2))),
             "final_error": float(np.abs(error[-1]).max()),
             "overshoot": float(max(beyond.max(), 0.0)) if moving.any() else None,
-            "peak_torque": float((np.abs(run.axes("tau", name)) / limit).max()) if np.isfinite(limit).all() else None,
+            "peak_torque": float(torque_shares(run, robot).max()) if np.isfinite(limit).all() else None,
             "work": mechanical_work(run, name),
         }
         if name in walkers:

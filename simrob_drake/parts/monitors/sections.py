@@ -56,8 +56,8 @@ class TorqueLimit(MonitorSection):
     hold: NotNegative = 0.5
     """How long it must stay there [s]."""
     limit: AxisValues | None = None
-    """What counts as the limit, per axis [N·m or N]: of the servo unless given. Axes that a mapping leaves out keep
-    that of their servo."""
+    """What counts as the limit, per axis [N·m or N]: of the servo unless given, and of a motor whose torque falls with
+    its speed what it gives at that speed. Axes that a mapping leaves out keep the limit of their servo."""
 
     def check(self, name: str, station: Surroundings) -> None:
         """Check that the limits are positive."""
@@ -74,6 +74,17 @@ class TorqueLimit(MonitorSection):
         """Return what ends a run; its excess is the largest part of a limit that is used, minus one."""
         robot = station.robot(self.robot, f"monitors.{name}")
         limit = self._limits(robot)
+        gains = robot.gains
+        has_lines = self.limit is None and gains.line is not None and station.engine.moves_by_forces
+
+        def why_of_motor(index: int, _: float) -> str:
+            return f"{robot.axes[index]} stayed at the limit of its motor for {self.hold:g} s"
+
+        def excess_of_motors(torque: Vector, speed: Vector) -> Vector:
+            return gains.torque_shares(torque, speed) - 1 + _AT_LIMIT
+
+        if has_lines:
+            return worst(of_axes(robot, "torque", "velocity"), excess_of_motors, why_of_motor)
 
         def why(index: int, _: float) -> str:
             bound = f"{limit[index]:g} {robot.model.units[index].effort}"

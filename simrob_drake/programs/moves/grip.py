@@ -82,8 +82,9 @@ class FingerMove(Move):
         part = float(self.opens) if self.width is None else self._part(robot, self.width)
         for place, (closed, opened) in robot.fingers.items():
             row[place] = closed + part * (opened - closed)
-        speed = np.where(np.isfinite(robot.speed_limits), robot.speed_limits, np.inf)
-        time = self.duration or max(_SHORTEST, _EASY * float((np.abs(row - planning.start) / speed).max()))
+        speed_limits = planning.rate_limits[0]
+        shortest = float((np.abs(row - planning.start) / speed_limits).max())
+        time = self.duration or max(_SHORTEST, _EASY * shortest)
         way = joint_way(planning.chain, planning.start, row)
         plan = planning.checked([joint_segment(way, points=POINTS)], {"duration": time, "check": "limits"}, POINTS)
         return replace(plan, entry={self.key: self.model_copy(update={"robot": planning.robot}).entry()[self.key]})

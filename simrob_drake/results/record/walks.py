@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.base.frames import Vector, transform_from_xyz_quaternion
+from simrob_drake.blocks.servo import AT_LIMIT
 from simrob_drake.parts.resolved import named
 from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.results.record.run import RecordedRun, fallen
+from simrob_drake.results.record.torques import torque_shares
 from simrob_drake.results.record.touch import legged
 
 _SHORTEST_WAY = 0.01  # way below which a cost of transport means nothing [m]
-_AT_LIMIT = 0.999  # share of a torque limit
 
 
 def legged_robots(result: RecordedRun) -> list[str]:
@@ -40,7 +41,8 @@ class Locomotion:
     tilt: float  # largest angle of the root's z axis from the vertical [rad]
     smallest_height: float  # of the root over the ground beneath [m]
     fall_time: float | None  # when a fall monitor ended the run [s], or None
-    # ``axis``, ``torque``, ``limit`` [N·m] and ``ratio``, where :math:`|\tau| / \tau_{max}` was largest
+    # ``axis``, ``torque``, ``limit`` [N·m] and ``ratio``, where a motor gave the largest share of what it can at its
+    # speed: that is :math:`|\tau| / \tau_{max}`, and more where the torque of the motor falls with its speed
     peak_torque: dict[str, Any]
     saturated: float  # part of the samples in which the busiest joint is at its limit
     work: float  # :math:`\int \sum_i |\tau_i \dot q_i| \, dt`, trapezoids between samples [J]
@@ -74,9 +76,9 @@ def locomotion(result: RecordedRun, robot: str | None = None) -> Locomotion:
     work = mechanical_work(result, name)
     plant = result.plant.plant
     weight = float(plant.CalcTotalMass(plant.CreateDefaultContext(), [own.instance]) * abs(result.config.gravity))  # N
-    torques, limit = np.abs(result.axes("tau", name)), own.gains.torque_limit
-    torque = torques.max(axis=0)
-    axis = int(np.argmax(torque / limit))
+    shares = torque_shares(result, own)
+    axis = int(np.argmax(shares.max(axis=0)))
+    busiest = int(np.argmax(shares[:, axis]))  # index of the sample
     return Locomotion(
         distance=distance,
         ahead=float(way @ ahead),
@@ -88,11 +90,11 @@ def locomotion(result: RecordedRun, robot: str | None = None) -> Locomotion:
         fall_time=result.stop_time if fallen(result) == name else None,
         peak_torque={
             "axis": own.axes[axis],
-            "torque": float(torque[axis]),
-            "limit": float(limit[axis]),
-            "ratio": float(torque[axis] / limit[axis]),
+            "torque": float(np.abs(result.axes("tau", name))[busiest, axis]),
+            "limit": float(own.gains.torque_limit[axis]),
+            "ratio": float(shares[busiest, axis]),
         },
-        saturated=float((torques / limit > _AT_LIMIT).mean(axis=0).max()),
+        saturated=float((shares > AT_LIMIT).mean(axis=0).max()),
         work=work,
         cost_of_transport=work / (weight * distance) if distance > _SHORTEST_WAY else None,
         foot_slip=foot_slip(result, name),

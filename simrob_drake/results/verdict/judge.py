@@ -17,15 +17,14 @@ import numpy as np
 from simrob_drake.base.errors import shortened
 from simrob_drake.base.extension import ExtensionWarning, register_core_names, usable_objects
 from simrob_drake.base.frames import Vector
+from simrob_drake.blocks.servo import AT_LIMIT
 from simrob_drake.parts.couplings import Between
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.record.run import RecordedRun
+from simrob_drake.results.record.torques import torque_shares
 from simrob_drake.results.verdict.contact_forces import measure_friction_share, measure_resting_force
 from simrob_drake.results.verdict.verdict import NOTHING_LEFT_OUT, Criterion, Measure, Measured, Verdict
 from simrob_drake.robots.motors import rated_torques
-
-AT_LIMIT = 0.999
-"""An axis is at its torque limit if its torque is at least this share of the limit."""
 
 _COUPLING_SAMPLES = 40  # count of times at which the gaps of couplings are measured
 _PRESSES = "a finger, which presses on what it holds as hard as it may"
@@ -170,23 +169,6 @@ def _beyond_stop(run: RecordedRun, robot: StationRobot) -> AxisValues:
     excess = np.maximum(lower - position, position - upper)
     worst = largest(excess, run.times)
     return AxisValues(worst.values, worst.times)
-
-
-def torque_shares(run: RecordedRun, robot: StationRobot) -> Vector:
-    """Torques of a robot's axes as shares of what their motors can give, at all samples, shape (m, n).
-
-    The motor of a dynamic station may have a torque that falls with its speed; otherwise the limit of the servo counts.
-    The shares of fingers are 0: fingers press on what they hold as hard as they may.
-    """
-    torque = run.axes("tau", robot.name)
-    limit = robot.gains.torque_limit
-    line = robot.gains.line  # how torques fall with speed; None if they do not
-    if line is None or not run.config.engine.moves_by_forces:
-        shares = np.abs(torque) / limit
-    else:
-        shares = line.share(torque, run.axes("v", robot.name), limit)
-    shares[:, list(robot.model.fingers)] = 0.0
-    return shares
 
 
 @_of_each_robot

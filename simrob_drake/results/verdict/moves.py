@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simrob_drake.results.verdict.judge import AT_LIMIT, torque_shares
+from simrob_drake.blocks.servo import AT_LIMIT
+from simrob_drake.results.record.torques import torque_shares
 from simrob_drake.results.verdict.verdict import in_words
 
 if TYPE_CHECKING:

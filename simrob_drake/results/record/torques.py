@@ -1,0 +1,22 @@
+"""Torques of a recorded run, compared with what the motors can give."""
+
+import numpy as np
+
+from simrob_drake.base.frames import Vector
+from simrob_drake.parts.station_plant import StationRobot
+from simrob_drake.results.record.run import RecordedRun
+
+
+def torque_shares(run: RecordedRun, robot: StationRobot) -> Vector:
+    """Torques of a robot's axes as shares of what their motors can give, at all samples, shape (m, n).
+
+    The motor of a dynamic station may have a torque that falls with its speed; otherwise the limit of the servo counts.
+    The shares of fingers are 0: fingers press on what they hold as hard as they may.
+    """
+    torque = run.axes("tau", robot.name)
+    if run.config.engine.moves_by_forces:
+        shares = robot.gains.torque_shares(torque, run.axes("v", robot.name))
+    else:
+        shares = np.abs(torque) / robot.gains.torque_limit
+    shares[:, list(robot.model.fingers)] = 0.0
+    return shares
