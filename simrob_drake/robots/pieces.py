@@ -123,6 +123,24 @@ def _is_closed(file: Path) -> bool:
     return not inside_out and np.array_equal(_sorted_rows(edges), _sorted_rows(edges[:, ::-1]))
 
 
+def mesh_sides(file: Path, scale: float) -> tuple[float, ...]:
+    """Sides of the box, along the axes of the mesh, that encloses an OBJ mesh which is scaled, shape (3,) [m]."""
+    return tuple(scale * side for side in _unscaled_sides(file, file_state(file)))
+
+
+@lru_cache(maxsize=64)
+def _unscaled_sides(file: Path, state: FileState | None) -> tuple[float, ...]:
+    """Sides of the box that encloses an OBJ mesh, in the unit of the file.
+
+    Args:
+        file: the OBJ file.
+        state: state of the file. The function does not read it: it is part of the cache's key, so that a changed file
+            is read again.
+    """
+    vertices = np.array(ReadObjToTriangleSurfaceMesh(str(file)).vertices())
+    return tuple(np.ptp(vertices, axis=0).tolist())
+
+
 def _sorted_rows(
     rows: np.ndarray[tuple[int, ...], np.dtype[np.int64]],
 ) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:

@@ -18,8 +18,9 @@ from simrob_drake.base.file_cache import FileState, file_state
 from simrob_drake.base.sections import MOST_TURN
 from simrob_drake.parts.resolved import ResolvedPiece, Surroundings
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.robots.pieces import PieceShape, solid_inertia
+from simrob_drake.robots.pieces import PieceShape, mesh_sides, solid_inertia
 from simrob_drake.robots.plausibility import Doubt, MassProperties, doubts_by_shapes, robot_doubts
+from simrob_drake.robots.urdf import mesh_file
 from simrob_drake.robots.urdf_check import checked_urdf
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.findings import Finding
@@ -107,7 +108,7 @@ def _size_doubts(piece: ResolvedPiece) -> Iterator[Doubt]:
     """Yield a doubt for each shape of a piece that is implausibly large or small."""
     key = f"pieces.{piece.name}"
     for shape in piece.model.shapes:
-        sides = _sides(shape)
+        sides = _sides(shape, piece.model.folder)
         if not sides:
             continue
         is_plate = min(sides) <= _PLATE
@@ -117,10 +118,14 @@ def _size_doubts(piece: ResolvedPiece) -> Iterator[Doubt]:
             yield Doubt(key, f"no side is longer than {max(sides):g} m; lengths are in metres")
 
 
-def _sides(shape: PieceShape) -> tuple[float, ...]:
+def _sides(shape: PieceShape, folder: Path) -> tuple[float, ...]:
     """Lengths that describe a shape [m]: sides of a box, radius and length of a cylinder, radius of a sphere.
 
-    Returns an empty tuple for a mesh.
+    Of a mesh they are the sides of the box that encloses it. Returns an empty tuple for a mesh that is no OBJ file.
+
+    Args:
+        shape: the shape.
+        folder: the folder of the piece's mesh files.
     """
     if shape.box is not None:
         return shape.box
@@ -128,7 +133,8 @@ def _sides(shape: PieceShape) -> tuple[float, ...]:
         return shape.cylinder
     if shape.sphere is not None:
         return (shape.sphere,)
-    return ()
+    file = mesh_file(str(shape.mesh), folder)
+    return mesh_sides(file, shape.scale) if file.suffix.lower() == ".obj" else ()
 
 
 def _mass_doubts(piece: ResolvedPiece) -> Iterator[Doubt]:

@@ -6,7 +6,6 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from pydrake.geometry import ReadObjToTriangleSurfaceMesh
 from pydrake.math import RigidTransform
 
 from simrob_drake.base.errors import InvalidModel, InvalidParameter, UnknownName, Unsuitable, one_of
@@ -24,7 +23,16 @@ from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
 from simrob_drake.robots.coupled_axes import CoupledAxes
 from simrob_drake.robots.motors import Drives
-from simrob_drake.robots.pieces import FORMS, TCP, PieceModel, PieceShape, described_piece, piece_file, with_changes
+from simrob_drake.robots.pieces import (
+    FORMS,
+    TCP,
+    PieceModel,
+    PieceShape,
+    described_piece,
+    mesh_sides,
+    piece_file,
+    with_changes,
+)
 from simrob_drake.robots.urdf import with_absolute_meshes
 from simrob_drake.stations.config import FloorConfig, JointStops, RobotConfig, ServoConfig, StationConfig
 from simrob_drake.stations.coupled import coupled_axes, mimic_gears, starting_positions
@@ -319,7 +327,7 @@ def _pieces(config: StationConfig, robots: Mapping[str, RobotModel]) -> Iterator
 
 _OWN_KEYS = {"density", "mass", "com", "inertia", "tcp", "frames", "colour"}
 _SIZES = 1e-4, 50.0  # of a piece from a mesh [m]
-_WITHOUT_UNIT, _UNSCALED = (".stl", ".obj"), 1.0  # files that do not tell it, and the size [m] from which we ask
+_UNSCALED = 1.0  # size from which the unit of a mesh must be given [m]
 
 
 def piece_of(entry: PieceConfig, name: str) -> PieceModel:
@@ -350,14 +358,16 @@ def piece_of(entry: PieceConfig, name: str) -> PieceModel:
 
 
 def _mesh_piece(entry: PieceConfig, file: Path, where: str) -> PieceModel:
-    from simrob_drake.importer.meshes.library import drake_mesh  # few stations need what reads meshes
+    # Few stations need what reads meshes.
+    from simrob_drake.importer.meshes.checks import FORMATS_WITHOUT_UNIT
+    from simrob_drake.importer.meshes.library import drake_mesh
 
     mesh, scale = drake_mesh(file), entry.scale or 1.0
-    size = scale * float(np.ptp(np.array(ReadObjToTriangleSurfaceMesh(str(mesh)).vertices()), axis=0).max())
+    size = max(mesh_sides(mesh, scale))
     if not _SIZES[0] <= size <= _SIZES[1]:
         expected = f"such that the mesh, now {size:.3g} m long, is of a piece's size; for millimetres 0.001"
         raise InvalidParameter(f"{where}.scale", scale, expected)
-    if entry.scale is None and size > _UNSCALED and file.suffix.lower() in _WITHOUT_UNIT:
+    if entry.scale is None and size > _UNSCALED and file.suffix.lower() in FORMATS_WITHOUT_UNIT:
         raise InvalidParameter(f"{where}.scale", None, f"0.001 for millimetres, or 1 if it is {size:.3g} m long")
     return PieceModel(folder=mesh.parent, shapes=(PieceShape(mesh=mesh.name, scale=scale),))
 

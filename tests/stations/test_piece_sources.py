@@ -128,7 +128,7 @@ def test_a_piece_is_one_thing(tmp_path: Path, entry: str, message: str) -> None:
 
 
 def test_a_mesh_without_unit_and_scale_is_no_mountain(tmp_path: Path) -> None:
-    for name in ("box.stl", "box.obj"):
+    for name in ("box.stl", "box.obj", "box.ply", "box.off"):
         box_file(tmp_path, name, scale=150)
         with pytest.raises(SimrobError, match=r"pieces\.part\.scale is None; .* 0\.001 for millimetres, or 1 if it is"):
             station(tmp_path, f"{{mesh: {name}, density: 2700}}")

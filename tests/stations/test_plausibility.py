@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+import trimesh
 import yaml
 
 from simrob_drake import load_station, simulate
@@ -132,6 +133,20 @@ def test_a_stations_own_keys_are_doubted(tmp_path, content, told):
         simulate(config, progress=False).warnings,
     ):
         assert any(re.search(told, text) for text in texts), texts
+
+
+@pytest.mark.parametrize("ending", [".obj", ".stl"])
+def test_meshes_are_judged_by_the_sizes_of_boxes(tmp_path, ending):
+    """A mesh of 40 m is doubted as a box of 40 m is, although its scale was given."""
+    trimesh.creation.box([40.0, 20.0, 10.0]).export(tmp_path / f"large{ending}")
+    content = {"pieces": {"crate": {"mesh": f"large{ending}", "scale": 1, "mass": 8e6, "parent": "world"}}}
+    content["robot"] = {"model": "irb120"}
+    (tmp_path / "station.yaml").write_text(yaml.safe_dump(content))
+
+    config = load_station(tmp_path / "station.yaml")
+
+    texts = [finding.text for finding in check_station(config) if finding.level == "warning"]
+    assert "pieces.crate: a side of 40 m; were millimetres meant? lengths are in metres" in texts
 
 
 @pytest.mark.parametrize(

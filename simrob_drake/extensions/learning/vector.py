@@ -24,6 +24,7 @@ from simrob_drake.extensions.learning.rewards import Origin, RewardSample, rewar
 from simrob_drake.extensions.learning.sensing import Places, PolicySensors, spaces
 from simrob_drake.extensions.learning.task import Curriculum, beginning, load_task
 from simrob_drake.results.animation.pictures import Still
+from simrob_drake.results.record.history import RUNAWAY
 from simrob_drake.results.record.walks import headings
 from simrob_drake.stations.closed import station_references
 from simrob_drake.stations.config import StationConfig
@@ -42,7 +43,6 @@ with needed_extension("mujoco", "an environment of many robots"):
 _HELD = ("contact", "floor", "gravity", "joint_stops", "pieces", "servo", "robot", "robots")
 """Sections of a station that a model of MuJoCo holds."""
 _KNOWN = ("position", "velocity", *TURNED, "angular_velocity", "action", "clock", "goal")
-_ASTRAY = 1e6  # of any coordinate
 _MOST = 100_000  # robots, or threads
 _STEADY = 100.0  # the largest kd h / I of a servo: of 32 that stand, roid1 loses none at 97, one at 193, 14 at 386
 
@@ -342,7 +342,7 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
     def _look(self, sensed: Vector) -> npt.NDArray[np.object_]:
         """Return why the monitors end each episode, shape (k,), empty where they do not."""
         ended = np.full(self.num_envs, "", dtype=object)
-        astray = ~(np.abs(self._motion) < _ASTRAY).all(axis=1)
+        astray = ~(np.abs(self._motion) < RUNAWAY).all(axis=1)
         times = self._time.tolist()
         for name, trigger in self._ports.outputs.monitors.items():
             values, onsets = [self._watched(output, sensed) for output in trigger.condition.watched], self._onsets[name]

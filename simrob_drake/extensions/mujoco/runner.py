@@ -19,6 +19,7 @@ from simrob_drake.blocks.monitor import NOT_YET
 from simrob_drake.blocks.references import Reference, reference_values
 from simrob_drake.extensions.mujoco.built import BuiltStation, controls, force_values
 from simrob_drake.extensions.mujoco.model import STEP
+from simrob_drake.results.record.history import RUNAWAY
 from simrob_drake.results.record.run import DIVERGED
 from simrob_drake.results.record.state import JointState, State, joints_of
 from simrob_drake.results.result import SimulationResult
@@ -29,7 +30,6 @@ from simrob_drake.stations.closed import check_reference, station_references
 from simrob_drake.stations.config import MOST_SAMPLES, StationConfig
 from simrob_drake.stations.station import StationLike, config_of
 
-_ASTRAY = 1e6  # no station has a position or velocity like this [SI units]: it has run away
 _ROUNDING = 1e-9  # s, and as a part
 _STABLE = 2.0  # an explicit damper on a mass is stable while kd h / M stays below this
 Onsets = dict[str, float]
@@ -60,7 +60,7 @@ class Stepped:
     def result(self) -> SimulationResult:
         """Return the result: sampled, and cut where a monitor ends the run or where it ran away."""
         began, built = perf_counter(), self.built
-        sane = np.asarray((np.abs(self.states) < _ASTRAY).all(axis=1))  # what is no number is not
+        sane = np.asarray((np.abs(self.states) < RUNAWAY).all(axis=1))  # what is no number is not
         count = len(sane) if sane.all() else int(np.argmin(sane))
         steps = np.asarray(built.step * np.arange(count), dtype=float)
         times = sample_times(min(float(steps[-1]), self.config.duration), self.config.sample_rate)

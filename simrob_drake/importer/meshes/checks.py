@@ -14,6 +14,9 @@ from simrob_drake.base.errors import shortened
 from simrob_drake.base.files import content_of
 
 MESH_FORMATS = (".stl", ".dae", ".obj", ".gltf", ".glb", ".ply", ".off")
+"""Formats of meshes that are read, for robots, for pieces and for Simulink models."""
+FORMATS_WITHOUT_UNIT = (".stl", ".obj", ".ply", ".off")
+"""Formats that do not say in which unit they are; COLLADA does, and glTF is in metres."""
 LARGEST_FILE = 100_000_000
 """Larger files are not read [bytes]: the largest mesh of a robot that is worth simulating has a tenth of it."""
 

@@ -12,13 +12,14 @@ from simrob_drake import build_station, load_station, simulate
 from simrob_drake.base.errors import InvalidModel
 from simrob_drake.extensions.simulink.importing import import_simulink
 from simrob_drake.extensions.simulink.mechanics.joints import rigid_transform
-from simrob_drake.extensions.simulink.mechanics.shapes import MeshFiles
+from simrob_drake.extensions.simulink.mechanics.shapes import READ, MeshFiles, load_mesh
 from simrob_drake.extensions.simulink.mechanics.solids import moved, read_solid, together
 from simrob_drake.extensions.simulink.mechanics.trees import body_poses
 from simrob_drake.extensions.simulink.model.nodes import Findings, Node
 from simrob_drake.extensions.simulink.reading.graph import SimulinkBlock
 from simrob_drake.extensions.simulink.simulink_model import read_simulink
 from simrob_drake.extensions.simulink.values.workspace import Variables
+from simrob_drake.importer.meshes.checks import MESH_FORMATS
 from simrob_drake.results.animation.pictures import save_film_strip
 from simrob_drake.robots.imports import ImportReport
 
@@ -779,3 +780,12 @@ def test_an_external_force_is_a_port_at_its_frame(tmp_path, applied, ports):
     assert config.inputs == ports
     assert config.robots["robot"].tcp == "Push"
     assert set(ports) <= set(build_station(config).ports.inputs)
+
+
+@pytest.mark.parametrize("ending", [kind for kind in MESH_FORMATS if kind != ".gltf"])  # which is several files
+def test_a_file_solid_reads_the_meshes_that_robots_and_pieces_have(ending, tmp_path):
+    """Before, an OFF file was left out, although the import of robots reads it."""
+    trimesh.creation.box([1.0, 2.0, 3.0]).export(tmp_path / f"part{ending}")
+
+    assert {ending, ".gltf"} <= {*READ}
+    assert load_mesh(tmp_path / f"part{ending}").vertices.max() == pytest.approx(1.5)

@@ -17,7 +17,7 @@ import numpy as np
 from simrob_drake.base.extras import lacking
 from simrob_drake.base.frames import Vector
 from simrob_drake.extensions.simulink.model.nodes import Node
-from simrob_drake.importer.meshes.checks import UnreadableMesh
+from simrob_drake.importer.meshes.checks import MESH_FORMATS, UnreadableMesh
 from simrob_drake.importer.meshes.library import obj_text
 from simrob_drake.importer.meshes.parts import MeshPart, mend, plain
 from simrob_drake.importer.meshes.places import in_any_case
@@ -227,7 +227,7 @@ def _skin(rings: list[Vector], outline: Vector | None) -> MeshPart:
 
 
 STEP = (".step", ".stp")
-READ = (".stl", ".obj", ".dae", ".ply", ".glb", ".gltf", *STEP)
+READ = (*MESH_FORMATS, *STEP)
 _CONVERT = "import sys, cascadio; sys.exit(cascadio.step_to_glb(*sys.argv[1:]))"
 _LONGEST = 120.0  # s, for one part
 _UPRIGHT = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
