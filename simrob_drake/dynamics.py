@@ -17,11 +17,9 @@ from pydrake.multibody.tree import Frame, JacobianWrtVariable, Joint, MultibodyF
 
 from simrob_drake.base.errors import InvalidParameter, one_of, quoted
 from simrob_drake.base.frames import Vector, finite
-from simrob_drake.base.yaml_files import is_yaml_name
-from simrob_drake.importer.importing import robot_from_file
-from simrob_drake.importer.robot_files import is_robot_file
+from simrob_drake.importer.named_robots import read_robot
 from simrob_drake.robots.axis_map import AxisMap
-from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
+from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.parse import held_robot
 
 _SPEEDS = JacobianWrtVariable.kV
@@ -85,7 +83,7 @@ class Dynamics:
         Raises:
             SimrobError: no such robot or tool, or a file that cannot be read.
         """
-        model = robot if isinstance(robot, RobotModel) else _robot(robot)
+        model = robot if isinstance(robot, RobotModel) else read_robot(robot)
         if tool is not None:
             one_of(f"tool of {model.name}", tool, model.tools)
         if model.links_without_inertia:
@@ -245,12 +243,3 @@ class Dynamics:
         if self._tool is None:
             raise InvalidParameter("robot", self.name, "one with a tool frame, under tools: in its robot.yaml")
         return self._tool
-
-
-def _robot(robot: str | Path) -> RobotModel:
-    """Return the robot that a name or a path stands for."""
-    if not isinstance(robot, (str, Path)):
-        raise InvalidParameter("robot", quoted(robot), "a name of `simrob list`, or a path")
-    if is_yaml_name(robot):
-        return load_robot_file(Path(robot))
-    return robot_from_file(robot) if Path(robot).suffix or is_robot_file(str(robot)) else load_robot(str(robot))

@@ -13,9 +13,10 @@ from simrob_drake.cli.programs import check_program, own_program, program_from
 from simrob_drake.cli.robots import examine_file, show_robot
 from simrob_drake.cli.screen import console
 from simrob_drake.cli.tables import findings_table
+from simrob_drake.importer.named_robots import read_robot
 from simrob_drake.importer.robot_files import is_robot_file
 from simrob_drake.programs.program_files import is_program_file
-from simrob_drake.robots.catalog import load_robot, load_robot_file, robot_names
+from simrob_drake.robots.catalog import robot_names
 from simrob_drake.robots.description_files import is_description_file
 from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.simulation import Runner
@@ -59,12 +60,12 @@ def check(
     if is_description_file(station):
         refuse("this is the file of a robot; the option belongs to stations", set=set_, allow_code=allow_code)
         refuse_import("this is the description of a robot, and nothing is imported", options)
-        show_robot(load_robot_file(station))
+        show_robot(read_robot(station))
         return
     if station in robot_names():
         refuse("this is a robot; the option belongs to stations", set=set_, allow_code=allow_code)
         refuse_import("this robot comes with the package, and nothing is imported", options)
-        show_robot(load_robot(station))
+        show_robot(read_robot(station))
         return
     refuse_import("this is a station; the option belongs to the file of a robot", choices)
     config = station_from(station, set_, allow_code=allow_code)

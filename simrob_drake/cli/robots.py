@@ -25,10 +25,10 @@ from simrob_drake.cli.options import (
 from simrob_drake.cli.programs import import_program, is_language_file, refuse_language
 from simrob_drake.cli.screen import console, errors, say
 from simrob_drake.cli.tables import payload_lines, report_table, robot_table
-from simrob_drake.importer.importing import ImportedRobot, default_folder, examine_robot, import_robot, robot_from_file
+from simrob_drake.importer.importing import ImportedRobot, default_folder, examine_robot, import_robot
+from simrob_drake.importer.named_robots import read_robot
 from simrob_drake.importer.robot_files import is_robot_file
-from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
-from simrob_drake.robots.description_files import is_description_file
+from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.stations.draft import draft_station
 
@@ -113,10 +113,10 @@ def view(
 
     if is_robot_file(robot):
         with errors.status(Text(f"reading {robot}")):
-            window = RobotView(robot_from_file(Path(robot), options))
+            window = RobotView(read_robot(robot, options))
     else:
         refuse_import("this is no file of a robot, and nothing is imported", options)
-        window = RobotView(load_robot_file(robot) if is_description_file(robot) else load_robot(robot))
+        window = RobotView(read_robot(robot))
     say(f"{robot} is shown at {window.url}")
     console.print("collision geometry: Scene, collision in the page's menu; end with Stop there, or Ctrl+C here")
     try:

@@ -22,8 +22,9 @@ from simrob_drake.base.files import ROBOT_FILE
 from simrob_drake.base.frames import Vector, lean, xyz_quaternion_from_transform
 from simrob_drake.base.yaml_files import is_yaml_name
 from simrob_drake.importer.importing import gains_of, robot_from_file
+from simrob_drake.importer.named_robots import read_robot
 from simrob_drake.importer.robot_files import robot_file
-from simrob_drake.robots.catalog import RobotModel, load_robot_file
+from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.stations.clear_start import ClearStart
 from simrob_drake.stations.clearance import Clearance
@@ -101,7 +102,7 @@ def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, fol
     is_description = is_yaml_name(file)
     if is_description and options is not None:
         raise Unsuitable("options", f"{file.name} describes a robot, and nothing is imported")
-    robot = load_robot_file(file) if is_description else robot_from_file(file, options)
+    robot = read_robot(file, options)
     remarks = list[str]()
     if not is_description and _falls_through(robot):
         options = (options or ImportOptions()).model_copy(update={"base": "fixed"})

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 from pydrake.math import RigidTransform
 
-from simrob_drake.base.errors import InvalidModel, InvalidParameter, UnknownName, Unsuitable, one_of
+from simrob_drake.base.errors import InvalidParameter, UnknownName, Unsuitable, one_of
 from simrob_drake.base.file_cache import FileCache
 from simrob_drake.base.frames import Vector, transform_from_pose
 from simrob_drake.base.packages import granted
 from simrob_drake.base.yaml_files import is_yaml_name
+from simrob_drake.importer.named_robots import read_described_robot
 from simrob_drake.parts.controllers import flows_of, loops_of, readers_of
 from simrob_drake.parts.controllers.loop import check_loops, sensors_read
 from simrob_drake.parts.couplings import Gear
@@ -20,7 +21,7 @@ from simrob_drake.parts.ground import Ground
 from simrob_drake.parts.resolved import WORLD, ResolvedPiece, ResolvedRobot, Surroundings
 from simrob_drake.parts.sensors.sensor import SampledSensor
 from simrob_drake.robots.axis_map import AxisValues
-from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
+from simrob_drake.robots.catalog import RobotModel, load_robot
 from simrob_drake.robots.coupled_axes import CoupledAxes
 from simrob_drake.robots.motors import Drives
 from simrob_drake.robots.pieces import (
@@ -33,7 +34,6 @@ from simrob_drake.robots.pieces import (
     piece_file,
     with_changes,
 )
-from simrob_drake.robots.urdf import with_absolute_meshes
 from simrob_drake.stations.config import FloorConfig, JointStops, RobotConfig, ServoConfig, StationConfig
 from simrob_drake.stations.coupled import coupled_axes, mimic_gears, starting_positions
 from simrob_drake.stations.piece_config import PieceConfig
@@ -197,20 +197,9 @@ def _described_robot(entry: RobotConfig) -> RobotModel:
         from simrob_drake.importer.importing import robot_from_file  # few stations need the importer
 
         return robot_from_file(entry.urdf, entry.import_options)
+    # A station names robots of other files under `urdf`, where the borders of the station's folder are checked.
     model = str(entry.model)
-    if not is_yaml_name(model):
-        return load_robot(model)
-    robot = load_robot_file(Path(model))
-    try:
-        with_absolute_meshes(robot.element, robot.folder)
-    except InvalidModel:
-        if robot.urdf is None:
-            raise
-        from simrob_drake.importer.importing import robot_from_file
-
-        imported = robot_from_file(robot.urdf_path)
-        return robot.model_copy(update={"folder": imported.folder, "urdf": imported.urdf})
-    return robot
+    return read_described_robot(Path(model)) if is_yaml_name(model) else load_robot(model)
 
 
 def _ground(floor: FloorConfig | None, contact: str, pieces: Mapping[str, ResolvedPiece]) -> Ground:

@@ -1,0 +1,56 @@
+"""Robots as users name them: by the name of a robot of the package, or by the path of a file."""
+
+from pathlib import Path
+
+from simrob_drake.base.errors import InvalidModel, InvalidParameter, quoted
+from simrob_drake.base.yaml_files import is_yaml_name
+from simrob_drake.importer.robot_files import is_robot_file
+from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
+from simrob_drake.robots.imports import ImportOptions
+from simrob_drake.robots.urdf import with_absolute_meshes
+
+
+def read_robot(robot: str | Path, options: ImportOptions | None = None) -> RobotModel:
+    """Read the robot that a name or a path stands for.
+
+    Stations, the commands and Python functions read robots by this function, so that all of them accept the same files.
+
+    Args:
+        robot: a name of ``simrob list``, the path of a YAML file that describes a robot, or the path of a URDF or
+            another file that is imported.
+        options: options of the import. Robots of YAML files and of the package have none.
+
+    Raises:
+        SimrobError: there is no such robot, or its files have a defect.
+    """
+    if not isinstance(robot, (str, Path)):
+        raise InvalidParameter("robot", quoted(robot), "a name of `simrob list`, or a path")
+    if is_yaml_name(robot):
+        return read_described_robot(Path(robot))
+    if is_robot_file(str(robot)) or Path(robot).suffix:
+        from simrob_drake.importer.importing import robot_from_file  # few stations need the importer
+
+        return robot_from_file(robot, options)
+    return load_robot(str(robot))
+
+
+def read_described_robot(file: Path) -> RobotModel:
+    """Read the robot that a YAML file describes.
+
+    If the description's URDF is not one that Drake can simulate, for example because its meshes are STL files, the URDF
+    is imported, and the robot has the URDF of the import.
+
+    Raises:
+        SimrobError: the file or the URDF has a defect that no import can repair.
+    """
+    robot = load_robot_file(file)
+    try:
+        with_absolute_meshes(robot.element, robot.folder)
+    except InvalidModel:
+        if robot.urdf is None:
+            raise
+        from simrob_drake.importer.importing import robot_from_file  # few stations need the importer
+
+        imported = robot_from_file(robot.urdf_path)
+        return robot.model_copy(update={"folder": imported.folder, "urdf": imported.urdf})
+    return robot
