@@ -142,6 +142,15 @@ def transform_from_xyz_quaternion(values: npt.ArrayLike) -> RigidTransform:
     return RigidTransform(rotation_of(xyz_wxyz[3:]), xyz_wxyz[:3])
 
 
+WRONG_NORM = 1e-3
+"""Deviation of a quaternion's norm from 1 that no rounding explains: files write at least three decimals."""
+
+
+def has_wrong_norm(quaternion: Vector) -> bool:
+    """Whether the norm of a quaternion (4,) of a file differs from 1 by more than rounding; it may be all zero."""
+    return abs(float(np.linalg.norm(quaternion)) - 1.0) > WRONG_NORM
+
+
 def rotation_of(quaternion: Vector) -> RotationMatrix:
     """Return the rotation of a quaternion (4,) qw qx qy qz that may have any length."""
     return RotationMatrix(Quaternion(quaternion / np.linalg.norm(quaternion)))

@@ -97,7 +97,7 @@ def examine_file(file: Path, options: ImportOptions | None) -> None:
 def show_robot(robot: RobotModel) -> None:
     """Report on a robot: its axes, and what an arm can carry."""
     console.print(robot_table(robot))
-    if robot.base == "fixed" and robot.tools and not robot.links_without_inertia:
+    if robot.is_arm and not robot.links_without_inertia:
         for line in payload_lines(robot):
             console.print(line, highlight=False)
 

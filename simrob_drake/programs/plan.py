@@ -151,7 +151,7 @@ Remedy = Callable[[float, float], str]
 """Writes the advice for a move that is too fast. Its arguments: the factor on the duration with which the robot can do
 the move, and that duration [s]."""
 _ROUNDING = 1e-9  # relative excess of a limit that is due to rounding
-_MARGIN = 1.02  # margin of the durations that messages propose
+MARGIN = 1.02  # margin of the durations that messages propose, or that are taken
 
 
 def check_limits(chain: Chain, times: Vector, postures: Vector, naming: PointNaming, hint: str = "") -> None:
@@ -227,7 +227,7 @@ def check_rates(
     time = float(times[row])
     point = naming(time)
     # In k times the duration, speeds are k times smaller and accelerations k² times.
-    factor = _MARGIN * float(ratios.max()) ** (1 / order)
+    factor = MARGIN * float(ratios.max()) ** (1 / order)
     duration = factor * float(times[-1])
     is_revolute = bool(chain.revolute[axis])
     per_second = "/s²" if order == 2 else "/s"
@@ -263,9 +263,9 @@ def check_tool_speed(chain: Chain, plan: Plan, limit: float, remedy: Remedy) -> 
     velocities = np.einsum("kin,kn->ki", jacobians, motion.velocities)
     speeds = np.linalg.norm(velocities, axis=1)
     row = int(speeds.argmax())
-    factor = _MARGIN * float(speeds.max()) / limit
+    factor = MARGIN * float(speeds.max()) / limit
     # That is: the largest speed is at most the limit, up to rounding.
-    if factor <= _MARGIN * (1 + _ROUNDING):
+    if factor <= MARGIN * (1 + _ROUNDING):
         return
     time = float(times[row])
     point = plan.point_at(time)

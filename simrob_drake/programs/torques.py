@@ -13,11 +13,10 @@ import numpy as np
 
 from simrob_drake.base.frames import Vector
 from simrob_drake.programs.errors import TorqueLimitExceeded
-from simrob_drake.programs.plan import Plan, Remedy
+from simrob_drake.programs.plan import MARGIN, Plan, Remedy
 from simrob_drake.programs.time_optimal import Motors
 
 _FULL = 1.0 + 1e-6  # share of its limit up to which a motor gives a torque, rounding included
-_MARGIN = 1.02  # margin of durations that are proposed to the user, or taken
 _MOST_TRIES = 8  # largest count of steps in which a move is slowed down; each step comes nearer to the limits
 
 
@@ -44,7 +43,7 @@ def slowed_for_motors(motors: Motors, plan: Plan) -> Plan:
             break
         # Torques of the motion fall with the square of the duration, but those of gravity stay. So one step with the
         # square root does not suffice.
-        factor *= _MARGIN * np.sqrt(share)
+        factor *= MARGIN * np.sqrt(share)
     return plan if factor == 1.0 else slower(plan, factor)
 
 

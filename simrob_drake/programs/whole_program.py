@@ -41,5 +41,4 @@ def of_arms(cell: Workcell, program: Program) -> bool:
 
 def goes_on_legs(model: RobotModel, program: Program) -> bool:
     """Tell whether a program is done by a :class:`~simrob_drake.LeggedRobot`, and not by the arms of a workcell."""
-    legless = model.base == "fixed" and model.feet is None and bool(model.tools)
-    return not legless and all(move.of_legs for move in program.moves)
+    return not model.is_arm and all(move.of_legs for move in program.moves)

@@ -177,6 +177,11 @@ class RobotModel(Strict):
         return [name_of(link) for link in self.element.iterfind("link")]
 
     @property
+    def is_arm(self) -> bool:
+        """Whether the robot is an arm: its base is fixed, it has no feet, and it has a tool."""
+        return self.base == "fixed" and self.feet is None and bool(self.tools)
+
+    @property
     def links_without_inertia(self) -> list[str]:
         """Names of moving links without inertia. A robot with such links can move in a kinematic station only."""
         return links_without_inertia(self.element, floating=self.base == "floating")

@@ -18,7 +18,7 @@ import numpy as np
 from simrob_drake.base.frames import Vector
 from simrob_drake.robots.bodies import carriers
 from simrob_drake.robots.shape_inertia import inertia_of_shapes
-from simrob_drake.robots.urdf import joint_limits, link_of, mass_of, moments_of, name_of, pose_of, root_link
+from simrob_drake.robots.urdf import ENDLESS, joint_limits, link_of, mass_of, moments_of, name_of, pose_of, root_link
 
 # Bounds of plausible numbers. Slips with units are larger: grams for kilograms make a density 1e3 times as large,
 # millimetres for metres 1e9 times as small, kg mm² for kg m² moments 1e6 times as large. Published robots reach the
@@ -41,7 +41,6 @@ _HEAVY = 100.0  # payloads up to this mass are plausible for any robot [kg]
 _LONGEST = 30.0  # longest plausible link of a robot [m]
 _MOST_TURNS = 4 * math.pi  # largest plausible limit of a revolute joint [rad]
 _WHOLE = 1e-3  # a smaller deviation from a whole number of half turns is rounding
-_ENDLESS = 1e4  # some files write larger limits for joints without limits [rad or m]
 
 
 class Doubt(NamedTuple):
@@ -222,7 +221,7 @@ def _limit_doubt(joint: ET.Element) -> str:
     """Write the doubt about the limits of a joint. Returns an empty text if they are plausible."""
     lower, upper = joint_limits(joint)
     largest = max(-lower, upper)
-    if not math.isfinite(largest) or largest > _ENDLESS:
+    if not math.isfinite(largest) or largest > ENDLESS:
         return ""  # the joint has no limits
     if joint.get("type") == "prismatic" and largest > _LONGEST:
         return f"lower {lower:g}, upper {upper:g} m; were millimetres meant?"

@@ -172,6 +172,7 @@ LARGEST_URDF = 10_000_000  # of a description [bytes]: published ones stay far b
 MOST_TAGS = 300_000  # of a description: a robot of a thousand links has some forty thousand
 MOVABLE_JOINTS = ("revolute", "continuous", "prismatic")
 LIMITED_JOINTS = ("revolute", "prismatic")
+ENDLESS = 1e4  # some files write larger limits for joints without limits [rad or m]
 _STRONG, _LIGHT = 500.0, 5.0  # N·m that a link below so many kg does not have
 DRAKE = "{http://drake.mit.edu}"  # what stands before the names of Drake's own elements, such as acceleration limits
 

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic import BaseModel
 
+from simrob_drake.base.constants import STANDARD_GRAVITY
 from simrob_drake.base.errors import InvalidModel, listed
 from simrob_drake.base.file_cache import FileState, file_state
 from simrob_drake.base.sections import MOST_TURN
@@ -32,7 +33,6 @@ _FARTHEST = 100.0  # largest plausible coordinate of a pose [m]
 _LARGEST = 30.0  # largest plausible side of a piece [m]; a plate that serves as ground may be larger
 _PLATE = 1.0  # thickness up to which a piece counts as a plate [m]
 _SMALLEST = 1e-4  # smallest plausible value for the largest side of a piece [m]
-_EARTH_GRAVITY = 9.81  # [m/s²]
 _STRONGEST_GRAVITY = 100.0  # largest plausible gravity [m/s²]; Jupiter has 25
 _ROUGHEST = 5.0  # largest plausible coefficient of friction; rubber on rubber has about 1
 _LEAST_MASS_FACTOR = 0.1  # smallest plausible factor on the mass that a robot's file gives a link
@@ -210,7 +210,7 @@ def _gravity_doubts(gravity: float) -> Iterator[Doubt]:
     if gravity < 0:
         yield Doubt("gravity", f"{gravity:g} m/s² pulls up: {-gravity:g} pulls down, along -z")
     if abs(gravity) > _STRONGEST_GRAVITY:
-        ratio = abs(gravity) / _EARTH_GRAVITY
+        ratio = abs(gravity) / STANDARD_GRAVITY
         yield Doubt("gravity", f"{gravity:g} m/s² is {ratio:.3g} times that of the Earth; in mm/s²?")
 
 

@@ -49,7 +49,7 @@ def kind_of(robot: StationRobot) -> str:
     """Return what a robot is taught as: legs, arm, or other."""
     if robot.model.feet is not None:
         return "legs"
-    return "arm" if robot.model.tools and robot.model.base == "fixed" else "other"
+    return "arm" if robot.model.is_arm else "other"
 
 
 def _robot(cell: Workcell, config: StationConfig, name: str) -> dict[str, Any]:

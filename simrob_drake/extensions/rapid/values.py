@@ -7,10 +7,10 @@ from functools import partial
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform, RotationMatrix
 
-from simrob_drake.base.frames import Vector
+from simrob_drake.base.frames import WRONG_NORM, Vector, has_wrong_norm
+from simrob_drake.base.frames import rotation_of as rotation_of_quaternion
 
 
 class WrongType(ValueError):
@@ -155,13 +155,11 @@ def rotation_of(orient: RecordValue) -> RotationMatrix:
     wxyz = np.array(orient.flat(), dtype=float)
     if not np.linalg.norm(wxyz) > 0:
         raise WrongType("an orient of four zeros, which is no rotation,")
-    return RotationMatrix(Quaternion(wxyz / np.linalg.norm(wxyz)))
+    return rotation_of_quaternion(wxyz)
 
 
 _ROUNDED_NORM = 1e-4
 """Deviation of a quaternion's norm from 1 that is due to rounding: programs write quaternions with four decimals."""
-_WRONG_NORM = 1e-3
-"""Deviation of a quaternion's norm from 1 above which the quaternion is a mistake of its author."""
 
 
 class OrientFault(NamedTuple):
@@ -197,7 +195,8 @@ def orient_faults(value: "Value", name: str = "") -> list[OrientFault]:
 
 def _faults_of_quaternion(orient: RecordValue, name: str) -> list[OrientFault]:
     """Find the fault of a single quaternion: a list with one entry, or none."""
-    norm = float(np.linalg.norm(np.array(orient.flat(), dtype=float)))
+    quaternion = np.array(orient.flat(), dtype=float)
+    norm = float(np.linalg.norm(quaternion))
     deviation = abs(norm - 1.0)
     if deviation <= _ROUNDED_NORM:
         return []
@@ -207,9 +206,9 @@ def _faults_of_quaternion(orient: RecordValue, name: str) -> list[OrientFault]:
     if norm == 0 and not is_of_load:
         return []
     owner = f" of {name}" if name else ""
-    problem = f"the quaternion {texted(orient)}{owner} has a norm of {norm:.6g}; it must be 1 within {_WRONG_NORM:g}"
+    problem = f"the quaternion {texted(orient)}{owner} has a norm of {norm:.6g}; it must be 1 within {WRONG_NORM:g}"
     remedy = "" if norm == 0 else "; it is normalised here"
-    return [OrientFault(f"{problem}{remedy}", deviation > _WRONG_NORM)]
+    return [OrientFault(f"{problem}{remedy}", has_wrong_norm(quaternion))]
 
 
 def transform_of(pose: RecordValue) -> RigidTransform:

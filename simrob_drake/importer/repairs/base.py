@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from simrob_drake.robots.bodies import carriers
 from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import MOVABLE_JOINTS, joints_at, link_of, name_of, outward, pose_of, root_link
 
@@ -57,10 +58,7 @@ def _named(robot: ET.Element, starts: Mapping[str, list[ET.Element]], root: str)
     """Return why names say that a robot stands on legs or wheels, wherever they start; empty if they do not."""
     movable, legged, legs = Counter[str](), set[str](), Counter[str]()
     joints = outward(starts, root)
-    body = {root: root}  # the first link of all that is rigid with a link
-    for joint in joints:
-        child = link_of(joint, "child")
-        body[child] = body[link_of(joint, "parent")] if joint.get("type") == "fixed" else child
+    body = carriers(robot)  # the first link of all that is rigid with a link
     for joint in reversed(joints):
         parent, child = link_of(joint, "parent"), link_of(joint, "child")
         moves = joint.get("type") != "fixed"

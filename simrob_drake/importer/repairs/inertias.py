@@ -11,7 +11,7 @@ from pydrake.multibody.tree import RotationalInertia, SpatialInertia
 from simrob_drake.base.frames import Vector
 from simrob_drake.importer.repairs.base import find_base
 from simrob_drake.importer.repairs.structure import number
-from simrob_drake.robots.bodies import bodies, carriers
+from simrob_drake.robots.bodies import bodies, carriers, links_without_inertia
 from simrob_drake.robots.imports import EntryKind, ImportOptions, ImportReport
 from simrob_drake.robots.plausibility import robot_doubts
 from simrob_drake.robots.shape_inertia import inertia_of_shapes
@@ -23,7 +23,6 @@ from simrob_drake.robots.urdf import (
     moments_of,
     name_of,
     pose_of,
-    root_link,
     set_inertia,
     set_moments,
 )
@@ -76,7 +75,8 @@ def repair_inertias(robot: ET.Element, folder: Path | None, options: ImportOptio
             else:
                 kind, how = "dropped", "; left out"
             report.add(kind, f"link '{name_of(link)}' <inertial>", f"{inertia.problem}{how}")
-    for name in _bodies_without_mass(robot, options):
+    floating = find_base(robot, options)[0] == "floating"
+    for name in links_without_inertia(robot, floating=floating):
         if options.estimate_inertia:
             _estimate_body(name, bodies(robot)[name], folder, options.density, report)
         else:
@@ -159,15 +159,6 @@ def _estimate_body(
         link = next(link for link in links if name_of(link) == carrier)
         guess = _write(link, _ball(SMALL_MASS, density))
         report.add("defaulted", f"link '{carrier}'", f"has neither inertia nor shape; a small ball: {guess}")
-
-
-def _bodies_without_mass(robot: ET.Element, options: ImportOptions) -> list[str]:
-    """Return the links that carry a moving body without mass; the root moves where it floats."""
-    heavy = {carrier for carrier, links in bodies(robot).items() if any(mass_of(link) > 0 for link in links)}
-    moved = [link_of(joint, "child") for joint in robot.iterfind("joint") if joint.get("type") != "fixed"]
-    if find_base(robot, options)[0] == "floating":
-        moved.insert(0, root_link(robot))
-    return [link for link in moved if link not in heavy]
 
 
 def _write(link: ET.Element, inertia: SpatialInertia) -> str:

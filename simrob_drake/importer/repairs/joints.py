@@ -20,6 +20,7 @@ from simrob_drake.robots.fingers import FOLLOWS, mimic_line
 from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import (
     DRAKE,
+    ENDLESS,
     MOVABLE_JOINTS,
     child_of,
     joint_limits,
@@ -42,7 +43,6 @@ _ADVICE = {
 _DEFAULT_AXIS = "1 0 0"  # of the URDF format
 
 DEFAULT_STROKE = 1.0  # range of a prismatic joint without limits, to each side [m]
-_ENDLESS = 1e4  # larger limits are a way to write that there are none [rad]
 _ROUNDING = 1e-4  # limits that differ by less were rounded [rad or m]
 _NO_DIRECTION = 1e-6  # a shorter axis vector has no direction
 _UNIT_LENGTH = 1e-3  # an axis vector is a unit vector, up to rounding, if its length differs from 1 by less
@@ -403,7 +403,7 @@ def _repair_range(
         _fix_at(joint, low)
         report.add("repaired", where, f"lower and upper are both {low:g}, so it can't move; fixed there")
         return
-    if joint.get("type") == "revolute" and max(-low, high) > _ENDLESS:
+    if joint.get("type") == "revolute" and max(-low, high) > ENDLESS:
         _set_range(joint, None, None)
         joint.set("type", "continuous")
         report.add("repaired", where, f"{_range_text(low, high)} rad stop nothing; continuous instead of revolute")

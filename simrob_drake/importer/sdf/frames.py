@@ -8,6 +8,7 @@ from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from simrob_drake.base.errors import shortened
+from simrob_drake.base.frames import has_wrong_norm
 from simrob_drake.robots.imports import ImportReport
 from simrob_drake.robots.urdf import name_of
 from simrob_drake.robots.urdf_check import numbers_in
@@ -27,9 +28,6 @@ def version_of(root: ET.Element) -> tuple[int, ...]:
         return 1, 12
 
 
-_NORM_ERROR = 1e-3  # of a quaternion that may be one of rounding
-
-
 def own_pose(element: ET.Element | None, report: ImportReport, where: str) -> RigidTransform:
     """Return the pose that an element's ``<pose>`` gives, wherever it is measured from; raises InvalidModel: none."""
     pose = None if element is None else element.find("pose")
@@ -39,7 +37,7 @@ def own_pose(element: ET.Element | None, report: ImportReport, where: str) -> Ri
     position, rest = numbers[:3], np.array(numbers[3:])
     if pose.get("rotation_format") == "quat_xyzw" and len(rest) == len("xyzw") and rest.any():
         norm = np.linalg.norm(rest)
-        if abs(norm - 1.0) > _NORM_ERROR:
+        if has_wrong_norm(rest):
             report.add("repaired", where, f"the quaternion of its <pose> has a norm of {norm:.6g}; it is normalised")
         x, y, z, w = rest / norm
         return RigidTransform(Quaternion(w, x, y, z), position)

@@ -14,9 +14,9 @@ from pydrake.multibody.tree import Frame, RevoluteJoint, RigidBody
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
+from simrob_drake.parts.soles import shares_by_height
 from simrob_drake.parts.station_plant import StationRobot
 
-_COUNTS = 0.003  # by how much a point of the feet is higher than the lowest when it counts e times less [m]
 _LOWEST = 0.01  # the least height of the centre of mass that is reckoned with [m]: a robot that lies has fallen
 
 Direction = Literal["sagittal", "lateral", "forward", "backward", "left", "right"]
@@ -92,7 +92,7 @@ class Support:
         floor = min(heights.min() for heights, *_ in feet)
         carried, place, slip = 0.0, np.zeros(3), np.zeros(3)
         for heights, arms, own_place, motion in feet:
-            share = np.exp((floor - heights) / _COUNTS)
+            share = shares_by_height(heights, floor)
             part, arm = share.sum(), share @ arms
             carried += part
             place += part * own_place

@@ -40,9 +40,9 @@ from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.resolved import ResolvedRobot, Surroundings, named
 from simrob_drake.parts.sensors.sensor import SampledSensor, axis_names
 from simrob_drake.parts.site import Site
+from simrob_drake.parts.soles import shares_by_height
 from simrob_drake.parts.station_plant import StationRobot
 
-_COUNTS = 0.003  # by how much a point of the feet is higher than the lowest when it counts e times less [m]
 _BIAS = 1.0  # time constant of the bias of the accelerometer [s]
 _LEVELS = 1.0  # time constant of the height over level ground [s]
 _READS = {"position": "encoders", "orientation": "imu", "angular_velocity": "imu", "specific_force": "imu"}
@@ -257,9 +257,9 @@ class BaseEstimator(SampledBlock):
     def _shares(self, heights: Vector, read: Named) -> Vector:
         """Return how much each point counts by how low it is, and by the force on its foot, shape (k,)."""
         if self._force is None:
-            return np.asarray(np.exp((heights.min() - heights) / _COUNTS))
+            return shares_by_height(heights, heights.min())
         shares = np.empty(len(heights))
         for foot, part in self._soles.feet.items():
             own, force = heights[part], read[foot]
-            shares[part] = min(math.sqrt(force @ force) / self._force, 1.0) * np.exp((own.min() - own) / _COUNTS)
+            shares[part] = min(math.sqrt(force @ force) / self._force, 1.0) * shares_by_height(own, own.min())
         return shares

@@ -789,3 +789,16 @@ def test_a_file_solid_reads_the_meshes_that_robots_and_pieces_have(ending, tmp_p
 
     assert {ending, ".gltf"} <= {*READ}
     assert load_mesh(tmp_path / f"part{ending}").vertices.max() == pytest.approx(1.5)
+
+
+def test_a_quaternion_of_another_norm_is_noted():
+    """As for SDF and RAPID; before, it was normalised without a word."""
+    block = node(RotationMethod="Quaternion", Quaternion="[1 1 0 0]")
+    rounded = node(RotationMethod="Quaternion", Quaternion="[0.707 0.707 0 0]")
+
+    rigid_transform(block)
+    rigid_transform(rounded)
+
+    notes = [entry.text for entry in block.findings.report.entries]
+    assert notes == ["its Quaternion has a norm of 1.41421; it is normalised"]
+    assert not rounded.findings.report.entries

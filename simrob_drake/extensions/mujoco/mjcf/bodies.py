@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-from pydrake.common.eigen_geometry import AngleAxis, Quaternion
+from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.base.errors import one_of
-from simrob_drake.base.frames import Vector
+from simrob_drake.base.frames import Vector, rotation_of
 from simrob_drake.extensions.mujoco.mjcf.drives import DriveWriter, UrdfJoint
 from simrob_drake.importer.repairs.base import FLOATING_MARK
 from simrob_drake.importer.repairs.names import FreeNames
@@ -291,4 +291,4 @@ def pose_in(model: Any, kind: str, index: int) -> RigidTransform:
 
 def frame(position: Vector, quaternion: Vector) -> RigidTransform:
     """Return a pose of a position [m] and a quaternion w x y z of any length."""
-    return RigidTransform(Quaternion(quaternion / np.linalg.norm(quaternion)), position)
+    return RigidTransform(rotation_of(quaternion), position)

@@ -6,10 +6,10 @@ from itertools import count
 from math import inf, isfinite
 
 import numpy as np
-from pydrake.common.eigen_geometry import AngleAxis, Quaternion
+from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
-from simrob_drake.base.frames import Vector
+from simrob_drake.base.frames import Vector, has_wrong_norm, rotation_of
 from simrob_drake.extensions.simulink.model.nodes import Node
 from simrob_drake.extensions.simulink.tables import table
 
@@ -97,7 +97,10 @@ def _quaternion(node: Node, prefix: str) -> RotationMatrix:
     quaternion = node.numbers(f"{prefix}Quaternion", "[1 0 0 0]", size=4)
     if np.linalg.norm(quaternion) < 1e-9:
         raise node.refusal(f"its {prefix}Quaternion is zero")
-    return RotationMatrix(Quaternion(quaternion / np.linalg.norm(quaternion)))
+    if has_wrong_norm(quaternion):
+        norm = np.linalg.norm(quaternion)
+        node.note("repaired", f"its {prefix}Quaternion has a norm of {norm:.6g}; it is normalised")
+    return rotation_of(quaternion)
 
 
 def axis(node: Node, name: str) -> Vector:
