@@ -57,7 +57,7 @@ def _delete_forgotten(cache: Path) -> None:
 
 
 def check_ending(file: Path, endings: Sequence[str], name: str) -> str:
-    """Check the ending of the name of a file that will be written, which says in what form.
+    """Check the ending of the name of a file that will be written. The ending decides the form of the file.
 
     Args:
         file: the file.
