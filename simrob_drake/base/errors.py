@@ -16,7 +16,11 @@ class SimrobError(ValueError):
     """Base class of all errors that a user's input can cause."""
 
     def __init__(self, message: str = "") -> None:
-        """Create the error; a very long message is cut."""
+        """Create the error.
+
+        Args:
+            message: the message, in one line. A very long one is cut at its end.
+        """
         super().__init__(shortened(message, _LONGEST))
 
 

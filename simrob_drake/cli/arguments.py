@@ -7,6 +7,7 @@ from typing import Any
 from simrob_drake.base.errors import InvalidParameter, OutputError, Unsuitable
 from simrob_drake.base.packages import Border
 from simrob_drake.base.yaml_files import YAML_SUFFIXES, parse_yaml, read_yaml
+from simrob_drake.cli.options import flag_of
 from simrob_drake.cli.other_files import refuse_other
 from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.stations.config import StationConfig
@@ -74,19 +75,20 @@ def is_program_file(text: str) -> bool:
 
 
 def refuse(problem: str, remedy: str = "leave it out", **options: Any) -> None:
-    """Check that options are not given that would have no effect.
+    """Check that options that would have no effect are not given.
 
     Args:
-        problem: why they have no effect.
-        remedy: what to do.
-        options: values of the options by name; one that is None, false or empty is not given.
+        problem: why the options have no effect, such as "this is a robot".
+        remedy: what the user should do.
+        options: value of each option, by the name of the command's parameter. An option whose value is None, false or
+            empty is not given.
 
     Raises:
-        Unsuitable: an option is given.
+        Unsuitable: an option is given; the message names the first one.
     """
     for name, value in options.items():
         if value:
-            raise Unsuitable(f"--{name.replace('_', '-')}", problem, remedy)
+            raise Unsuitable(flag_of(name), problem, remedy)
 
 
 def refuse_import(problem: str, options: ImportOptions | None) -> None:
