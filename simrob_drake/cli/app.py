@@ -73,7 +73,10 @@ class _Commands(_Group):
         return list(all_commands())
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """Find a command by name. Extensions are looked for only if it is not yet known. Returns None for an unknown name."""
+        """Find a command by name. Returns None if there is none.
+
+        The commands of extensions are added only for a name that is not known yet: to find them takes time.
+        """
         if cmd_name not in self.commands:
             self._add_extensions()
         return super().get_command(ctx, cmd_name)

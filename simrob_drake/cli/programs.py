@@ -159,13 +159,13 @@ def language_program(
         set_: changes of the station, as the option ``--set`` takes them.
 
     Returns:
-        the program, the station on which it is done, and the lines of its moves, by their numbers.
+        the program, the station on which it is done, and for each move, by its number, its file and line.
 
     Raises:
         SimrobError: the program is wrong, or lines are not understood and losses are not allowed.
     """
-    imported, config = _imported(file, options, set_)
-    _tell_remarks(imported)
+    imported, config = _read_program(file, options, set_)
+    _show_remarks(imported)
     losses = imported.losses
     if losses and not options.allow_losses:
         more = f", and {len(losses) - 1} more" if len(losses) > 1 else ""
@@ -180,11 +180,11 @@ def import_program(file: Path, out: Path | None, options: LanguageOptions, *, fo
     written = [target] if options.on else [target, station]
     for one in written:
         check_file(one, force=force)
-    imported, config = _imported(file, options, None)
+    imported, config = _read_program(file, options, None)
     written_at_once(target, imported.program.on(options.on or station.name).text())
     if options.on is None:
         written_at_once(station, station_yaml(config))
-    _tell_remarks(imported)
+    _show_remarks(imported)
     say(f"program {target}: {imported.duration:.3f} s")
     say(f"next    simrob run {target}")
     losses = imported.losses
@@ -194,7 +194,7 @@ def import_program(file: Path, out: Path | None, options: LanguageOptions, *, fo
     return ExitCode.DONE
 
 
-def _imported(file: Path, options: LanguageOptions, set_: list[str] | None) -> tuple[ImportedProgram, StationConfig]:
+def _read_program(file: Path, options: LanguageOptions, set_: list[str] | None) -> tuple[ImportedProgram, StationConfig]:
     """Read a program in the language of a robot, and find the station on which it is done.
 
     Args:
@@ -212,7 +212,7 @@ def _imported(file: Path, options: LanguageOptions, set_: list[str] | None) -> t
     if options.on is None and options.robot is None:
         raise InvalidParameter("--robot", "missing", "who does it, as --robot irb120; or --on a station")
     if options.on is not None:
-        # The robot is one of the station's. If it is None, the station has one robot only.
+        # The robot is one of the station's; None stands for its only one.
         config = station_from(options.on, set_)
         robot = options.robot
     else:
@@ -224,7 +224,7 @@ def _imported(file: Path, options: LanguageOptions, set_: list[str] | None) -> t
         return importer.read_program(file, request), config
 
 
-def _tell_remarks(imported: ImportedProgram) -> None:
+def _show_remarks(imported: ImportedProgram) -> None:
     """Show the remarks about lines of an imported program. Lines that are lost begin with "lost"."""
     for remark in imported.remarks:
         mark = "lost " if remark.is_lost else ""
