@@ -80,11 +80,16 @@ class FormerNames(MetaPathFinder, Loader):
 
 
 def _present_name(name: str) -> str | None:
-    """Return the present name of a module, or None if the name is no former one."""
+    """Find the present name of a module. Returns None if the name is not a former one.
+
+    Args:
+        name: full name of the module, such as ``simrob_drake.teach.form``, whose present name is
+            ``simrob_drake.extensions.pendant.form``.
+    """
     top, *parts = name.split(".")
     if top != _PACKAGE:
         return None
-    # A moved package comes before the modules in it.
+    # Packages come before the modules in them: all modules of a package that has moved have moved with it.
     for count in range(1, len(parts) + 1):
         present = _NEW_NAMES.get(".".join(parts[:count]))
         if present is not None:

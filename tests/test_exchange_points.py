@@ -374,7 +374,9 @@ def test_exporters_of_another_package_write_stations_and_programs(announce, tmp_
         assert line.count("\n") == 1
 
 
-TAGGED = EXPORTERS + """
+TAGGED = (
+    EXPORTERS
+    + """
 from dataclasses import dataclass
 from typing import Annotated
 import typer
@@ -386,6 +388,7 @@ class Options:
 class Tagged(Names):
     options_class = Options
 """
+)
 
 
 def test_a_refused_option_of_an_exporter_names_the_format_as_it_is_typed(announce, tmp_path, monkeypatch, capsys):

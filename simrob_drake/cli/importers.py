@@ -38,9 +38,7 @@ def with_importer_options(
     """
     # A class may be announced under several suffixes. It gives its options once.
     importers = dict.fromkeys(classes_of_extensions("importers", FileImporter).values())
-    groups = [
-        OptionGroup(owner=importer.title, options_class=getattr(importer, attribute)) for importer in importers
-    ]
+    groups = [OptionGroup(owner=importer.title, options_class=getattr(importer, attribute)) for importer in importers]
     return with_groups(groups, "importer_options")
 
 

@@ -194,7 +194,9 @@ def import_program(file: Path, out: Path | None, options: LanguageOptions, *, fo
     return ExitCode.DONE
 
 
-def _read_program(file: Path, options: LanguageOptions, set_: list[str] | None) -> tuple[ImportedProgram, StationConfig]:
+def _read_program(
+    file: Path, options: LanguageOptions, set_: list[str] | None
+) -> tuple[ImportedProgram, StationConfig]:
     """Read a program in the language of a robot, and find the station on which it is done.
 
     Args:

@@ -42,7 +42,7 @@ class PictureLabels:
             role: what the block is for. It determines the column and the colour.
             label: text in the block; lines are separated by line feeds.
             robot: robot to which the block belongs; None if it belongs to none.
-            key: key of the block. Systems with the same key share a block. If it is empty, it is the name of the system.
+            key: key of the block. Systems with the same key share a block. If it is empty, it is the system's name.
             inside: texts of the steps in the block, in the order in which they are done.
             within: key of the block whose system does the work; empty if the system does it itself.
             net: blocks that are drawn in place of this block, by name; None if this block itself is drawn.

@@ -42,9 +42,10 @@ class OtherEngine(SolverSection):
 
     @property
     def engine(self) -> Engine:
-        """Properties of the engine (`answers`: what it can do, see `Engine`), with name and step length of this section.
+        """Properties of the engine, with the name and the step length of this section.
 
-        Its steps are fixed, and Drake's plant is not stepped.
+        They are `answers` (what the engine can do, see `Engine`) but for its steps, which are fixed, and for Drake's
+        plant, which is not stepped.
         """
         return replace(
             self.answers, name=self.kind, time_step=self.time_step, has_fixed_steps=True, steps_drakes_plant=False

@@ -85,7 +85,9 @@ class ControllerSection(Strict):
         return command
 
     def with_commands(self, commands: Sequence[TimedCommand]) -> Self:
-        """Copy the section with these commands. Its own commands before the first of them are kept, later ones are dropped.
+        """Copy the section with these commands.
+
+        Its own commands before the first of them are kept, later ones are dropped.
 
         Args:
             commands: commands in the order of their times, at least one, as `rounded_command` returns them.

@@ -142,7 +142,9 @@ class Walk(LoopSection):
         return command._replace(values=_command_values(_entry_of_command(command)))
 
     def with_commands(self, commands: Sequence[TimedCommand]) -> "Walk":
-        """Copy the section with these commands. Its own commands before the first of them are kept, later ones are dropped.
+        """Copy the section with these commands.
+
+        Its own commands before the first of them are kept, later ones are dropped.
 
         Args:
             commands: commands in the order of their times, at least one.

@@ -67,7 +67,7 @@ class NameOf:
 
 
 def named_things(kind: "type[Move]") -> dict[str, str]:
-    """Find the keys of a kind of move that are annotated by `NameOf`, each with its `NameOf.what`, such as ``pieces``."""
+    """Find the keys of a kind of move that are annotated by `NameOf`, each with the annotation's ``what``."""
     return {
         key: mark.what
         for key, field in kind.model_fields.items()
