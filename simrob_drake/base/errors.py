@@ -52,6 +52,7 @@ class Unsuitable(InvalidParameter):
             problem: why it cannot serve here, such as "the world has no frames".
             remedy: what to do, as a command.
         """
+        # The base class would add "it must be": its initializer is left out.
         SimrobError.__init__(self, f"{name}: {problem}; {remedy}")
 
 

@@ -215,8 +215,8 @@ def installed_extensions() -> tuple[InstalledExtension, ...]:
     The extensions of this package come first so that no other package can take their names.
     """
     found = [_load_extension(entry) for entry in sorted(entry_points(group=GROUP), key=_order_of_entry)]
-    # An extension that is left out takes no names from others, so the needs are checked before the names. The
-    # extensions left out because of their names may be needed by others: these are left out at the end.
+    # The needs are checked before the names, since an extension that is left out takes no names from others. They are
+    # checked once more at the end, since an extension that was left out because of its names may be needed by others.
     without_conflicts = list(_without_conflicts(_without_missing_needs(found)))
     return tuple(_without_missing_needs(without_conflicts))
 

@@ -89,7 +89,10 @@ class ReferenceSignal(ABC):
         Args:
             builder: builder of the diagram.
             name: name of the source.
-            derivatives: count of derivatives that the source gives. It may give more.
+            derivatives: count of derivatives that are needed, 0 to 2. The source may give more.
+
+        Returns:
+            the ports of the positions and the derivatives.
         """
 
     @abstractmethod

@@ -182,8 +182,8 @@ class ChosenOptions:
         allowed = {field.name for options_class in allowed_classes for field in fields(options_class)}
         for group in self.groups:
             for field in fields(group.options_class):
-                is_given = self.values[field.name] != field.default
-                if is_given and field.name not in allowed:
+                is_default = self.values[field.name] == field.default
+                if not is_default and field.name not in allowed:
                     raise Unsuitable(flag_of(field.name), f"it belongs to {group.owner}")
 
 
