@@ -110,7 +110,7 @@ class FileCache(Generic[Value]):
 
 def _are_current(states: FileStates) -> bool:
     """Whether all files still have these states."""
-    # `file_state` is called for every file, even after one that differs: if another cache is making a value for which
-    # it needs this one, it records all of these files, too.
+    # `file_state` is called for every file, even after one that differs: if another cache is making a value that
+    # depends on this one, it must record all of these files, too.
     current = [file_state(path) == state for path, state in states.items()]
     return all(current)

@@ -26,9 +26,9 @@ def known_names(point: str) -> list[str]:
 
 
 def check_provided(point: str, name: str, purpose: str) -> None:
-    """Check that a name is not one that an extension of this project adds, which is missing.
+    """Raise an error if a name belongs to an extension of this project that is missing.
 
-    Nothing is raised for any other name: the caller then reports an unknown name.
+    For any other name nothing is raised, and the caller reports an unknown name.
 
     Args:
         point: extension point at which the name is looked for, a key of ``POINTS``.

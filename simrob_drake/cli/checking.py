@@ -69,10 +69,8 @@ def check(
     refuse_import("this is a station; the option belongs to the file of a robot", refusable)
     config = station_from(station, set_, allow_code=allow_code)
     Runner(config).check()
-    findings = list(check_station(config))
-    if config.program is not None:
-        findings.append(check_program(own_program(config), config))
-    console.print(findings_table(findings))
+    program_findings = [] if config.program is None else [check_program(own_program(config), config)]
+    console.print(findings_table([*check_station(config), *program_findings]))
 
 
 COMMANDS: dict[str, Callable[..., Any]] = {"check": check}
