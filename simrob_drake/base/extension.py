@@ -423,8 +423,8 @@ def check_addition(point: str, addition: Addition) -> None:
         addition: the extension's announcement of the object or the data.
 
     Raises:
-        BrokenExtension: the object cannot be imported, there is no such folder or file, or a file is there in place of a
-            folder, or the other way round.
+        BrokenExtension: the object cannot be imported, there is no such folder or file, or there is a file in place of
+            a folder, or the other way round.
     """
     if point not in DATA:
         load_addition(addition)
