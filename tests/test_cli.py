@@ -264,7 +264,10 @@ MISTAKES = {
     "endless samples": (["run", "double_pendulum", "--set", "sample_rate=1e9"], "less than or equal to 10000"),
     "an endless run": (["run", "double_pendulum", "--duration", "1e9"], "at most 10000 s at a sample_rate of 100 Hz"),
     "a folder as station": (["run", "/"], "simrob: /: is a folder"),
-    "a setting of a URDF": (["check", "a.urdf", "--set", "duration=1"], "--set is given; it must be left out"),
+    "a setting of a URDF": (
+        ["check", "a.urdf", "--set", "duration=1"],
+        "--set: this is the file of a robot",
+    ),
     "inertia of a station": (["check", "irb120_dynamic", "--estimate-inertia"], "--estimate-inertia is given"),
     "an unknown picture format": (["diagram", "irb120_dynamic", "--out", "x.gif2"], ".svg"),
 }

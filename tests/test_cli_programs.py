@@ -97,7 +97,7 @@ MISTAKES = {
     "legs": (["run"], {"station": "humanoid_dynamic", "moves": [{"move_l": [0, 0, 1]}]}, "one on a fixed base"),
     "out of reach": (["check"], {"moves": [PICK[0], {"move_l": {"targets": [9, 0, 0], "robot": "left"}}]}, "moves[1]:"),
     "frames": (["run", "--frames", "one"], {}, 'must be a number of at least 2, or "events"'),
-    "a duration": (["run", "--duration", "2"], {}, "--duration is given; it must be left out with a program"),
+    "a duration": (["run", "--duration", "2"], {}, "--duration: a program has its own duration"),
     "an import": (["check", "--estimate-inertia"], {}, "left out with a program"),
     "nothing": (["run"], {"moves": []}, "empty"),
 }

@@ -46,7 +46,7 @@ MISTAKES = {
     "no number": (["roid1_dynamic", "--amplitude", "nan"], "amplitude"),
     "a duration": (
         ["roid1_dynamic", "--set", "duration=3"],
-        "--set duration=3 is given; it must be left out: the gait or act",
+        "--set duration=3: the gait or act",
     ),
     "a reference": (["roid1_dynamic", "--set", "reference.kind=hold"], "the gait or act says how the robot moves"),
     "an unknown robot": (["roid1_dynamic", "--robot", "roid"], "roid"),

@@ -1,6 +1,5 @@
 """Engines, importers and exporters of other packages: what they can do, and what is said of those that are wrong."""
 
-import importlib
 import re
 import sys
 
@@ -9,7 +8,6 @@ import pytest
 from simrob_drake import load_station, simulate
 from simrob_drake.base.errors import InvalidConfig, SimrobError
 from simrob_drake.base.extension import BrokenExtension, additions
-from simrob_drake.cli import exporting
 from simrob_drake.cli.app import run_command
 from simrob_drake.importer.importing import import_robot, robot_from_file
 from tests.test_extension import install  # noqa: F401  # a fixture
@@ -163,6 +161,14 @@ def test_a_file_of_a_missing_extension_says_which(announce, tmp_path, capsys, na
         assert line.count("\n") == 1
 
 
+def test_a_format_of_a_missing_extension_says_which(announce, tmp_path, capsys):
+    announce("fall-kit", "engines={}")
+    assert run_command(["export", "box_on_floor", "--mjcf", str(tmp_path / "box.xml")]) == 2
+    line = capsys.readouterr().err
+    assert "the format mjcf needs the extension mujoco, which is not installed" in line
+    assert line.count("\n") == 1
+
+
 ROBOT_IMPORTER = """
 import xml.etree.ElementTree as ET
 from simrob_drake.importer.importer import RobotImporter
@@ -231,25 +237,10 @@ class Lists(FileImporter):
 """
 
 
-@pytest.fixture
-def reloaded():
-    """Make the commands anew, which list the options of importers and exporters when they are imported."""
-    from simrob_drake.cli import checking, robots
-
-    modules = (robots, checking, exporting)
-
-    def reload():
-        for module in modules:
-            importlib.reload(module)
-
-    return reload
-
-
-def test_a_file_importer_has_own_options_and_losses_give_four(announce, reloaded, tmp_path, monkeypatch, capsys):
+def test_a_file_importer_has_own_options_and_losses_give_four(announce, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     body = "return ImportOutcome(lines=(f'colour {request.options.colour}, {request.out}',), losses=('a', 'b'))"
     announce("list-kit", "importers={'.lst': 'list_kit.a:Lists'}", a=FILE_IMPORTER.format(body=body))
-    reloaded()
     (tmp_path / "my.lst").write_text("")
     (tmp_path / "arm.urdf").write_text("<robot/>")
     assert run_command(["import", "my.lst", "--colour", "blue", "--out", "there"]) == 4
@@ -259,10 +250,10 @@ def test_a_file_importer_has_own_options_and_losses_give_four(announce, reloaded
     assert run_command(["import", "my.lst", "--allow-losses"]) == 0
     capsys.readouterr()
     for command, message in (
-        (["import", "arm.urdf", "--colour", "blue"], "--colour is given; it must be given with a list only"),
-        (["import", "my.lst", "--base", "fixed"], "--base is given; it must be left out with a list"),
-        (["import", "my.lst", "--set", "a=1"], "--set is given; it must be left out with a list"),
-        (["import", "my.lst", "--cycles", "2"], "--cycles is given; it must be given with a RAPID module"),
+        (["import", "arm.urdf", "--colour", "blue"], "--colour: it belongs to a list; leave it out"),
+        (["import", "my.lst", "--base", "fixed"], "--base: it has no effect on a list; leave it out"),
+        (["import", "my.lst", "--set", "a=1"], "--set: it has no effect on a list; leave it out"),
+        (["import", "my.lst", "--cycles", "2"], "--cycles: it belongs to RAPID modules; leave it out"),
         (["check", "my.lst"], "my.lst: is a list, which simrob import reads, and simrob check cannot"),
     ):
         assert run_command(command) == 2
@@ -333,11 +324,10 @@ class Counts(ProgramExporter):
 """
 
 
-def test_exporters_of_another_package_write_stations_and_programs(announce, reloaded, tmp_path, monkeypatch, capsys):
+def test_exporters_of_another_package_write_stations_and_programs(announce, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     added = {name: f"text_kit.a:{name.capitalize()}" for name in ("names", "fails", "lacks", "counts")}
     announce("text-kit", f"exporters={added}", a=EXPORTERS)
-    reloaded()
     assert run_command(["export", "box_on_floor", "--names", "box.txt"]) == 0
     assert (tmp_path / "box.txt").read_text() == "box_on_floor"
     program = tmp_path / "two.yaml"
@@ -366,9 +356,8 @@ def test_exporters_of_another_package_write_stations_and_programs(announce, relo
         assert line.count("\n") == 1
 
 
-def test_the_help_of_export_lists_the_formats_of_installed_extensions(announce, reloaded, capsys):
+def test_the_help_of_export_lists_the_formats_of_installed_extensions(announce, capsys):
     announce("text-kit", "exporters={'names': 'text_kit.a:Names', 'lacks': 'text_kit.a:Lacks'}", a=EXPORTERS)
-    reloaded()
     assert run_command(["export", "--help"]) == 0
     shown = " ".join(re.sub("[│╭╮╰╯─]", " ", capsys.readouterr().out).split())
     assert "--names FILE Names of axes, FILE.txt." in shown

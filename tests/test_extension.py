@@ -59,6 +59,8 @@ def forget_extensions():
     for family in FAMILIES:
         family.KINDS.forget_extensions()
     SOLVERS.forget_extensions()
+    for module in ("robots", "checking", "exporting"):  # their commands have options of importers and exporters
+        sys.modules.pop(f"simrob_drake.cli.{module}", None)
     _schema_of.cache_clear()
 
 

@@ -20,6 +20,11 @@ _PROVIDERS = {
 """Name of the extension of simrob-drake that adds a name, by extension point and name."""
 
 
+def known_names(point: str) -> list[str]:
+    """Names that extensions of this project add at an extension point, whether they are installed or not."""
+    return list(_PROVIDERS.get(point, {}))
+
+
 def check_provided(point: str, name: str, purpose: str) -> None:
     """Check that a name is not one of a missing extension of this project.
 

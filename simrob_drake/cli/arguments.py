@@ -73,16 +73,25 @@ def is_program_file(text: str) -> bool:
     return file.suffix.lower() in YAML_SUFFIXES and file.is_file() and not _PROGRAM_KEYS.isdisjoint(read_yaml(file))
 
 
-def refuse(why: str, **options: Any) -> None:
-    """Refuse options, values by name, that would do nothing; ``why``: when they may be; raises InvalidParameter."""
+def refuse(problem: str, remedy: str = "leave it out", **options: Any) -> None:
+    """Check that options are not given that would have no effect.
+
+    Args:
+        problem: why they have no effect.
+        remedy: what to do.
+        options: values of the options by name; one that is None, false or empty is not given.
+
+    Raises:
+        Unsuitable: an option is given.
+    """
     for name, value in options.items():
         if value:
-            raise InvalidParameter(f"--{name.replace('_', '-')}", "given", why)
+            raise Unsuitable(f"--{name.replace('_', '-')}", problem, remedy)
 
 
-def refuse_import(why: str, options: ImportOptions | None) -> None:
-    """Refuse options of an import where nothing is imported, as :func:`refuse` does."""
-    refuse(why, **(options.model_dump(exclude_defaults=True) if options else {}))
+def refuse_import(problem: str, options: ImportOptions | None) -> None:
+    """Check that options of an import are not given where nothing is imported, as :func:`refuse` does."""
+    refuse(problem, **(options.model_dump(exclude_defaults=True) if options else {}))
 
 
 def check_file(file: Path, *, force: bool) -> None:

@@ -46,26 +46,26 @@ def check(
     importer_options.refuse_all_but([])
     choices = options and options.model_copy(update={"mesh_path": ()})
     if is_program_file(station):
-        refuse_import("left out with a program: it goes with a robot's file", choices)
-        refuse("left out with a program", allow_code=allow_code)
+        refuse_import("this is a program; the option belongs to the file of a robot", choices)
+        refuse("this is a program, which names no code", allow_code=allow_code)
         program, config = program_from(station, set_)
         console.print(findings_table([check_program(program, config, station)]))
         return
     if is_robot_file(station):
-        refuse("left out with a robot's file: it changes stations", set=set_, allow_code=allow_code)
+        refuse("this is the file of a robot; the option belongs to stations", set=set_, allow_code=allow_code)
         examine_file(Path(station), options)
         return
     if is_description_file(station):
-        refuse("left out with a robot's file: it changes stations", set=set_, allow_code=allow_code)
-        refuse_import("left out with a robot's description: it is no import", options)
+        refuse("this is the file of a robot; the option belongs to stations", set=set_, allow_code=allow_code)
+        refuse_import("this is the description of a robot, and nothing is imported", options)
         show_robot(load_robot_file(station))
         return
     if station in robot_names():
-        refuse("left out with a robot: it changes stations", set=set_, allow_code=allow_code)
-        refuse_import("left out with a robot of the package: it is no import", options)
+        refuse("this is a robot; the option belongs to stations", set=set_, allow_code=allow_code)
+        refuse_import("this robot comes with the package, and nothing is imported", options)
         show_robot(load_robot(station))
         return
-    refuse_import("left out with a station: it goes with a robot's file", choices)
+    refuse_import("this is a station; the option belongs to the file of a robot", choices)
     config = station_from(station, set_, allow_code=allow_code)
     Runner(config).check()
     own = [] if config.program is None else [check_program(own_program(config), config)]

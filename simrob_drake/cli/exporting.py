@@ -7,8 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from simrob_drake.base.errors import InvalidConfig, InvalidParameter
-from simrob_drake.base.extension import BrokenExtension, code_of_extension
+from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError
+from simrob_drake.base.extension import code_of_extension
 from simrob_drake.base.folders import written_at_once
 from simrob_drake.cli.arguments import check_file, is_program_file, station_from
 from simrob_drake.cli.options import ChosenOptions, Force, Settings, with_group, with_groups, with_mesh_path
@@ -26,12 +26,12 @@ _FORMATS = all_exporters()
 """Exporters by the name of their format, or the reason why one cannot be used."""
 
 
-def _format_option(name: str, exporter: Exporter | BrokenExtension) -> tuple[str, Any, None]:
+def _format_option(name: str, exporter: Exporter | SimrobError) -> tuple[str, Any, None]:
     """Describe the option ``--FORMAT FILE`` as a field of a dataclass: its name, its type, and its default.
 
     The option of a broken exporter is there, too: its use raises the reason.
     """
-    text = f"Cannot be used: {exporter}" if isinstance(exporter, BrokenExtension) else exporter.help
+    text = f"Cannot be used: {exporter}" if isinstance(exporter, SimrobError) else exporter.help
     flag = f"--{name.replace('_', '-')}"
     option = Annotated[Path | None, typer.Option(flag, metavar="FILE", help=text)]
     return name, option, None
@@ -43,7 +43,7 @@ def _with_formats(command: Callable[..., Any]) -> Callable[..., Any]:
     own_options = {
         f"given with --{name}": exporter.options_class
         for name, exporter in _FORMATS.items()
-        if not isinstance(exporter, BrokenExtension)
+        if not isinstance(exporter, SimrobError)
     }
     return with_groups(own_options, "options")(with_group(files, "files")(command))
 
@@ -112,7 +112,7 @@ def _export_station(
 
 def _known_formats() -> str:
     """List the options of all formats, those of stations and those of programs."""
-    usable = {name: exporter for name, exporter in _FORMATS.items() if not isinstance(exporter, BrokenExtension)}
+    usable = {name: exporter for name, exporter in _FORMATS.items() if not isinstance(exporter, SimrobError)}
     of_stations = [f"--{name}" for name, exporter in usable.items() if isinstance(exporter, StationExporter)]
     of_programs = [f"--{name}" for name, exporter in usable.items() if isinstance(exporter, ProgramExporter)]
     listed = [" or ".join(names) for names in (of_stations, of_programs) if names]

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from rich.text import Text
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.extension import classes_of_extensions, code_of_extension
 from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.cli import ExitCode
@@ -34,7 +34,7 @@ def with_importer_options(
         group: attribute of the importers with the class of the options.
     """
     importers = dict.fromkeys(classes_of_extensions("importers", FileImporter).values())  # each class once
-    groups = {f"given with {importer.title} only": getattr(importer, group) for importer in importers}
+    groups = {f"it belongs to {importer.title}": getattr(importer, group) for importer in importers}
     return with_groups(groups, "importer_options")
 
 
@@ -76,9 +76,9 @@ def importer_request(
     """
     all_robot_options = robot_options or ImportOptions()
     own = {name: getattr(ImportOptions(), name) for name in importer.robot_options}
-    refuse_import(f"left out with {importer.title}", all_robot_options.model_copy(update=own))
+    refuse_import(f"it has no effect on {importer.title}", all_robot_options.model_copy(update=own))
     if settings and not importer.takes_settings:
-        raise InvalidParameter("--set", "given", f"left out with {importer.title}")
+        raise Unsuitable("--set", f"it has no effect on {importer.title}")
     own_options = getattr(importer, group)
     chosen.refuse_all_but([own_options])
     return ImportRequest(

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, get_args, get_type_hints
 import typer
 from pydantic.fields import FieldInfo
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.files import station_files
 from simrob_drake.base.packages import MESH_PATH_VARIABLE, granting
 from simrob_drake.base.sections import Pose, field_texts, validated
@@ -142,7 +142,7 @@ class ChosenOptions:
     """Values of the options of several groups, such as those of all importers. A command uses one of the groups.
 
     Attributes:
-        groups: dataclasses whose fields are the options, by the condition under which they may be given.
+        groups: dataclasses whose fields are the options, by the sentence that says to what they belong.
         values: value of each option by the name of its field.
     """
 
@@ -157,14 +157,14 @@ class ChosenOptions:
         """Check that no option is given that belongs to none of some groups.
 
         Raises:
-            InvalidParameter: such an option is given; the message says when it may be.
+            Unsuitable: such an option is given; the message says to what it belongs.
         """
         allowed = {field.name for group in groups for field in fields(group)}
         for condition, other in self.groups.items():
             for field in fields(other):
                 is_given = self.values[field.name] != field.default
                 if is_given and field.name not in allowed:
-                    raise InvalidParameter(f"--{field.name.replace('_', '-')}", "given", condition)
+                    raise Unsuitable(f"--{field.name.replace('_', '-')}", condition)
 
 
 def with_groups(groups: Mapping[str, type[Any]], name: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -173,7 +173,7 @@ def with_groups(groups: Mapping[str, type[Any]], name: str) -> Callable[[Callabl
     A field that two dataclasses share is one option of both.
 
     Args:
-        groups: the dataclasses, by the condition under which their options may be given.
+        groups: the dataclasses, by the sentence that says to what their options belong.
         name: parameter of the command that takes the chosen options.
     """
     parameters = dict[str, inspect.Parameter]()

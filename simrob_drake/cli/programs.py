@@ -119,7 +119,7 @@ def program_importer(file: Path | str) -> ProgramImporter | None:
     suffix = Path(file).suffix.lower()
     if suffix in ("", *YAML_SUFFIXES, *CORE_SUFFIXES):  # most stations: no extension is looked for
         return None
-    importer = load_importer(suffix)
+    importer = load_importer(suffix, Path(file))
     from simrob_drake.programs.program_importer import ProgramImporter
 
     return importer if isinstance(importer, ProgramImporter) else None
@@ -137,7 +137,7 @@ def refuse_language(options: LanguageOptions) -> bool:
     defaults = LanguageOptions()
     chosen = {name: value for name, value in asdict(options).items() if value != getattr(defaults, name)}
     allow_losses = bool(chosen.pop("allow_losses", False))
-    refuse("given with a RAPID module", **chosen)
+    refuse("it belongs to RAPID modules", **chosen)
     return allow_losses
 
 

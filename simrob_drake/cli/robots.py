@@ -63,9 +63,9 @@ def import_file(
         simrob import Module.mod --robot irb120
     """
     if is_language_file(file):
-        refuse_import("left out with a RAPID program", options)
+        refuse_import("this is a RAPID program; the option belongs to robots", options)
         importer_options.refuse_all_but([])
-        refuse("given with a Simulink model only", set=set_)
+        refuse("it belongs to Simulink models", set=set_)
         return import_program(file, out, language, force=force)
     allow_losses = refuse_language(language)
     importer = other_importer(file)
@@ -73,7 +73,7 @@ def import_file(
         request = importer_request(importer, "options_class", importer_options, options, set_, out=out, force=force)
         return import_with(importer, file, request, allow_losses=allow_losses)
     importer_options.refuse_all_but([])
-    refuse("given with a Simulink model only", set=set_, allow_losses=allow_losses)
+    refuse("it belongs to Simulink models", set=set_, allow_losses=allow_losses)
     folder = out or default_folder(file)
     with errors.status(Text(f"importing {file}")):
         imported = import_robot(file, folder, options, force=force)
@@ -115,7 +115,7 @@ def view(
         with errors.status(Text(f"reading {robot}")):
             window = RobotView(robot_from_file(Path(robot), options))
     else:
-        refuse_import("left out with a robot of the package or a description: it is no import", options)
+        refuse_import("this is no file of a robot, and nothing is imported", options)
         window = RobotView(load_robot_file(robot) if is_description_file(robot) else load_robot(robot))
     say(f"{robot} is shown at {window.url}")
     console.print("collision geometry: Scene, collision in the page's menu; end with Stop there, or Ctrl+C here")

@@ -76,18 +76,29 @@ def run(
     """
     shown = _frames(frames)
     if is_language_file(station):
-        refuse("left out with a program", duration=duration, converge=converge, allow_code=allow_code)
+        refuse(
+            "a program has its own duration and names no code",
+            duration=duration,
+            converge=converge,
+            allow_code=allow_code,
+        )
         program, config, lines = language_program(Path(station), language, set_)
         return run_program(program, config, saving, shown, lines=lines)
     refuse_language(language)
     if is_program_file(station):
-        refuse("left out with a program", duration=duration, converge=converge, allow_code=allow_code)
+        refuse(
+            "a program has its own duration and names no code",
+            duration=duration,
+            converge=converge,
+            allow_code=allow_code,
+        )
         program, config = program_from(station, set_)
         return run_program(program, config, saving, shown, station)
     config = station_from(station, set_, allow_code=allow_code, duration=duration)
     if config.program is not None:
         refuse(
-            "left out with a station that has a program, or with --set program=null",
+            "the station has a program",
+            "leave it out, or run the reference with --set program=null",
             duration=duration,
             converge=converge,
         )

@@ -155,13 +155,17 @@ def find_importer(file: Path | str) -> Importer | None:
     path = Path(file)
     suffix = path.suffix.lower()
     if suffix not in CORE_SUFFIXES:
-        return load_importer(suffix) if suffix else None
+        return load_importer(suffix, path) if suffix else None
     element = outermost_element(path)
-    return load_importer(f"<{element}>") if element else None
+    return load_importer(f"<{element}>", path) if element else None
 
 
-def load_importer(key: str) -> Importer | None:
+def load_importer(key: str, file: Path | None = None) -> Importer | None:
     """Load the importer that an extension announces by a suffix or an element. Returns None if there is none.
+
+    Args:
+        key: the suffix, or the element as ``<element>``.
+        file: the file that is to be imported, for the message; None if the caller adds it.
 
     Raises:
         BrokenExtension: the importer cannot be used.
@@ -171,7 +175,7 @@ def load_importer(key: str) -> Importer | None:
         return None
     addition = additions("importers").get(key)
     if addition is None:
-        check_provided("importers", key, f"a file with {key}")
+        check_provided("importers", key, f"a file with {key}" if file is None else str(file))
         return None
     importer: Importer = load_addition_class(addition, Importer)()
     importer.owner = addition.owner

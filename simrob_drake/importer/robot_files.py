@@ -26,7 +26,7 @@ def is_robot_file(text: str) -> bool:
     suffix = Path(text).suffix.lower()
     if suffix in CORE_SUFFIXES or _DESCRIPTION.fullmatch(text) is not None:
         return True
-    return suffix not in ("", *YAML_SUFFIXES) and isinstance(load_importer(suffix), RobotImporter)
+    return suffix not in ("", *YAML_SUFFIXES) and isinstance(load_importer(suffix, Path(text)), RobotImporter)
 
 
 def robot_suffixes() -> list[str]:

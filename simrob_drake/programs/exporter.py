@@ -10,14 +10,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter, SimrobError
 from simrob_drake.base.extension import (
     BrokenExtension,
+    MissingExtension,
     additions,
     load_addition_class,
     register_core_names,
 )
-from simrob_drake.base.known_extensions import check_provided
+from simrob_drake.base.known_extensions import check_provided, known_names
 from simrob_drake.importer.importer import NoOptions
 from simrob_drake.programs.program import Program
 from simrob_drake.stations.config import StationConfig
@@ -99,13 +100,16 @@ class ProgramExporter(Exporter, ABC):
         """
 
 
-def all_exporters() -> dict[str, Exporter | BrokenExtension]:
-    """Find all exporters by the name of their format; the reason in place of an exporter that cannot be used."""
-    found: dict[str, Exporter | BrokenExtension] = {}
-    for name in additions("exporters"):
+def all_exporters() -> dict[str, Exporter | SimrobError]:
+    """Find all exporters by the name of their format; the reason in place of an exporter that cannot be used.
+
+    Formats of this project's own extensions are there, too, if the extension is missing.
+    """
+    found: dict[str, Exporter | SimrobError] = {}
+    for name in dict.fromkeys((*additions("exporters"), *known_names("exporters"))):
         try:
             found[name] = load_exporter(name)
-        except BrokenExtension as problem:
+        except (BrokenExtension, MissingExtension) as problem:
             found[name] = problem
     return found
 

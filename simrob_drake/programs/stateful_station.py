@@ -289,7 +289,7 @@ class StatefulStation(ABC):
         if pose is None:
             self._change(taken(self.model, piece, parent, frame=frame))
         else:
-            check_units(pose_numbers(pose), "pose")
+            check_units(pose_from_transform(as_transform(pose)), "pose")
             self._change(reparented(self.model, piece, parent, frame=frame, pose=pose))
         place = None if pose is None else pose_numbers(pose)
         self.tape.note({"attach": {"piece": piece, "parent": parent, "frame": frame, "pose": place}})
@@ -331,9 +331,10 @@ class StatefulStation(ABC):
             one_of(f"tool of {robot}", tool, [*own.tools, *own.model.links])
             changes: dict[str, object] = {} if tool == own.tcp else {"tcp": tool, "tcp_offset": None}
         else:
-            check_units(pose_numbers(tool), "tool")
+            offset = as_transform(tool)
+            check_units(pose_from_transform(offset), "tool")
             before = RigidTransform() if entry.tcp_offset is None else as_transform(entry.tcp_offset)
-            changes = {"tcp_offset": tuple(pose_from_transform(before @ as_transform(tool)).tolist())}
+            changes = {"tcp_offset": tuple(pose_from_transform(before @ offset).tolist())}
         robots = {**self.config.robots, robot: entry.model_copy(update=changes)}
         self._change(self.config.model_copy(update={"robots": robots}))
         own_tool = {"name": tool} if isinstance(tool, str) else {"pose": pose_numbers(tool)}

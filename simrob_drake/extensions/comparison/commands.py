@@ -47,7 +47,7 @@ def compare(
     if with_ is not None:
         _compare_with_log(station_from(station, set_), with_, map_ or [], out, force=force)
         return
-    refuse("given with --with", map=map_)
+    refuse("it has an effect only with --with", map=map_)
     _compare_engines(station_from(station, set_), out, force=force)
 
 

@@ -121,7 +121,7 @@ def test_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "mine" / "file").touch()
     for command, told in (
         (["compare", "bouncing_bal"], "did you mean 'bouncing_ball'"),
-        (["compare", "bouncing_ball", "--map", "a=b"], "--map is given; it must be given with --with"),
+        (["compare", "bouncing_ball", "--map", "a=b"], "--map: it has an effect only with --with; leave it out"),
         (["compare", "bouncing_ball", "--out", str(tmp_path / "mine")], "exists already"),
         (["compare", "bouncing_ball", "--out", str(tmp_path / "mine"), "--force"], "something else than a result"),
     ):

@@ -198,7 +198,7 @@ def test_the_example_of_the_page_is_done(tmp_path):
     [
         (["run", "A.mod"], "--robot is missing; it must be who does it"),
         (["run", "A.mod", "--robot", "irb120"], "A.mod: line 1: there is no PROC main()"),
-        (["run", "irb120_kinematic", "--robot", "irb120"], "--robot is given; it must be given with a RAPID module"),
+        (["run", "irb120_kinematic", "--robot", "irb120"], "--robot: it belongs to RAPID modules; leave it out"),
         (["import", "none.mod", "--robot", "irb120"], "none.mod: No such file"),
         (["export", "irb120_kinematic", "--rapid", "B.mod"], "irb120_kinematic: is no program"),
         (["export", "irb120_kinematic"], "given --mjcf, or --rapid or --urscript"),

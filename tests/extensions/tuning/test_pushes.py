@@ -286,7 +286,7 @@ def test_the_command_writes_table_summary_and_picture(block, tmp_path, capsys):
     assert (folder / "rows.jsonl").read_text() == before
     assert (folder / "rows.jsonl").read_text().count("\n") == 4
     assert run_command([*command, "--seconds", "3"]) == 2
-    assert "--seconds is given; it must be given with --vary" in capsys.readouterr().err
+    assert "--seconds: it has an effect only with --vary; leave it out" in capsys.readouterr().err
 
 
 def test_a_trial_that_cannot_be_made_withstands_nothing(block):

@@ -73,9 +73,9 @@ def pushes(
     of_pushes |= {"duration": duration, "after": after, "first": from_, "force": newtons}
     of_burdens = {"seconds": seconds, "least": least}
     if vary:
-        refuse("left out with --vary", **of_pushes)
+        refuse("it has no effect with --vary", **of_pushes)
     else:
-        refuse("given with --vary", **of_burdens)
+        refuse("it has an effect only with --vary", **of_burdens)
     keys = {
         "station": str(Path(station).resolve()) if Path(station).is_file() else station,
         "overrides": changes_of(set_, "--set"),
@@ -89,7 +89,7 @@ def pushes(
     walking = validated(kind, {key: value for key, value in keys.items() if value is not None}, "simrob pushes")
     folder = out or default_folder(f"{Path(station).stem}-pushes")
     if scheduler:
-        refuse("left out with --scheduler: the cluster has its own", workers=workers)
+        refuse("with --scheduler the cluster decides how many workers there are", workers=workers)
     place = WalkingFolder(folder, walking, force=force, allow_code=allow_code)
     rows = place.run(workers=workers, scheduler=scheduler)
     console.print(_table(walking.summary(rows)))

@@ -70,7 +70,7 @@ def sweep(
 
     if (Path(station) / SWEEP).is_file():
         refuse(
-            "left out with the folder of a sweep, which tells it",
+            "the folder of the sweep says it already",
             vary=vary,
             sampling=sampling,
             count=count,
@@ -79,7 +79,7 @@ def sweep(
         )
         place = SweepFolder.there(Path(station), allow_code=allow_code)
     else:
-        refuse("given with the folder of a sweep", run=run)
+        refuse("it has an effect only with the folder of a sweep", run=run)
         content = Sweep(
             station=str(Path(station).resolve()) if Path(station).is_file() else station,
             vary={key: parsed(f"--vary {key}", text) for key, text in texts_by_key(vary, "--vary")},
@@ -93,7 +93,7 @@ def sweep(
     if run is not None:
         return _run_again(place, run, out, force=force, recording=not no_recording)
     if scheduler:
-        refuse("left out with --scheduler: the cluster has its own", workers=workers)
+        refuse("with --scheduler the cluster decides how many workers there are", workers=workers)
     rows = place.run(workers=workers, scheduler=scheduler)
     _tell(rows)
     say(f"table {place.folder / TABLE}")
