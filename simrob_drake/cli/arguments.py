@@ -73,12 +73,11 @@ def is_program_file(text: str) -> bool:
     return file.suffix.lower() in YAML_SUFFIXES and file.is_file() and not _PROGRAM_KEYS.isdisjoint(read_yaml(file))
 
 
-def refuse(problem: str, remedy: str = "leave it out", **options: Any) -> None:
+def refuse(problem: str, /, **options: Any) -> None:
     """Check that options are not given that would have no effect.
 
     Args:
         problem: why they have no effect.
-        remedy: what to do.
         options: values of the options by name; one that is None, false or empty is not given.
 
     Raises:
@@ -86,7 +85,7 @@ def refuse(problem: str, remedy: str = "leave it out", **options: Any) -> None:
     """
     for name, value in options.items():
         if value:
-            raise Unsuitable(f"--{name.replace('_', '-')}", problem, remedy)
+            raise Unsuitable(f"--{name.replace('_', '-')}", problem)
 
 
 def refuse_import(problem: str, options: ImportOptions | None) -> None:
