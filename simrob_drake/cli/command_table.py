@@ -156,8 +156,9 @@ def _docstrings(tree: ast.Module) -> dict[str, str]:
 def _command_table(tree: ast.Module) -> dict[str, str]:
     """Read the table ``COMMANDS`` of a module: names of functions by names of commands."""
     for node in tree.body:
-        is_table = isinstance(node, ast.AnnAssign) and _name(node.target) == "COMMANDS"
-        if is_table and isinstance(node.value, ast.Dict):
+        if not isinstance(node, ast.AnnAssign) or _name(node.target) != "COMMANDS":
+            continue
+        if isinstance(node.value, ast.Dict):
             keys = [ast.literal_eval(key) for key in node.value.keys if key is not None]
             return dict(zip(keys, map(_name, node.value.values), strict=True))
     return {}
