@@ -74,12 +74,11 @@ def is_program_file(text: str) -> bool:
     return file.suffix.lower() in YAML_SUFFIXES and file.is_file() and not _PROGRAM_KEYS.isdisjoint(read_yaml(file))
 
 
-def refuse(problem: str, remedy: str = "leave it out", **options: Any) -> None:
+def refuse(problem: str, /, **options: Any) -> None:
     """Check that options that would have no effect are not given.
 
     Args:
         problem: why the options have no effect, such as "this is a robot".
-        remedy: what the user should do.
         options: value of each option, by the name of the command's parameter. An option whose value is None, false or
             empty is not given.
 
@@ -88,7 +87,7 @@ def refuse(problem: str, remedy: str = "leave it out", **options: Any) -> None:
     """
     for name, value in options.items():
         if value:
-            raise Unsuitable(flag_of(name), problem, remedy)
+            raise Unsuitable(flag_of(name), problem)
 
 
 def refuse_import(problem: str, options: ImportOptions | None) -> None:

@@ -7,9 +7,16 @@ the environments are registered at once if Gymnasium is there already, and other
 import importlib.util
 import sys
 from collections.abc import Sequence
-from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import ModuleType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from importlib.abc import Loader, MetaPathFinder
+else:
+    # The module of the abstract classes takes 0.04 s to import, and Python only asks for their methods.
+    Loader = type("Loader", (), {})
+    MetaPathFinder = type("MetaPathFinder", (), {})
 
 ENVIRONMENTS = {"Walk": "walk", "Reach": "reach", "HandGuide": "hand_guide", "Balance": "balance"}
 """The tasks of the environments, by the names in their ids."""

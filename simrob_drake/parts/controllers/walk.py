@@ -22,7 +22,7 @@ from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.gaits_file import gaits_file
 from simrob_drake.walking.body import Body
 from simrob_drake.walking.commands import Commanded, Commander, Follower, Waypoints, beyond, clipped, command_of
-from simrob_drake.walking.engine import Engine
+from simrob_drake.walking.engine import WalkingEngine
 from simrob_drake.walking.height_map import HeightMap
 from simrob_drake.walking.parameters import WalkingParameters, load_walking
 from simrob_drake.walking.steps import Command
@@ -178,7 +178,7 @@ class Walk(LoopSection):
         path = None if self.path is None else Follower(self.path, parameters.max_speed, facing)
         return WalkingLoop(
             self,
-            Engine(body, parameters, groups, 1 / self.rate, height_map),
+            WalkingEngine(body, parameters, groups, 1 / self.rate, height_map),
             names,
             np.deg2rad(posture),
             Commander(self.commands, path),
@@ -222,7 +222,7 @@ class WalkingLoop(SampledBlock):
     components = MappingProxyType({"capture": ("ahead", "left"), "command": ("ahead", "left", "turn")})
 
     def __init__(
-        self, section: Walk, engine: Engine, feet: Sequence[str], posture: Vector, commander: Commander
+        self, section: Walk, engine: WalkingEngine, feet: Sequence[str], posture: Vector, commander: Commander
     ) -> None:
         """Make the block of a section, around the engine of a walk and what says what is asked for.
 
