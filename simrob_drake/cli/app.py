@@ -139,16 +139,18 @@ def whole_command(name: str) -> Any:
     entry = find_command(name)
     if entry is None:
         raise UnknownName("command", name, all_commands())
-    alone = _typer(add_completion=False)
+    application = _typer(add_completion=False)  # of this command alone
     function = command_function(entry)
     below = subcommand_functions(name)
     if below:
-        alone.callback(cls=_Group, no_args_is_help=True)(function)
+        # Here the function of the command does not run alone: typer calls it before that of the command below. Its
+        # docstring is the help that is shown if no command below is given.
+        application.callback(cls=_Group, no_args_is_help=True)(function)
         for subcommand, own_function in below.items():
-            alone.command(subcommand, cls=_Command)(own_function)
+            application.command(subcommand, cls=_Command)(own_function)
     else:
-        alone.command(name, cls=_Command)(function)
-    return typer.main.get_command(alone)
+        application.command(name, cls=_Command)(function)
+    return typer.main.get_command(application)
 
 
 app = _typer(

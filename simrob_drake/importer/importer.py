@@ -156,7 +156,7 @@ class FileImporter(Importer, ABC):
 def find_importer(file: Path | str) -> Importer | None:
     """Find the importer of an extension for a file, by its suffix or, for XML files, by its outermost element.
 
-    Returns None if the core itself reads the file, and if nothing reads such files.
+    Returns None if the core itself reads the file, or if nothing reads such files.
 
     Args:
         file: path of the file, which need not exist.
@@ -169,6 +169,8 @@ def find_importer(file: Path | str) -> Importer | None:
     suffix = path.suffix.lower()
     if suffix not in CORE_SUFFIXES:
         return load_importer(suffix, path) if suffix else None
+    # The suffixes of the core are those of XML files, which other tools use, too: the outermost element tells whose
+    # file it is. For the elements that the core reads, load_importer() returns None.
     element = outermost_element(path)
     return load_importer(f"<{element}>", path) if element else None
 

@@ -186,11 +186,11 @@ class OutputRegistry(Mapping[str, OutputPort]):
         """
         if output in self.of_state:
             return self.of_state[output].of
-        report = self._reports.get(output)
+        report = self._reports.get(output)  # None if the block of the output is in the diagram
         if report is None or not isinstance(report.block, FramePoses):
             return None
-        # A block of poses that has not joined the diagram has no context in which its port could be read. Its method
-        # `at` computes the poses from states of the plant.
+        # A block of poses need not join the diagram: its method `at` computes them from states of the plant. Blocks of
+        # other classes join when their port is read.
         return partial(report.block.at, self._ports[output].get_name())
 
     def value(self, output: str, context: Context) -> Vector:
