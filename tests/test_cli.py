@@ -268,7 +268,10 @@ MISTAKES = {
         ["check", "a.urdf", "--set", "duration=1"],
         "--set: this is the file of a robot",
     ),
-    "inertia of a station": (["check", "irb120_dynamic", "--estimate-inertia"], "--estimate-inertia is given"),
+    "inertia of a station": (
+        ["check", "irb120_dynamic", "--estimate-inertia"],
+        "--estimate-inertia: this is a station",
+    ),
     "an unknown picture format": (["diagram", "irb120_dynamic", "--out", "x.gif2"], ".svg"),
 }
 

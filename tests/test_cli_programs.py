@@ -98,7 +98,7 @@ MISTAKES = {
     "out of reach": (["check"], {"moves": [PICK[0], {"move_l": {"targets": [9, 0, 0], "robot": "left"}}]}, "moves[1]:"),
     "frames": (["run", "--frames", "one"], {}, 'must be a number of at least 2, or "events"'),
     "a duration": (["run", "--duration", "2"], {}, "--duration: a program has its own duration"),
-    "an import": (["check", "--estimate-inertia"], {}, "left out with a program"),
+    "an import": (["check", "--estimate-inertia"], {}, "--estimate-inertia: this is a program"),
     "nothing": (["run"], {"moves": []}, "empty"),
 }
 

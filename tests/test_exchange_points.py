@@ -262,12 +262,30 @@ def test_a_file_importer_has_own_options_and_losses_give_four(announce, tmp_path
         assert line.count("\n") == 1
 
 
+def test_importers_of_equal_title_have_their_own_options(announce, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    coloured = FILE_IMPORTER.format(body="return ImportOutcome(lines=(request.options.colour,))")
+    sized = coloured.replace("colour", "size").replace("red", "small")
+    keys = {".lst": "list_kit.a:Lists", ".lis": "list_kit.b:Lists"}
+    announce("list-kit", f"importers={keys}", a=coloured, b=sized)
+    for name, option, other in (("my.lst", "--colour", "--size"), ("my.lis", "--size", "--colour")):
+        (tmp_path / name).write_text("")
+        assert run_command(["import", name, option, "new"]) == 0
+        assert capsys.readouterr().out == "new\n"
+        assert run_command(["import", name, other, "new"]) == 2
+        assert f"{other}: it belongs to a list; leave it out" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("module", "message"),
     [
         (
             FILE_IMPORTER.format(body="return 1 / 0"),
             "list_kit: the importer of .lst fails (ZeroDivisionError",
+        ),
+        (
+            FILE_IMPORTER.format(body="raise SystemExit(3)"),
+            "list_kit: the importer of .lst fails (SystemExit: 3)",
         ),
         (FILE_IMPORTER.replace("import_file", "importing").format(body="pass"), "lacks import_file, see Importer"),
         ("class Lists: pass", "it must be a subclass of simrob_drake.importer.importer.Importer"),
@@ -354,6 +372,35 @@ def test_exporters_of_another_package_write_stations_and_programs(announce, tmp_
         line = capsys.readouterr().err
         assert message in line
         assert line.count("\n") == 1
+
+
+TAGGED = (
+    EXPORTERS
+    + """
+from dataclasses import dataclass
+from typing import Annotated
+import typer
+
+@dataclass(frozen=True)
+class Options:
+    first_line: Annotated[str, typer.Option(help="The first line.")] = ""
+
+class Tagged(Names):
+    options_class = Options
+"""
+)
+
+
+def test_a_refused_option_of_an_exporter_names_the_format_as_it_is_typed(announce, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    announce("text-kit", "exporters={'with_tag': 'text_kit.a:Tagged', 'names': 'text_kit.a:Names'}", a=TAGGED)
+    for options, message in (
+        (["--names", "box.txt", "--first-line", "a"], "--first-line: it belongs to --with-tag; leave it out"),
+        (["--with-tag", "box.csv"], "--with-tag is box.csv; it must be a file that ends in .txt"),
+        ([], "it must be given --with-tag or --names"),
+    ):
+        assert run_command(["export", "box_on_floor", *options]) == 2
+        assert message in capsys.readouterr().err
 
 
 def test_the_help_of_export_lists_the_formats_of_installed_extensions(announce, capsys):

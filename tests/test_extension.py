@@ -1,5 +1,6 @@
 """Extensions of other packages: what is found, and why one is left out while everything else works."""
 
+import ast
 import importlib
 import re
 import subprocess
@@ -28,7 +29,7 @@ from simrob_drake.base.files import models_root, robot_files
 from simrob_drake.base.sections import _schema_of
 from simrob_drake.cli.app import load as load_command
 from simrob_drake.cli.app import run_command
-from simrob_drake.cli.command_table import all_commands
+from simrob_drake.cli.command_table import _command_table, all_commands
 from simrob_drake.parts import controllers, couplings, forces, monitors, references, sensors
 from simrob_drake.programs.gaits import registry as gaits
 from simrob_drake.programs.moves.kinds import check_move
@@ -214,6 +215,28 @@ def test_the_command_lists_them_and_checks_what_they_add(install, capsys):
     shown = " ".join(capsys.readouterr().out.split())
     assert "broken: package odd-kit, extension odd_kit: there is no folder odd_kit:robots" in shown
     assert "broken: package odd-kit, extension odd_kit: odd_kit.b:B cannot be imported" in shown
+
+
+def test_data_of_the_wrong_kind_are_not_called_missing(install, tmp_path, capsys):
+    install("odd-kit", "core='>=0', robots={'a': 'odd_kit:data.txt'}, other_files={'b': 'odd_kit:folder'}")
+    (tmp_path / "odd_kit" / "data.txt").write_text("")
+    (tmp_path / "odd_kit" / "folder").mkdir()
+    assert run_command(["extensions", "--check"]) == 2
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "odd_kit:data.txt is a file; it must be a folder" in shown
+    assert "odd_kit:folder is a folder; it must be a file" in shown
+
+
+@pytest.mark.parametrize("assignment", ["COMMANDS", "COMMANDS: dict[str, object]"])
+def test_the_table_of_commands_is_read_with_and_without_a_type(assignment):
+    tree = ast.parse(f"{assignment} = {{'run': run_it, 'list': list_all}}")
+    assert _command_table(tree) == {"run": "run_it", "list": "list_all"}
+
+
+def test_a_table_of_commands_that_takes_in_another_one_is_refused():
+    """The names in the other table are not in the source: they would be missing in the help."""
+    with pytest.raises(ValueError, match=r"COMMANDS contains \*\*; each command must be written in the table"):
+        _command_table(ast.parse("COMMANDS = {'run': run_it, **OTHER}"))
 
 
 def test_a_move_and_a_gait_that_cannot_be_imported_are_blamed_on_their_package(install, monkeypatch):

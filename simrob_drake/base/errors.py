@@ -16,7 +16,11 @@ class SimrobError(ValueError):
     """Base class of all errors that a user's input can cause."""
 
     def __init__(self, message: str = "") -> None:
-        """Create the error; a very long message is cut."""
+        """Create the error.
+
+        Args:
+            message: the message, in one line. A very long one is cut at its end.
+        """
         super().__init__(shortened(message, _LONGEST))
 
 
@@ -48,6 +52,7 @@ class Unsuitable(InvalidParameter):
             problem: why it cannot serve here, such as "the world has no frames".
             remedy: what to do, as a command.
         """
+        # The base class would add "it must be": its initializer is left out.
         SimrobError.__init__(self, f"{name}: {problem}; {remedy}")
 
 

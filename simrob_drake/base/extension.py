@@ -167,7 +167,7 @@ class InstalledExtension(NamedTuple):
         return self._replace(extension=None, problem=problem)
 
     def additions_at(self, point: str) -> "list[Addition]":
-        """Return what the extension adds at an extension point (a key of POINTS): nothing if it is left out."""
+        """List what the extension adds at an extension point (a key of POINTS). Empty if the extension is left out."""
         entries: Additions = getattr(self.extension, point) if self.extension is not None else {}
         return [
             Addition(name=name, package=self.package, target=target, extension=self.name)
@@ -215,8 +215,8 @@ def installed_extensions() -> tuple[InstalledExtension, ...]:
     The extensions of this package come first so that no other package can take their names.
     """
     found = [_load_extension(entry) for entry in sorted(entry_points(group=GROUP), key=_order_of_entry)]
-    # An extension that is left out takes no names from others, so the needs are checked before the names. The
-    # extensions left out because of their names may be needed by others: these are left out at the end.
+    # The needs are checked before the names, since an extension that is left out takes no names from others. They are
+    # checked once more at the end, since an extension that was left out because of its names may be needed by others.
     without_conflicts = list(_without_conflicts(_without_missing_needs(found)))
     return tuple(_without_missing_needs(without_conflicts))
 
@@ -294,14 +294,14 @@ def classes_of_extensions(point: str, base: Any, named_by: str = "") -> dict[str
 
 
 def usable_objects(point: str, base: Any, named_by: str = "") -> dict[str, Any]:
-    """Import the objects that extensions add at a point whose entries are used without being named, by name.
+    """Import, by name, the objects that extensions add at a point whose entries nobody names (plots, measures, panels).
 
-    One that cannot be used is left out with an :class:`ExtensionWarning`.
+    An object that cannot be used is left out with an :class:`ExtensionWarning`.
 
     Args:
-        point: a key of POINTS.
+        point: the extension point, a key of POINTS.
         base: class that the objects must be instances of.
-        named_by: attribute of an object that must be the announced name; none if empty.
+        named_by: attribute of an object that must be the announced name. Nothing is checked if it is empty.
     """
     found = {}
     for name, addition in additions(point).items():
@@ -313,7 +313,16 @@ def usable_objects(point: str, base: Any, named_by: str = "") -> dict[str, Any]:
 
 
 def _load_addition_object(addition: Addition, base: Any, named_by: str) -> Any:
-    """Import an object that an extension adds, and check it. Arguments and errors are as for its callers."""
+    """Import an object that an extension adds, and check it.
+
+    Args:
+        addition: the extension's announcement of the object.
+        base: class that the object must be an instance of.
+        named_by: attribute of the object that must be the announced name. Nothing is checked if it is empty.
+
+    Raises:
+        BrokenExtension: the object cannot be imported, has another class, or another name.
+    """
     found = load_addition(addition)
     if not isinstance(found, base):
         expected = f"an instance of {base.__module__}.{base.__name__}"
@@ -324,7 +333,16 @@ def _load_addition_object(addition: Addition, base: Any, named_by: str) -> Any:
 
 
 def _check_name(addition: Addition, found: Any, named_by: str) -> None:
-    """Raise BrokenExtension if the name that a class or object has for itself is not the announced one."""
+    """Check that the name that a class or object has for itself is the announced one.
+
+    Args:
+        addition: the extension's announcement.
+        found: the imported class or object.
+        named_by: attribute of the class or object with its own name, such as ``key``.
+
+    Raises:
+        BrokenExtension: the names differ.
+    """
     own_name = getattr(found, named_by, None)
     if own_name != addition.name:
         problem = f"has the {named_by} {own_name!r}, and is announced as {addition.name!r}"
@@ -369,14 +387,14 @@ def code_of_extension(owner: str, name: str) -> Iterator[None]:
         name: what the code is, such as ``the exporter csv``.
 
     Raises:
-        SimrobError: the code raises one, which is passed on.
-        BrokenExtension: the code raises anything else. The message names the package.
+        SimrobError: the code raises a SimrobError, which is passed on.
+        BrokenExtension: the code raises anything else, or ends the process. The message names the package.
     """
     try:
         yield
     except SimrobError:
         raise
-    except Exception as problem:  # code of somebody else may raise anything
+    except (Exception, SystemExit) as problem:  # code of somebody else may raise anything
         reason = shortened(f"{type(problem).__name__}: {problem}", 200)
         raise BrokenExtension(f"{owner}: {name} fails ({reason})") from problem
 
@@ -398,15 +416,26 @@ def addition_path(addition: Addition) -> Path | None:
 
 
 def check_addition(point: str, addition: Addition) -> None:
-    """Check that a thing of an extension can be imported, or that its data exist; raises BrokenExtension if not."""
+    """Check that a Python object of an extension can be imported, or that its folder or file of data exists.
+
+    Args:
+        point: the extension point, a key of POINTS.
+        addition: the extension's announcement of the object or the data.
+
+    Raises:
+        BrokenExtension: the object cannot be imported, there is no such folder or file, or there is a file in place of
+            a folder, or the other way round.
+    """
     if point not in DATA:
         load_addition(addition)
         return
+    expected = "folder" if point in FOLDERS else "file"
     path = addition_path(addition)
-    is_there = path is not None and path.is_dir() == (point in FOLDERS)
-    if not is_there:
-        kind = "folder" if point in FOLDERS else "file"
-        raise BrokenExtension(f"{addition.owner}: there is no {kind} {addition.target}")
+    if path is None:
+        raise BrokenExtension(f"{addition.owner}: there is no {expected} {addition.target}")
+    found = "folder" if path.is_dir() else "file"
+    if found != expected:
+        raise BrokenExtension(f"{addition.owner}: {addition.target} is a {found}; it must be a {expected}")
 
 
 def addition_folders(point: str) -> list[Path]:
@@ -441,9 +470,9 @@ def _order_of_entry(entry: EntryPoint) -> tuple[bool, str, str]:
 
 
 def _load_extension(entry: EntryPoint) -> InstalledExtension:
-    """Import the :class:`Extension` of an entry point, and check it, without a look at other extensions.
+    """Import the :class:`Extension` of an entry point, and check it without regard to other extensions.
 
-    No error is raised: the result gives the problem, and is without the extension then.
+    No error is raised. If the extension cannot be used, the result has the problem, and ``extension`` is None.
     """
     found = InstalledExtension(
         name=entry.name,
@@ -454,24 +483,36 @@ def _load_extension(entry: EntryPoint) -> InstalledExtension:
     )
     try:
         extension = entry.load()
-    except (Exception, SystemExit) as problem:  # a broken package of somebody else must not stop anything here
-        return found.left_out(_import_problem(entry, problem))
+    except (Exception, SystemExit) as error:  # a broken package of somebody else must not stop anything here
+        return found.left_out(_import_problem(entry, error))
     # The extensions of this package have its version, so there is nothing to compare.
     is_own = found.package == DISTRIBUTION
-    reason = _problem_of(extension, entry.value, checks_version=not is_own)
-    return found.left_out(reason) if reason else found._replace(extension=extension)
+    problem = _problem_of(extension, entry.value, checks_version=not is_own)
+    return found.left_out(problem) if problem else found._replace(extension=extension)
 
 
-def _import_problem(entry: EntryPoint, problem: BaseException) -> str:
-    """Say in one line why the object of an entry point cannot be imported."""
-    module = getattr(problem, "name", None) if isinstance(problem, ModuleNotFoundError) else None
-    if module and f"{entry.module}.".startswith(f"{module}."):
+def _import_problem(entry: EntryPoint, error: BaseException) -> str:
+    """Describe in one line why the object of an entry point cannot be imported.
+
+    Args:
+        entry: the entry point.
+        error: error that the import raised.
+    """
+    missing = error.name if isinstance(error, ModuleNotFoundError) else None
+    # The extension's own module, or a package above it, is missing, and not a module that the extension imports.
+    if missing and f"{entry.module}.".startswith(f"{missing}."):
         return f"its module {entry.module} is not installed"
-    return shortened(f"{entry.value} cannot be imported: {type(problem).__name__}: {problem}", 300)
+    return shortened(f"{entry.value} cannot be imported: {type(error).__name__}: {error}", 300)
 
 
 def _problem_of(extension: object, where: str, *, checks_version: bool) -> str:
-    """Find the reason why an object cannot be used as an extension; empty if it can be used."""
+    """Describe in one line why an imported object cannot be used as an extension. Empty if it can be used.
+
+    Args:
+        extension: the imported object, of any type.
+        where: import string of the object, for the message.
+        checks_version: whether the extension must fit the version of simrob_drake.
+    """
     if not isinstance(extension, Extension):
         return f"{where} is of type {type(extension).__name__}; it must be a simrob_drake.Extension"
     version_problem = _version_problem(extension.core) if checks_version else ""
@@ -479,8 +520,13 @@ def _problem_of(extension: object, where: str, *, checks_version: bool) -> str:
 
 
 def _version_problem(core: str) -> str:
-    """Find the reason why a version specifier does not fit this version of simrob_drake; empty if it fits."""
-    from packaging.specifiers import InvalidSpecifier, SpecifierSet  # 0.1 s, only for other packages' extensions
+    """Describe in one line why a version specifier does not fit this version of simrob_drake. Empty if it fits.
+
+    Args:
+        core: the specifier, such as ``>=0.1,<0.3``.
+    """
+    # The import takes 0.1 s. It is needed for extensions of other packages only.
+    from packaging.specifiers import InvalidSpecifier, SpecifierSet
 
     from simrob_drake import __version__
 
@@ -506,7 +552,11 @@ def _malformed_addition(extension: Extension) -> str:
 
 
 def _without_missing_needs(found: list[InstalledExtension]) -> list[InstalledExtension]:
-    """Leave out the extensions that need one which is not installed or is itself left out."""
+    """Leave out the extensions that need another extension which is not installed or is itself left out.
+
+    Returns:
+        all extensions in the same order. Those that are left out have the problem.
+    """
     usable = {installed.name for installed in found if installed.extension is not None}
     checked = []
     for installed in found:
@@ -518,7 +568,7 @@ def _without_missing_needs(found: list[InstalledExtension]) -> list[InstalledExt
         is_installed = any(other.name == missing for other in found)
         state = "is left out" if is_installed else "is not installed"
         checked.append(installed.left_out(f"it needs the extension {missing}, which {state}"))
-    # One that has just been left out may be needed by another.
+    # An extension that has just been left out may be needed by another one, so the check is repeated.
     return checked if checked == found else _without_missing_needs(checked)
 
 

@@ -33,9 +33,13 @@ _open_records: ContextVar[tuple[FileStates, ...]] = ContextVar("open_records", d
 
 
 def file_state(file: Path | str) -> FileState | None:
-    """Return the state of a regular file, or None if there is no such file.
+    """Read the state of a regular file. Returns None if there is no such file.
 
-    The caches that are making a value record the state: they make the value again once the state is another one.
+    Each cache that is making a value at this time records the state. It makes the value again when the state of the
+    file has become another one.
+
+    Args:
+        file: path of the file.
     """
     state = _state_on_disk(file)
     records = _open_records.get()
@@ -64,7 +68,8 @@ class FileCache(Generic[Value]):
         """Make an empty cache.
 
         Args:
-            size: count of values that are kept. If there are more, the one that was made first is dropped.
+            size: largest count of values that are kept. If there are more, the value that was made the longest time
+                ago is dropped.
         """
         self._size = size
         self._entries: OrderedDict[Hashable, tuple[Value, FileStates]] = OrderedDict()
@@ -73,16 +78,21 @@ class FileCache(Generic[Value]):
     def value(self, key: Hashable, make: Callable[[], Value]) -> Value:
         """Return the value of a key. It is made if there is none yet, or if one of its files has changed.
 
+        Two threads that ask for the same key at the same time may both make the value: the later one is kept.
+
         Args:
             key: identifies the value.
-            make: makes the value. If it raises an error, nothing is kept.
+            make: function that makes the value. If it raises an error, the error is passed on, and nothing is kept.
         """
         with self._lock:
             entry = self._entries.get(key)
-        if entry is not None and _are_current(entry[1]):
-            return entry[0]
+        if entry is not None:
+            value, states = entry
+            if _are_current(states):
+                return value
 
-        states: FileStates = {}
+        # The lock is not held meanwhile: `make` may take long, and may ask this cache for other values.
+        states = {}
         token = _open_records.set((*_open_records.get(), states))
         try:
             value = make()
@@ -91,15 +101,16 @@ class FileCache(Generic[Value]):
 
         with self._lock:
             self._entries[key] = (value, states)
+            # A value that is made again would keep its former place in the order, and be dropped too early.
+            self._entries.move_to_end(key)
             while len(self._entries) > self._size:
                 self._entries.popitem(last=False)
         return value
 
 
 def _are_current(states: FileStates) -> bool:
-    """Whether all files still have these states.
-
-    Every file is looked at through `file_state`, so that the caches around this one record the files, too.
-    """
+    """Whether all files still have these states."""
+    # `file_state` is called for every file, even after one that differs: if another cache is making a value that
+    # depends on this one, it must record all of these files, too.
     current = [file_state(path) == state for path, state in states.items()]
     return all(current)

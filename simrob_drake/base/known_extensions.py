@@ -26,17 +26,20 @@ def known_names(point: str) -> list[str]:
 
 
 def check_provided(point: str, name: str, purpose: str) -> None:
-    """Check that a name is not one of a missing extension of this project.
+    """Raise an error if a name belongs to an extension of this project that is missing.
+
+    For any other name nothing is raised, and the caller reports an unknown name.
 
     Args:
         point: extension point at which the name is looked for, a key of ``POINTS``.
-        name: the name, which nothing here provides.
-        purpose: what needs it, the subject of the message, such as ``solver.kind mujoco``.
+        name: name that a user wrote, and that the core does not have.
+        purpose: what needs the name, the subject of the message, such as ``solver.kind mujoco``.
 
     Raises:
-        MissingExtension: an extension of this project provides the name, and is not installed or left out.
+        MissingExtension: an extension of this project adds the name, and is not installed or is left out.
     """
     provider = _PROVIDERS.get(point, {}).get(name)
     if provider is not None and name not in additions(point):
+        # The context manager raises the error. There is nothing to do inside of it.
         with needed_extension(provider, purpose):
             pass

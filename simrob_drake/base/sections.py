@@ -39,7 +39,7 @@ Model = TypeVar("Model", bound=BaseModel)
 Number = Annotated[float, Field(strict=True)]  # a number, and no text or truth value that could pass for one
 Integer = Annotated[int, Field(strict=True)]
 Boolean = Annotated[bool, Field(strict=True)]
-_DEEPEST = 60
+_DEEPEST = 60  # levels that are checked. Files have no more, but a mapping of a Python program may contain itself
 _SMALLEST, _LARGEST = 1e-100, 1e15
 """Of figures but zero, in SI units or degrees: the modulus of steel is some 2e11 Pa, and all have a reciprocal."""
 _LONGEST_NAME = 200  # bytes; file systems take 255, and results put date and time behind a name
@@ -178,15 +178,18 @@ def validated(model: type[Model], content: dict[str, Any], where: Path | str) ->
 def _check_sizes(content: object, where: Path | str) -> None:
     """Check that no number in a content is larger or smaller than any physical quantity.
 
+    Zero, infinity and NaN pass: a section that does not take them refuses them by the types of its fields.
+
     Args:
         content: mappings, lists and values, nested.
         where: name of the file, for errors.
 
     Raises:
-        InvalidConfig: a number is too large or too small. Of several, the first in the order of the content is named.
+        InvalidConfig: a number is too large or too small. If there are several, the message names the first one in the
+            order of the content.
     """
-    # Nested calls for each of the hundreds of values would take most of the time of reading a station: containers that
-    # remain to be checked are kept in a stack instead, each with its dotted key and its depth.
+    # Nested calls for each of the hundreds of values would take most of the time of reading a station. Instead, the
+    # values that remain to be checked are kept in a stack, each with its dotted key and its depth in the content.
     remaining: list[tuple[object, str, int]] = [(content, "", 0)]
     while remaining:
         value, key, depth = remaining.pop()

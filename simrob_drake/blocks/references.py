@@ -22,8 +22,8 @@ BLEND = (10.0, -15.0, 6.0)
 """Factors of :math:`s^3, s^4, s^5` in the shortest polynomial from 0 to 1 with zero velocity and acceleration there."""
 PEAK = 1.875
 """Largest over mean speed of it."""
-_JUMP = 1e-9  # rad or rad/s: what counts as a corner
-_RATE = 1000.0  # Hz
+_JUMP = 1e-9  # largest change of a position [rad or m] or velocity [rad/s or m/s] that counts as rounding
+_RATE = 1000.0  # samples of a trajectory that is no cubic, or of a sine [Hz]
 _CUBIC = 4  # order of a spline, as of a polynomial of so many coefficients
 
 
@@ -89,12 +89,15 @@ class ReferenceSignal(ABC):
         Args:
             builder: builder of the diagram.
             name: name of the source.
-            derivatives: count of derivatives that the source gives. It may give more.
+            derivatives: count of derivatives that are needed, 0 to 2. The source may give more.
+
+        Returns:
+            the ports of the positions and the derivatives.
         """
 
     @abstractmethod
     def table(self, duration: float) -> "ReferenceTable":
-        """Samples that give the reference back.
+        """Samples from which the reference can be reconstructed by interpolation.
 
         Args:
             duration: duration of the run [s], up to which the reference is needed.
@@ -176,17 +179,22 @@ class SineReference(ReferenceSignal):
         """A sine is no polynomial."""
 
     def add_source(self, builder: DiagramBuilder, name: str, derivatives: int) -> "ReferenceSource":
-        """Add a source of Drake's sines and their centres. It gives two derivatives, however many are asked for."""
-        frequency = np.full(len(self.centre), 2 * np.pi * self.frequency)
-        wave = builder.AddNamedSystem(name, Sine(self.amplitude, frequency, self.phase))
-        middle = fed(builder, f"{name}.centre", ConstantVectorSource(self.centre))
-        position = summed(builder, f"{name}.sum", wave.get_output_port(0), middle)
-        return ReferenceSource(position, wave.get_output_port(1), wave.get_output_port(2))
+        """Add Drake's `Sine` and a constant for the centre, and sum them.
+
+        The result always has both derivatives, whatever `derivatives` says.
+        """
+        angular_frequency = np.full(len(self.centre), 2 * np.pi * self.frequency)  # [rad/s]
+        wave = builder.AddNamedSystem(name, Sine(self.amplitude, angular_frequency, self.phase))
+        centre = fed(builder, f"{name}.centre", ConstantVectorSource(self.centre))
+        position = summed(builder, f"{name}.sum", wave.get_output_port(0), centre)
+        return ReferenceSource(
+            position=position, velocity=wave.get_output_port(1), acceleration=wave.get_output_port(2)
+        )
 
     def table(self, duration: float) -> ReferenceTable:
-        """Samples of the sine, a thousand a second, for a cubic spline."""
+        """Samples of the sine, about a thousand a second, which a cubic spline joins. There are at least two."""
         times = np.linspace(0.0, duration, int(duration * _RATE) + 2)
-        return ReferenceTable("cubic", times, self.values(times))
+        return ReferenceTable(interpolation="cubic", times=times, values=self.values(times))
 
 
 @dataclass(frozen=True)
@@ -221,9 +229,10 @@ class TrajectoryReference(ReferenceSignal):
 
     @property
     def corner_times(self) -> list[float]:
-        """Times at which a piecewise polynomial's value or velocity jumps, its ends included [s].
+        """Times at which the position or the velocity jumps, without negative ones [s].
 
-        Other trajectories are taken as smooth inside; only their ends count.
+        Of a piecewise polynomial they are found among its breaks. Its start and its end count if it begins or ends with
+        a velocity. Other trajectories are taken as smooth inside, and both their ends always count.
         """
         start, end = self.span
         if not np.isfinite([start, end]).all():
@@ -231,17 +240,28 @@ class TrajectoryReference(ReferenceSignal):
         trajectory = self.trajectory
         if not isinstance(trajectory, PiecewisePolynomial):
             return [time for time in (start, end) if time >= 0]
-        times, rates = np.array(trajectory.get_segment_times()), trajectory.derivative()
-        before = times - 4 * np.spacing(np.maximum(np.abs(times), 1.0))
-        left, right = rates.vector_values(before), rates.vector_values(times)
-        left[:, 0] = right[:, -1] = 0.0  # it rests before and after
-        position_jumps = np.abs(trajectory.vector_values(before) - trajectory.vector_values(times))
-        jumps = np.maximum(np.abs(left - right), position_jumps)
-        found: list[float] = times[(jumps.max(axis=0) > _JUMP) & (times >= 0)].tolist()
-        return found
+
+        # All breaks are compared at once, since a table may have thousands: values just before a break, which are those
+        # of the piece before it, with the values at the break.
+        breaks = np.array(trajectory.get_segment_times())
+        just_before = breaks - 4 * np.spacing(np.maximum(np.abs(breaks), 1.0))
+        position_jumps = np.abs(trajectory.vector_values(just_before) - trajectory.vector_values(breaks))
+        derivative = trajectory.derivative()
+        velocities_before = derivative.vector_values(just_before)
+        velocities_after = derivative.vector_values(breaks)
+        # The reference rests before the start and after the end.
+        velocities_before[:, 0] = 0.0
+        velocities_after[:, -1] = 0.0
+        velocity_jumps = np.abs(velocities_before - velocities_after)
+        largest_jumps = np.maximum(velocity_jumps, position_jumps).max(axis=0)
+        corners: list[float] = breaks[(largest_jumps > _JUMP) & (breaks >= 0)].tolist()
+        return corners
 
     def values(self, times: Vector, order: int = 0) -> Vector:
-        """Compute the positions at times (m,) [s], shape (m, n) [rad or m], or their derivative of an order."""
+        """Compute the positions at times (m,) [s], shape (m, n) [rad or m], or their derivative of an order.
+
+        Before the start the position is that at the start, and after the end that at the end.
+        """
         inside = np.clip(times, *self.span)
         derivative = self.trajectory.MakeDerivative(order) if order else self.trajectory
         values = np.asarray(derivative.vector_values(inside.tolist())).T
@@ -249,28 +269,35 @@ class TrajectoryReference(ReferenceSignal):
         return np.asarray(values * (inside == times)[:, np.newaxis]) if order else values
 
     def later(self, time: float) -> Trajectory:
-        """The trajectory as it goes on from a time [s], which becomes zero; before it, it is what it was.
+        """Shift the trajectory so that `time` [s] becomes zero. The part before is kept, at negative times.
 
-        A trajectory that is no polynomial and no spline is sampled a thousand times a second.
+        If the trajectory is over by then, the result is a constant at its end. A trajectory that is no polynomial and
+        no spline is sampled a thousand times a second.
         """
         if time >= self.trajectory.end_time():
             return hold(self.values(np.array([time]))[0])
         return _moved(self.trajectory, time)
 
     def as_sine(self) -> SineReference | None:
-        """A sine without amplitude if the trajectory stands still, that is if its ends are equal; otherwise None."""
-        ends = self.values(np.array(self.span))
-        if np.ptp(ends, axis=0).any():
-            return None
-        zero = np.zeros(len(ends[0]))
-        return SineReference(centre=ends[0], amplitude=zero, frequency=0.0, phase=zero)
+        """A sine without amplitude if the trajectory stands still. Returns None if it moves."""
+        start, end = self.span
+        position = self.values(np.array([start]))[0]
+        if np.isfinite([start, end]).all():
+            # A motion to and fro ends where it began, so the samples in between count, too.
+            _, positions, velocities = hermite_samples(self.trajectory, start, end, _RATE)
+            if max(np.abs(positions - position).max(initial=0.0), np.abs(velocities).max(initial=0.0)) > _JUMP:
+                return None
+        zero = np.zeros(len(position))
+        return SineReference(centre=position, amplitude=zero, frequency=0.0, phase=zero)
 
     def as_polynomial(self) -> PiecewisePolynomial | None:
         """The trajectory itself if it is a piecewise polynomial, otherwise None."""
         return self.trajectory if isinstance(self.trajectory, PiecewisePolynomial) else None
 
     def add_source(self, builder: DiagramBuilder, name: str, derivatives: int) -> "ReferenceSource":
-        """Add a source of the trajectory.
+        """Add Drake's `TrajectorySource`. If it gives derivatives, a demultiplexer splits its output.
+
+        The result has exactly the derivatives that are asked for, at most two.
 
         Raises:
             InvalidParameter: the trajectory is no column.
@@ -280,23 +307,31 @@ class TrajectoryReference(ReferenceSignal):
             raise InvalidParameter("trajectory", f"{trajectory.rows()} x {trajectory.cols()}", "of shape (n, 1)")
         source = builder.AddNamedSystem(name, TrajectorySource(trajectory, derivatives))
         if not derivatives:
-            return ReferenceSource(source.get_output_port(), player=source)
+            return ReferenceSource(position=source.get_output_port(), player=source)
         sizes = [trajectory.rows()] * (1 + derivatives)
         split = builder.AddNamedSystem(f"{name}.derivatives", Demultiplexer(sizes))
         builder.Connect(source.get_output_port(), split.get_input_port())
-        position, velocity, *further = (split.get_output_port(order) for order in range(1 + derivatives))
-        return ReferenceSource(position, velocity, further[0] if further else None, source)
+        return ReferenceSource(
+            position=split.get_output_port(0),
+            velocity=split.get_output_port(1),
+            acceleration=split.get_output_port(2) if derivatives > 1 else None,
+            player=source,
+        )
 
     def table(self, duration: float) -> ReferenceTable:
-        """Positions and velocities of the trajectory, as far as a run follows it, joined by cubics."""
+        """Positions and velocities of the trajectory, as far as a run follows it, which cubics join."""
         first, last = self.span
-        start, end = max(first, 0.0), min(last, duration)
-        if start >= end:  # it begins after the run, or is over before: one of its ends is held
+        start = max(first, 0.0)
+        end = min(last, duration)
+        if start >= end:
+            # The trajectory begins after the run, or is over before it: the run only holds one of its ends.
             position = self.trajectory.value(float(np.clip(0.0, first, last)))[:, 0]
-            row = np.append(position, np.zeros_like(position))
-            return ReferenceTable("hermite", np.array([0.0, duration]), np.tile(row, (2, 1)))
+            sample = np.append(position, np.zeros_like(position))
+            return ReferenceTable(
+                interpolation="hermite", times=np.array([0.0, duration]), values=np.tile(sample, (2, 1))
+            )
         times, positions, velocities = hermite_samples(self.trajectory, start, end, _RATE)
-        return ReferenceTable("hermite", times, np.hstack([positions, velocities]))
+        return ReferenceTable(interpolation="hermite", times=times, values=np.hstack([positions, velocities]))
 
 
 Reference: TypeAlias = Trajectory | ReferenceSignal
@@ -327,7 +362,7 @@ class ReferenceSource:
 def reference_values(reference: Reference, times: Vector, order: int = 0) -> Vector:
     """Compute the positions of a reference at times (m,) [s], shape (m, n) [rad or m], or their derivative of an order.
 
-    A trajectory holds its ends.
+    A trajectory rests at its start before it begins, and at its end after it is over.
     """
     return as_reference(reference).values(times, order)
 
@@ -467,9 +502,10 @@ def _rising(times: Vector, name: str) -> Vector:
 
 
 def later(reference: Reference, time: float) -> Reference:
-    """Return a reference as it goes on from a time on [s], which becomes zero; before it, it is what it was.
+    """Shift a reference so that `time` [s] becomes zero. The part before is kept, at negative times.
 
-    What is no polynomial, spline or sine is sampled a thousand times a second.
+    If a trajectory is over by then, the result is a constant at its end. A reference that is no polynomial, spline or
+    sine is sampled a thousand times a second.
     """
     return as_reference(reference).later(time)
 
@@ -494,8 +530,8 @@ def _moved(trajectory: Trajectory, time: float) -> Trajectory:
 def corner_times(reference: Reference) -> list[float]:
     """Times at which the position or the velocity of a reference jumps, without negative ones [s].
 
-    These are the jumps of a piecewise polynomial, its ends included. Of other trajectories only the ends count; a sine
-    has none.
+    Of a piecewise polynomial, these are the breaks at which the position or the velocity jumps; at its ends, the jump
+    is that from or to rest. Of other trajectories they are both ends, always. A sine has none.
     """
     return as_reference(reference).corner_times
 

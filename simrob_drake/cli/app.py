@@ -73,15 +73,26 @@ class _Commands(_Group):
         return list(all_commands())
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """Find a command by name. Returns None if there is none."""
+        """Find a command by name. Returns None if there is none.
+
+        The commands of extensions are added only for a name that is not known yet: to find them takes time.
+        """
         if cmd_name not in self.commands:
             self._add_extensions()
         return super().get_command(ctx, cmd_name)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Find the command that is called, with its options.
+        """Find the command that is called, and import its function to have its options.
 
-        The message for an unknown command also names the extensions that are left out: one of them may have it.
+        The message about an unknown command also names the extensions that are left out: one of them may have it.
+
+        Returns:
+            name of the command, the command (None if typer only completes a command line for a shell), and the
+            arguments after its name.
+
+        Raises:
+            TyperException: there is no such command.
+            BrokenExtension: an extension adds the command, and it cannot be imported.
         """
         try:
             name, command, rest = super().resolve_command(ctx, args)
@@ -90,6 +101,7 @@ class _Commands(_Group):
                 names = ", ".join(left_out)
                 problem.message += f" Extensions that are left out: {names}; simrob extensions says why."
             raise
+        # The command that was found has a name and a help alone, see `_named_command`.
         return name, command and whole_command(str(name)), rest
 
     def invoke(self, ctx: Any) -> Any:
@@ -100,36 +112,45 @@ class _Commands(_Group):
             raise Interrupted("interrupted") from None
 
     def _add_extensions(self) -> None:
-        """Add the commands of extensions."""
+        """Add the commands of installed extensions, with name and help alone, see `_named_command`."""
         for name, entry in all_commands().items():
             if name not in self.commands:
                 self.commands[name] = _named_command(name, entry)
 
 
 def _named_command(name: str, entry: CommandEntry) -> TyperCommand:
-    """Make a command for lists: with name, help and title, without a function."""
+    """Make a command for the list of commands: with name, help and title, without function and options."""
     return TyperCommand(name, help=entry.help, rich_help_panel=entry.title)
 
 
 def whole_command(name: str) -> Any:
     """Make a command of ``simrob``, with all of its options and the commands below it.
 
+    Args:
+        name: name of the command, of one word.
+
+    Returns:
+        the command, as typer runs it.
+
     Raises:
+        UnknownName: there is no such command.
         BrokenExtension: an extension adds the command, and it cannot be imported.
     """
     entry = find_command(name)
     if entry is None:
         raise UnknownName("command", name, all_commands())
-    alone = _typer(add_completion=False)
+    application = _typer(add_completion=False)  # of this command alone
     function = command_function(entry)
     below = subcommand_functions(name)
     if below:
-        alone.callback(cls=_Group, no_args_is_help=True)(function)
+        # Here the function of the command does not run alone: typer calls it before that of the command below. Its
+        # docstring is the help that is shown if no command below is given.
+        application.callback(cls=_Group, no_args_is_help=True)(function)
         for subcommand, own_function in below.items():
-            alone.command(subcommand, cls=_Command)(own_function)
+            application.command(subcommand, cls=_Command)(own_function)
     else:
-        alone.command(name, cls=_Command)(function)
-    return typer.main.get_command(alone)
+        application.command(name, cls=_Command)(function)
+    return typer.main.get_command(application)
 
 
 app = _typer(
@@ -141,9 +162,12 @@ app = _typer(
 
 
 def load(arguments: list[str]) -> None:
-    """Import the module of the command that the arguments call.
+    """Import the module of the command that the arguments call, before the command is run.
 
-    A problem is not reported here: it occurs again, and is reported, when the command is run.
+    Nothing is raised: a problem occurs again, and is reported, when the command is run.
+
+    Args:
+        arguments: arguments of ``simrob``, the name of the command first.
     """
     entry = find_command(arguments[0]) if arguments else None
     if entry is not None:

@@ -7,6 +7,7 @@ from typing import Any
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.packages import Border
 from simrob_drake.base.yaml_files import is_yaml_name, parse_yaml, read_yaml
+from simrob_drake.cli.options import flag_of
 from simrob_drake.cli.other_files import refuse_other
 from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.stations.config import StationConfig
@@ -65,20 +66,20 @@ def texts_by_key(texts: list[str] | None, option: str) -> Iterator[tuple[str, st
         yield key.strip(), text
 
 
-def refuse(problem: str, remedy: str = "leave it out", **options: Any) -> None:
-    """Check that options are not given that would have no effect.
+def refuse(problem: str, /, **options: Any) -> None:
+    """Check that options that would have no effect are not given.
 
     Args:
-        problem: why they have no effect.
-        remedy: what to do.
-        options: values of the options by name; one that is None, false or empty is not given.
+        problem: why the options have no effect, such as "this is a robot".
+        options: value of each option, by the name of the command's parameter. An option whose value is None, false or
+            empty is not given.
 
     Raises:
-        Unsuitable: an option is given.
+        Unsuitable: an option is given; the message names the first one.
     """
     for name, value in options.items():
         if value:
-            raise Unsuitable(f"--{name.replace('_', '-')}", problem, remedy)
+            raise Unsuitable(flag_of(name), problem)
 
 
 def refuse_import(problem: str, options: ImportOptions | None) -> None:

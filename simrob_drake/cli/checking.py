@@ -46,9 +46,10 @@ def check(
         examine_with(importer, Path(station), request)
         return
     importer_options.refuse_all_but([])
-    choices = options and options.model_copy(update={"mesh_path": ()})
+    # Stations and programs take --mesh-path, too, and none of the other options of imports.
+    refusable = options and options.model_copy(update={"mesh_path": ()})
     if is_program_file(station):
-        refuse_import("this is a program; the option belongs to the file of a robot", choices)
+        refuse_import("this is a program; the option belongs to the file of a robot", refusable)
         refuse("this is a program, which names no code", allow_code=allow_code)
         program, config = program_from(station, set_)
         console.print(findings_table([check_program(program, config, station)]))
@@ -67,11 +68,11 @@ def check(
         refuse_import("this robot comes with the package, and nothing is imported", options)
         show_robot(read_robot(station))
         return
-    refuse_import("this is a station; the option belongs to the file of a robot", choices)
+    refuse_import("this is a station; the option belongs to the file of a robot", refusable)
     config = station_from(station, set_, allow_code=allow_code)
     Runner(config).check()
-    own = [] if config.program is None else [check_program(own_program(config), config)]
-    console.print(findings_table([*check_station(config), *own]))
+    program_findings = [] if config.program is None else [check_program(own_program(config), config)]
+    console.print(findings_table([*check_station(config), *program_findings]))
 
 
 COMMANDS: dict[str, Callable[..., Any]] = {"check": check}

@@ -58,11 +58,14 @@ class CommandEntry(NamedTuple):
 def core_commands() -> dict[str, CommandEntry]:
     """Find the commands of the core by name, in the tables ``COMMANDS`` of this package's modules."""
     found = {}
-    for name, title in _TITLES.items():
-        tree = ast.parse(Path(__file__).with_name(f"{name}.py").read_text(encoding="utf-8"))
+    for module, title in _TITLES.items():
+        source = Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8")
+        tree = ast.parse(source)
         helps = _docstrings(tree)
         for command, function in _command_table(tree).items():
-            found[command] = CommandEntry(title, f"simrob_drake.cli.{name}", function, helps[function])
+            found[command] = CommandEntry(
+                title=title, module=f"simrob_drake.cli.{module}", function=function, help=helps[function]
+            )
     return found
 
 
@@ -74,6 +77,7 @@ def all_commands() -> dict[str, CommandEntry]:
     """Find all commands by name, in the order of the help: title by title."""
     found = core_commands() | _extension_commands()
     titles = list(dict.fromkeys(entry.title for entry in found.values()))
+    # The last title of the core comes after the titles of extensions.
     titles.remove(_LAST_TITLE)
     titles.append(_LAST_TITLE)
     return dict(sorted(found.items(), key=lambda item: titles.index(item[1].title)))
@@ -96,7 +100,16 @@ def command_function(entry: CommandEntry) -> Any:
 
 
 def subcommand_functions(name: str) -> dict[str, Any]:
-    """Import the functions of the commands below a command of an extension, by the second word of their names."""
+    """Import the functions of the commands below a command of an extension, by the second word of their names.
+
+    The function of ``course check``, for example, is found for the name ``course``, with the key ``check``.
+
+    Args:
+        name: name of the command, of one word. A command of the core has none below it, and the result is empty.
+
+    Raises:
+        BrokenExtension: a function cannot be imported.
+    """
     if name in core_commands():
         return {}
     below = f"{name} "
@@ -113,29 +126,36 @@ def extensions_left_out() -> list[str]:
 
 
 def _extension_commands() -> dict[str, CommandEntry]:
-    """Find the commands that installed extensions add, by name; without the commands below others."""
+    """Find the commands that installed extensions add, by name.
+
+    Commands of two words, which are below another command, are left out.
+    """
     found = {}
     titles = {installed.name: installed.extension.title for installed in installed_extensions() if installed.extension}
     announced = {name: addition for name, addition in additions("commands").items() if " " not in name}
-    helps = _helps_of_modules(addition.target.partition(":")[0] for addition in announced.values())
+    helps_of_modules = _helps_of_modules(addition.target.partition(":")[0] for addition in announced.values())
     for name, addition in announced.items():
         module, _, function = addition.target.partition(":")
-        problem = f"A command of {addition.package}, which cannot be read: see `simrob extensions --check`."
-        known = helps[module]
+        helps = helps_of_modules[module]
+        if helps is None:
+            text = f"A command of {addition.package}, which cannot be read: see `simrob extensions --check`."
+        else:
+            # A function that the module itself imports has no docstring in the source of the module.
+            text = helps.get(function, f"A command of {addition.package}.")
         found[name] = CommandEntry(
-            title=titles[addition.extension],
-            module=module,
-            function=function,
-            help=problem if known is None else known.get(function, f"A command of {addition.package}."),
-            addition=addition,
+            title=titles[addition.extension], module=module, function=function, help=text, addition=addition
         )
     return found
 
 
 def _helps_of_modules(modules: Iterable[str]) -> dict[str, Mapping[str, str] | None]:
-    """Read the docstrings of modules' functions, by module and function, without an import of the modules.
+    """Read the docstrings of modules' functions from the sources, without an import of the modules.
 
-    A module without a source that can be read has None.
+    Args:
+        modules: full names of the modules; a name may occur several times.
+
+    Returns:
+        the docstring of each function, by module and function; None for a module whose source cannot be read.
     """
     found: dict[str, Mapping[str, str] | None] = {}
     for module in dict.fromkeys(modules):
@@ -154,12 +174,30 @@ def _docstrings(tree: ast.Module) -> dict[str, str]:
 
 
 def _command_table(tree: ast.Module) -> dict[str, str]:
-    """Read the table ``COMMANDS`` of a module: names of functions by names of commands."""
+    """Read the table ``COMMANDS`` of a module: names of functions by names of commands.
+
+    Args:
+        tree: source of the module. The table is an assignment ``COMMANDS = {"NAME": FUNCTION}``, with or without a
+            type. If there is no such assignment, the result is empty.
+
+    Raises:
+        ValueError: the table contains the entries of another one (``**OTHER``), which the source does not name.
+    """
     for node in tree.body:
-        is_table = isinstance(node, ast.AnnAssign) and _name(node.target) == "COMMANDS"
+        if isinstance(node, ast.AnnAssign):
+            targets: list[ast.expr] = [node.target]
+        elif isinstance(node, ast.Assign):
+            targets = node.targets
+        else:
+            continue
+        is_table = any(_name(target) == "COMMANDS" for target in targets)
         if is_table and isinstance(node.value, ast.Dict):
-            keys = [ast.literal_eval(key) for key in node.value.keys if key is not None]
-            return dict(zip(keys, map(_name, node.value.values), strict=True))
+            table = dict[str, str]()
+            for key, function in zip(node.value.keys, node.value.values, strict=True):
+                if key is None:  # an entry **OTHER
+                    raise ValueError("COMMANDS contains **; each command must be written in the table itself")
+                table[ast.literal_eval(key)] = _name(function)
+            return table
     return {}
 
 

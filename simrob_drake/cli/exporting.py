@@ -11,7 +11,16 @@ from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobErro
 from simrob_drake.base.extension import code_of_extension
 from simrob_drake.base.folders import check_ending, check_new_file, written_at_once
 from simrob_drake.cli.arguments import station_from
-from simrob_drake.cli.options import ChosenOptions, Force, Settings, with_group, with_groups, with_mesh_path
+from simrob_drake.cli.options import (
+    ChosenOptions,
+    Force,
+    OptionGroup,
+    Settings,
+    flag_of,
+    with_group,
+    with_groups,
+    with_mesh_path,
+)
 from simrob_drake.cli.programs import program_from
 from simrob_drake.cli.screen import say
 from simrob_drake.programs.exporter import (
@@ -30,23 +39,30 @@ _FORMATS = all_exporters()
 def _format_option(name: str, exporter: Exporter | SimrobError) -> tuple[str, Any, None]:
     """Describe the option ``--FORMAT FILE`` as a field of a dataclass: its name, its type, and its default.
 
-    The option of a broken exporter is there, too: its use raises the reason.
+    An exporter that cannot be used has an option, too: `export` raises the error if a user gives the option.
+
+    Args:
+        name: name of the format.
+        exporter: the exporter, or the error that says why it cannot be used.
     """
     text = f"Cannot be used: {exporter}" if isinstance(exporter, SimrobError) else exporter.help
-    flag = f"--{name.replace('_', '-')}"
-    option = Annotated[Path | None, typer.Option(flag, metavar="FILE", help=text)]
+    option = Annotated[Path | None, typer.Option(flag_of(name), metavar="FILE", help=text)]
     return name, option, None
 
 
 def _with_formats(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command the options ``--FORMAT FILE`` of all exporters as ``files``, and their own as ``options``."""
+    """Give a command the options of all exporters.
+
+    The command takes the options ``--FORMAT FILE`` as ``files``, and the further options of the exporters
+    (`options_class`) as ``options``.
+    """
     files = make_dataclass("Files", [_format_option(name, exporter) for name, exporter in _FORMATS.items()])
-    own_options = {
-        f"given with --{name}": exporter.options_class
+    further_options = [
+        OptionGroup(owner=flag_of(name), options_class=exporter.options_class)
         for name, exporter in _FORMATS.items()
         if not isinstance(exporter, SimrobError)
-    }
-    return with_groups(own_options, "options")(with_group(files, "files")(command))
+    ]
+    return with_groups(further_options, "options")(with_group(files, "files")(command))
 
 
 @with_mesh_path
@@ -80,7 +96,7 @@ def export(
         raise InvalidParameter("simrob export", found, f"given {_known_formats()}")
     for name, exporter in exporters.items():
         if exporter.suffix:
-            check_ending(targets[name], [exporter.suffix], f"--{name}")
+            check_ending(targets[name], [exporter.suffix], flag_of(name))
     options.refuse_all_but([exporter.options_class for exporter in exporters.values()])
     if of_programs:
         _export_program(station, set_, targets, of_programs, options, force=force)
@@ -99,8 +115,17 @@ def _export_station(
 ) -> None:
     """Write a station in one or several formats, one after the other.
 
+    Args:
+        station: name or file of the station.
+        set_: changes of the station, as the option ``--set`` takes them.
+        targets: file to write for each format, by the format's name.
+        exporters: exporter of each format, by the format's name.
+        options: values of the further options of all exporters.
+        force: whether to replace files that exist.
+
     Raises:
-        SimrobError: there is no such station, a format cannot express it, or a file exists.
+        SimrobError: there is no such station, a format cannot express it, or a file exists. Formats before that one are
+            written.
     """
     config = station_from(station, set_)
     for name, exporter in exporters.items():
@@ -112,11 +137,13 @@ def _export_station(
 
 
 def _known_formats() -> str:
-    """List the options of all formats, those of stations and those of programs."""
-    usable = {name: exporter for name, exporter in _FORMATS.items() if not isinstance(exporter, SimrobError)}
-    of_stations = [f"--{name}" for name, exporter in usable.items() if isinstance(exporter, StationExporter)]
-    of_programs = [f"--{name}" for name, exporter in usable.items() if isinstance(exporter, ProgramExporter)]
-    listed = [" or ".join(names) for names in (of_stations, of_programs) if names]
+    """List the options of all formats for a message: "--mjcf, or --rapid or --urscript".
+
+    Formats of stations come first, then those of programs. Formats that cannot be used are left out.
+    """
+    of_stations = [flag_of(name) for name, exporter in _FORMATS.items() if isinstance(exporter, StationExporter)]
+    of_programs = [flag_of(name) for name, exporter in _FORMATS.items() if isinstance(exporter, ProgramExporter)]
+    listed = [" or ".join(flags) for flags in (of_stations, of_programs) if flags]
     return ", or ".join(listed) or "a format of an installed extension, and none adds one"
 
 
@@ -129,17 +156,25 @@ def _export_program(
     *,
     force: bool,
 ) -> None:
-    """Write a program in one or several formats: all files, or none if one of them cannot be written.
+    """Write a program in one or several formats. Nothing is written if one of the formats cannot express the program.
+
+    Args:
+        source: file of the program.
+        set_: changes of the program's station, as the option ``--set`` takes them.
+        targets: file to write for each format, by the format's name.
+        exporters: exporter of each format, by the format's name.
+        options: values of the further options of all exporters.
+        force: whether to replace files that exist.
 
     Raises:
-        SimrobError: the source is no program, it cannot be done, or a format cannot express it.
+        SimrobError: the source is no program, the program cannot be done, a format cannot express it, or a file exists.
     """
     if not is_program_file(source):
-        formats = " and ".join(f"--{name}" for name in exporters)
+        formats = " and ".join(flag_of(name) for name in exporters)
         raise InvalidConfig(source, "", f"is no program: {formats} write the moves of one")
     program, config = program_from(source, set_)
     texts = dict[Path, str]()
-    remarks = dict[str, None]()  # a set in the order of insertion: formats may have the same remarks
+    remarks = dict[str, None]()  # a set that keeps the order. Two formats may have the same remark
     for name, exporter in exporters.items():
         own_options = options.of(exporter.options_class)
         with code_of_extension(exporter.owner, f"the exporter {name}"):

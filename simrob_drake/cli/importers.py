@@ -12,7 +12,7 @@ from simrob_drake.base.extension import classes_of_extensions, code_of_extension
 from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import refuse_import
-from simrob_drake.cli.options import ChosenOptions, with_groups
+from simrob_drake.cli.options import ChosenOptions, OptionGroup, with_groups
 from simrob_drake.cli.screen import console, errors, say, table
 from simrob_drake.cli.tables import report_table
 from simrob_drake.importer.importer import FileImporter, ImportOutcome, ImportRequest, find_importer
@@ -22,24 +22,34 @@ _SHOWN_LOSSES = 5  # losses that are shown on the screen; the report contains al
 _SHOWN_PLACES = 4  # places of use that are shown of a name that a file does not define
 
 
-_Group = Literal["options_class", "reading_class"]  # of an importer: options for an import, or only to read a file
+_ClassAttribute = Literal["options_class", "reading_class"]
+"""Attribute of an importer with a dataclass of options: those for an import, or those for only reading a file."""
 
 
 def with_importer_options(
-    group: _Group,
+    attribute: _ClassAttribute,
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Make a decorator that gives a command the options of all importers, which it takes as ``importer_options``.
 
+    Importers that cannot be used are left out, so that their options are unknown. Their use raises the reason.
+
     Args:
-        group: attribute of the importers with the class of the options.
+        attribute: attribute of the importers with the dataclass of the options.
     """
-    importers = dict.fromkeys(classes_of_extensions("importers", FileImporter).values())  # each class once
-    groups = {f"it belongs to {importer.title}": getattr(importer, group) for importer in importers}
+    # A class may be announced under several suffixes. It gives its options once.
+    importers = dict.fromkeys(classes_of_extensions("importers", FileImporter).values())
+    groups = [OptionGroup(owner=importer.title, options_class=getattr(importer, attribute)) for importer in importers]
     return with_groups(groups, "importer_options")
 
 
 def other_importer(file: Path | str) -> FileImporter | None:
-    """Find the importer that makes files of a folder from a file itself. Returns None for other files, and for names.
+    """Find the importer of an extension that writes files of this toolbox from another tool's file.
+
+    Returns None for all other arguments of a command: names, stations, programs, and files of robots, which the core
+    imports itself.
+
+    Args:
+        file: argument of the command, which may be no file.
 
     Raises:
         BrokenExtension: the importer cannot be used.
@@ -52,7 +62,7 @@ def other_importer(file: Path | str) -> FileImporter | None:
 
 def importer_request(
     importer: FileImporter,
-    group: _Group,
+    attribute: _ClassAttribute,
     chosen: ChosenOptions,
     robot_options: ImportOptions | None,
     settings: list[str] | None,
@@ -64,25 +74,26 @@ def importer_request(
 
     Args:
         importer: the importer.
-        group: attribute of the importer with the class of its options.
+        attribute: attribute of the importer with the dataclass of its options.
         chosen: values of the options of all importers.
-        robot_options: values of the options that imports of robots have.
-        settings: texts ``NAME=VALUE``.
-        out: file or folder for the result, if the user names one.
+        robot_options: values of the options that imports of robots have. None if the user gives none of them.
+        settings: texts ``NAME=VALUE`` of the option ``--set``. None if it is not given.
+        out: file or folder for the result. None for the importer's own choice.
         force: whether to replace what is there.
 
     Raises:
-        InvalidParameter: an option is given that the importer does not take.
+        Unsuitable: an option is given that the importer does not take.
     """
     all_robot_options = robot_options or ImportOptions()
-    own = {name: getattr(ImportOptions(), name) for name in importer.robot_options}
-    refuse_import(f"it has no effect on {importer.title}", all_robot_options.model_copy(update=own))
+    # The options that the importer takes are set back to their defaults, so that only the others are refused.
+    defaults = {name: getattr(ImportOptions(), name) for name in importer.robot_options}
+    refuse_import(f"it has no effect on {importer.title}", all_robot_options.model_copy(update=defaults))
     if settings and not importer.takes_settings:
         raise Unsuitable("--set", f"it has no effect on {importer.title}")
-    own_options = getattr(importer, group)
-    chosen.refuse_all_but([own_options])
+    options_class = getattr(importer, attribute)
+    chosen.refuse_all_but([options_class])
     return ImportRequest(
-        options=chosen.of(own_options),
+        options=chosen.of(options_class),
         robot_options=all_robot_options,
         settings=tuple(settings or ()),
         out=out,
@@ -91,25 +102,43 @@ def importer_request(
 
 
 def import_with(importer: FileImporter, file: Path, request: ImportRequest, *, allow_losses: bool) -> ExitCode:
-    """Import a file and show what became of it. Losses give the exit code 4, unless they are allowed."""
+    """Import a file, and show the outcome and its losses.
+
+    Args:
+        importer: the importer.
+        file: the file.
+        request: request of the user, see :func:`importer_request`.
+        allow_losses: whether the user accepts that parts of the file are lost.
+
+    Returns:
+        BEYOND (4) if parts are lost and this is not allowed, otherwise DONE (0).
+
+    Raises:
+        SimrobError: the file cannot be imported.
+    """
     with errors.status(Text(f"importing {file}")), _code_of(importer, file):
         outcome = importer.import_file(file, request)
     _show(outcome)
     for loss in outcome.losses[:_SHOWN_LOSSES]:
         errors.print(Text(f"lost: {loss}"), soft_wrap=True)
     if outcome.losses and not allow_losses:
-        count = len(outcome.losses) - _SHOWN_LOSSES
-        more = f"{count} more in {REPORT_FILE}; " if count > 0 else ""
+        hidden = len(outcome.losses) - _SHOWN_LOSSES
+        more = f"{hidden} more in {REPORT_FILE}; " if hidden > 0 else ""
         errors.print(f"{more}the station moves otherwise; --allow-losses takes it as it is", highlight=False)
         return ExitCode.BEYOND
     return ExitCode.DONE
 
 
 def examine_with(importer: FileImporter, file: Path, request: ImportRequest) -> None:
-    """Show the result that an import of a file would have, without writing anything.
+    """Show the outcome that an import of a file would have, without writing anything.
+
+    Args:
+        importer: the importer.
+        file: the file.
+        request: request of the user, with options of the importer's `reading_class`.
 
     Raises:
-        SimrobError: nothing can be made of the file; the message says why.
+        SimrobError: nothing can be made of the file; the message says why. The rest of the outcome is shown before.
     """
     with errors.status(Text(f"reading {file}")), _code_of(importer, file):
         outcome = importer.examine(file, request)
@@ -124,7 +153,10 @@ def _code_of(importer: FileImporter, file: Path) -> AbstractContextManager[None]
 
 
 def _show(outcome: ImportOutcome) -> None:
-    """Show the headline, names that are not defined, the report and the lines of an import."""
+    """Show the outcome of an import: headline, names that the file does not define, report and lines.
+
+    Losses and the problem are shown by the callers.
+    """
     if outcome.headline:
         say(outcome.headline)
     if outcome.unknowns:

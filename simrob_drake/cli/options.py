@@ -1,11 +1,11 @@
 """The arguments and options that several commands share, each with its help."""
 
 import inspect
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import wraps
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, get_args, get_type_hints
 
 import typer
 from pydantic.fields import FieldInfo
@@ -137,55 +137,77 @@ with_saving = with_group(Saving, "saving")  # give a command the options of :cla
 with_language = with_group(LanguageOptions, "language")  # give a command those of :class:`LanguageOptions`
 
 
+def flag_of(name: str) -> str:
+    """Option of the command line for a name of Python: ``--drop-loops`` for ``drop_loops``."""
+    return f"--{name.replace('_', '-')}"
+
+
+class OptionGroup(NamedTuple):
+    """Options that belong to one importer or exporter.
+
+    Attributes:
+        owner: what the options belong to, such as "a Simulink model" or "--mjcf", for messages.
+        options_class: dataclass whose fields are the options.
+    """
+
+    owner: str
+    options_class: type[Any]
+
+
 @dataclass(frozen=True)
 class ChosenOptions:
     """Values of the options of several groups, such as those of all importers. A command uses one of the groups.
 
     Attributes:
-        groups: dataclasses whose fields are the options, by the sentence that says to what they belong.
+        groups: the groups of options.
         values: value of each option by the name of its field.
     """
 
-    groups: Mapping[str, type[Any]]
+    groups: Sequence[OptionGroup]
     values: Mapping[str, Any]
 
-    def of(self, group: type[Any]) -> Any:
-        """Make an object of a group from the values of its options."""
-        return group(**{field.name: self.values[field.name] for field in fields(group)})
+    def of(self, options_class: type[Any]) -> Any:
+        """Make an object of the dataclass of a group from the values of its options."""
+        return options_class(**{field.name: self.values[field.name] for field in fields(options_class)})
 
-    def refuse_all_but(self, groups: Collection[type[Any]]) -> None:
-        """Check that no option is given that belongs to none of some groups.
+    def refuse_all_but(self, allowed_classes: Collection[type[Any]]) -> None:
+        """Check that only options of some groups are given. An option with its default value counts as not given.
+
+        Args:
+            allowed_classes: dataclasses of these groups. If there are none, no option may be given.
 
         Raises:
-            Unsuitable: such an option is given; the message says to what it belongs.
+            Unsuitable: an option of another group is given; the message says to what it belongs.
         """
-        allowed = {field.name for group in groups for field in fields(group)}
-        for condition, other in self.groups.items():
-            for field in fields(other):
-                is_given = self.values[field.name] != field.default
-                if is_given and field.name not in allowed:
-                    raise Unsuitable(f"--{field.name.replace('_', '-')}", condition)
+        allowed = {field.name for options_class in allowed_classes for field in fields(options_class)}
+        for group in self.groups:
+            for field in fields(group.options_class):
+                is_default = self.values[field.name] == field.default
+                if not is_default and field.name not in allowed:
+                    raise Unsuitable(flag_of(field.name), f"it belongs to {group.owner}")
 
 
-def with_groups(groups: Mapping[str, type[Any]], name: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Make a decorator that gives a command the options of several dataclasses; it takes :class:`ChosenOptions`.
+def with_groups(groups: Sequence[OptionGroup], name: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Make a decorator that gives a command the options of several groups.
 
-    A field that two dataclasses share is one option of both.
+    If groups have fields of the same name, the command has one option for all of them, as the first group defines it.
 
     Args:
-        groups: the dataclasses, by the sentence that says to what their options belong.
-        name: parameter of the command that takes the chosen options.
+        groups: the groups of options.
+        name: parameter of the decorated function that takes the chosen options, :class:`ChosenOptions`.
     """
     parameters = dict[str, inspect.Parameter]()
-    for group in groups.values():
-        hints = get_type_hints(group, include_extras=True)
-        for field in fields(group):
+    for group in groups:
+        hints = get_type_hints(group.options_class, include_extras=True)
+        for field in fields(group.options_class):
             parameter = inspect.Parameter(
                 field.name, inspect.Parameter.KEYWORD_ONLY, default=field.default, annotation=hints[field.name]
             )
             parameters.setdefault(field.name, parameter)
 
     def with_options(command: Callable[..., Any]) -> Callable[..., Any]:
+        """Wrap a command's function in one that has a parameter for each option, and collects their values."""
+
         @wraps(command)
         def called(**arguments: Any) -> Any:
             values = {field: arguments.pop(field) for field in parameters}
@@ -246,7 +268,7 @@ def with_import_options(*names: str) -> Callable[[Callable[..., Any]], Callable[
 
 def _option(name: str, field: FieldInfo, text: str) -> tuple[Any, Any]:
     """Return what typer makes an option of, and its default."""
-    flag = f"--{name.replace('_', '-')}"
+    flag = flag_of(name)
     several = f"{text} May be given several times."
     if field.annotation == tuple[Path, ...]:
         return MeshPath, None

@@ -36,11 +36,14 @@ def read_descriptions(file: Path) -> OtherFiles:
 
 
 def refuse_other(text: str) -> None:
-    """Check that a file is not known as something else than a station. A text that names no file passes.
+    """Check that an argument for a station is not a file or folder of another kind.
+
+    Args:
+        text: argument of a command. If there is no such file or folder, it passes: it may be the name of a station.
 
     Raises:
-        InvalidConfig: the file or folder is something else; the message says what, and which command takes it. Or it is
-            a YAML file that cannot be read.
+        InvalidConfig: the file or folder is no station. The message says what it is, and which command takes it.
+        InvalidConfig: the file is a YAML file that cannot be read.
     """
     file = Path(text)
     if not isdir(file) and not isfile(file):
@@ -49,7 +52,7 @@ def refuse_other(text: str) -> None:
     keys = set(read_yaml(file)) if is_yaml else set[str]()
     if keys and keys <= _STATION_KEYS:
         return
-    # Extensions come first: of a kind of file that the core knows, too, they know more.
+    # Extensions come first: if the core describes the same files, an extension describes them in more detail.
     for descriptions in [*_descriptions_of_extensions(), read_descriptions(_OTHERS)]:
         remedy = _find_remedy(file, keys, descriptions)
         if remedy:
@@ -59,26 +62,27 @@ def refuse_other(text: str) -> None:
 
 
 def _descriptions_of_extensions() -> list[OtherFiles]:
-    """Read the descriptions that extensions add, without those that cannot be read.
-
-    The latter only make a message less clear, and ``simrob extensions --check`` reports them.
-    """
+    """Read the descriptions that extensions add. Descriptions that cannot be read are left out."""
     found = []
     for path in addition_files("other_files"):
         try:
             found.append(read_descriptions(path))
         except SimrobError:
+            # Without the description a message is only less clear. `simrob extensions --check` reports the problem.
             continue
     return found
 
 
 def _find_remedy(file: Path, keys: set[str], descriptions: OtherFiles) -> str:
-    """Find what a file or folder is, and what takes it; empty if the descriptions have nothing about it.
+    """Find the text about a file or folder: what it is, and which command takes it.
 
     Args:
         file: the file or folder.
-        keys: keys of a YAML file; empty for others.
-        descriptions: what is known about files.
+        keys: keys of the file if it is a YAML file; empty for other files and for folders.
+        descriptions: descriptions of files that are no stations.
+
+    Returns:
+        the first text that fits, with the file's own names in place of {file}, {name} and {folder}; empty if none fits.
     """
     if isdir(file):
         texts = (text for name, text in descriptions.folders.items() if isfile(file / name))

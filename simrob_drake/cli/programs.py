@@ -112,27 +112,34 @@ def is_language_file(file: Path | str) -> bool:
 def program_importer(file: Path | str) -> ProgramImporter | None:
     """Find the importer of a program in the language of a robot. Returns None if the file is something else.
 
+    Args:
+        file: argument of a command. Only its suffix is looked at; there may be no such file.
+
     Raises:
         BrokenExtension: the importer cannot be used.
         MissingExtension: an extension of this project imports such files, and it is missing.
     """
     suffix = Path(file).suffix.lower()
-    if suffix in ("", *YAML_SUFFIXES, *CORE_SUFFIXES):  # most stations: no extension is looked for
+    if suffix in ("", *YAML_SUFFIXES, *CORE_SUFFIXES):
+        # A name, a station or a robot, as in most commands: to look for extensions would take time.
         return None
-    importer = load_importer(suffix, Path(file))
     from simrob_drake.programs.program_importer import ProgramImporter
 
+    importer = load_importer(suffix, Path(file))
     return importer if isinstance(importer, ProgramImporter) else None
 
 
 def refuse_language(options: LanguageOptions) -> bool:
-    """Refuse options of programs in the language of a robot where there is none.
+    """Check that no option of programs in the language of a robot is given, since there is no such program.
+
+    Args:
+        options: values of these options.
 
     Returns:
-        whether losses of an import are allowed: importers of other files have this option, too.
+        value of the option ``--allow-losses``, which is not refused: importers of other files have this option, too.
 
     Raises:
-        InvalidParameter: such an option is given.
+        Unsuitable: another of these options is given.
     """
     defaults = LanguageOptions()
     chosen = {name: value for name, value in asdict(options).items() if value != getattr(defaults, name)}
@@ -144,16 +151,21 @@ def refuse_language(options: LanguageOptions) -> bool:
 def language_program(
     file: Path, options: LanguageOptions, set_: list[str] | None
 ) -> tuple[Program, StationConfig, Mapping[int, str]]:
-    """Read a program in the language of a robot, to be run.
+    """Read a program in the language of a robot, to be run, and show the remarks about its lines.
+
+    Args:
+        file: the program, with the suffix of an importer of programs.
+        options: options of programs in the language of a robot.
+        set_: changes of the station, as the option ``--set`` takes them.
 
     Returns:
-        the program, the station on which it is done, and the lines of its moves.
+        the program, the station on which it is done, and for each move, by its number, its file and line.
 
     Raises:
         SimrobError: the program is wrong, or lines are not understood and losses are not allowed.
     """
-    imported, config = _imported(file, options, set_)
-    _tell_remarks(imported)
+    imported, config = _read_program(file, options, set_)
+    _show_remarks(imported)
     losses = imported.losses
     if losses and not options.allow_losses:
         more = f", and {len(losses) - 1} more" if len(losses) > 1 else ""
@@ -168,11 +180,11 @@ def import_program(file: Path, out: Path | None, options: LanguageOptions, *, fo
     written = [target] if options.on else [target, station]
     for one in written:
         check_new_file(one, force=force)
-    imported, config = _imported(file, options, None)
+    imported, config = _read_program(file, options, None)
     written_at_once(target, imported.program.on(options.on or station.name).text())
     if options.on is None:
         written_at_once(station, station_yaml(config))
-    _tell_remarks(imported)
+    _show_remarks(imported)
     say(f"program {target}: {imported.duration:.3f} s")
     say(f"next    simrob run {target}")
     losses = imported.losses
@@ -182,8 +194,15 @@ def import_program(file: Path, out: Path | None, options: LanguageOptions, *, fo
     return ExitCode.DONE
 
 
-def _imported(file: Path, options: LanguageOptions, set_: list[str] | None) -> tuple[ImportedProgram, StationConfig]:
+def _read_program(
+    file: Path, options: LanguageOptions, set_: list[str] | None
+) -> tuple[ImportedProgram, StationConfig]:
     """Read a program in the language of a robot, and find the station on which it is done.
+
+    Args:
+        file: the program, with the suffix of an importer of programs.
+        options: options of programs in the language of a robot.
+        set_: changes of the station, as the option ``--set`` takes them.
 
     Raises:
         SimrobError: neither a robot nor a station is named, or the program cannot be read.
@@ -194,19 +213,21 @@ def _imported(file: Path, options: LanguageOptions, set_: list[str] | None) -> t
     assert importer is not None  # the caller has looked
     if options.on is None and options.robot is None:
         raise InvalidParameter("--robot", "missing", "who does it, as --robot irb120; or --on a station")
-    robot = None
     if options.on is not None:
+        # The robot is one of the station's; None stands for its only one.
         config = station_from(options.on, set_)
         robot = options.robot
     else:
+        # The robot is one of the package's, alone on a station made for it.
         config = bare_station(str(options.robot), changes_of(set_, "--set"))
+        robot = None
     request = ProgramRequest(config=config, robot=robot, signals=options.io, cycles=options.cycles, check=options.check)
     with code_of_extension(importer.owner, f"the importer of {file.suffix}"):
         return importer.read_program(file, request), config
 
 
-def _tell_remarks(imported: ImportedProgram) -> None:
-    """Show the remarks about lines of an imported program."""
+def _show_remarks(imported: ImportedProgram) -> None:
+    """Show the remarks about lines of an imported program. Lines that are lost begin with "lost"."""
     for remark in imported.remarks:
         mark = "lost " if remark.is_lost else ""
         say(f"{mark}{remark.text}")

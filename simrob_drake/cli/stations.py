@@ -99,10 +99,7 @@ def run(
     config = station_from(station, set_, allow_code=allow_code, duration=duration)
     if config.program is not None:
         refuse(
-            "the station has a program",
-            "leave it out, or run the reference with --set program=null",
-            duration=duration,
-            converge=converge,
+            "the station has a program (--set program=null runs its reference)", duration=duration, converge=converge
         )
         return run_program(own_program(config), config, saving, shown)
     folder = prepared_folder(config, saving)

@@ -128,25 +128,38 @@ class FileImporter(Importer, ABC):
 
     @abstractmethod
     def import_file(self, file: Path, request: ImportRequest) -> ImportOutcome:
-        """Read a file, and write what is made of it.
+        """Read a file of another tool, and write the files of this toolbox that are made from it.
+
+        Args:
+            file: the file.
+            request: request of the user, with options of `options_class`.
 
         Raises:
             SimrobError: the file cannot be read, or the result cannot be written; the message names file and line.
         """
 
     def examine(self, file: Path, request: ImportRequest) -> ImportOutcome:
-        """Report what `import_file` would do, without writing anything: what ``simrob check FILE`` shows.
+        """Find the outcome of an import without writing anything, for ``simrob check FILE``.
 
-        The request's options are an object of `reading_class`.
+        An importer that does not implement this method always raises InvalidConfig.
+
+        Args:
+            file: the file.
+            request: request of the user, with options of `reading_class`.
 
         Raises:
-            SimrobError: the file cannot be read, or the importer cannot tell without writing.
+            SimrobError: the file cannot be read, or the importer does not implement this method.
         """
         raise InvalidConfig(file, "", f"is {self.title}, which simrob import reads, and simrob check cannot")
 
 
 def find_importer(file: Path | str) -> Importer | None:
-    """Find the importer of an extension for a file. Returns None for files of the core, and for unknown ones.
+    """Find the importer of an extension for a file, by its suffix or, for XML files, by its outermost element.
+
+    Returns None if the core itself reads the file, or if nothing reads such files.
+
+    Args:
+        file: path of the file, which need not exist.
 
     Raises:
         BrokenExtension: the importer cannot be used.
@@ -156,16 +169,20 @@ def find_importer(file: Path | str) -> Importer | None:
     suffix = path.suffix.lower()
     if suffix not in CORE_SUFFIXES:
         return load_importer(suffix, path) if suffix else None
+    # The suffixes of the core are those of XML files, which other tools use, too: the outermost element tells whose
+    # file it is. For the elements that the core reads, load_importer() returns None.
     element = outermost_element(path)
     return load_importer(f"<{element}>", path) if element else None
 
 
 def load_importer(key: str, file: Path | None = None) -> Importer | None:
-    """Load the importer that an extension announces by a suffix or an element. Returns None if there is none.
+    """Load the importer that an extension announces by a suffix or an element.
+
+    Returns None if there is none, or if the core itself reads such files.
 
     Args:
-        key: the suffix, or the element as ``<element>``.
-        file: the file that is to be imported, for the message; None if the caller adds it.
+        key: the suffix in lower case, or the element as ``<element>``.
+        file: file that is to be imported, for the message. None if the caller names the file in the message.
 
     Raises:
         BrokenExtension: the importer cannot be used.
@@ -183,7 +200,10 @@ def load_importer(key: str, file: Path | None = None) -> Importer | None:
 
 
 def outermost_element(path: Path) -> str:
-    """Read the name of the outermost element of an XML file. It is empty if there is none near the beginning."""
+    """Read the name of the outermost element of an XML file.
+
+    The name is empty if the file cannot be read, or if no element begins within the first 64 KiB.
+    """
     try:
         with opened(path) as file:
             beginning = file.read(_BEGINNING)
@@ -192,6 +212,6 @@ def outermost_element(path: Path) -> str:
     found = list[str]()
     parser = expat.ParserCreate()
     parser.StartElementHandler = lambda name, _: found.append(name)
-    with suppress(expat.ExpatError, ValueError):  # what comes before the fault counts
+    with suppress(expat.ExpatError, ValueError):  # an element before a fault of the file counts
         parser.Parse(beginning, False)
     return found[0] if found else ""

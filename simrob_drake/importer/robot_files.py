@@ -17,16 +17,36 @@ from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.importer.importer import CORE_SUFFIXES, RobotImporter, load_importer
 
 _DESCRIPTION = re.compile(r"[a-z]\w*_description", re.ASCII)
-_PARTS = ("_cache", "_repositories", "_descriptions")
+"""Form of the names in ``robot_descriptions``, such as ``ur5e_description``."""
+_MODULES = ("_cache", "_repositories", "_descriptions")
+"""Modules of ``robot_descriptions`` that are used. They are not public: the public ones download."""
 _PATHS = ("URDF_PATH", "MJCF_PATH", "XACRO_PATH")
+"""Variables in the module of a description with the path of its main file; each module has one of them."""
 
 
 def is_robot_file(text: str) -> bool:
-    """Whether a text names a file of a robot, or a robot of ``robot_descriptions``: no other robot, and no station."""
-    suffix = Path(text).suffix.lower()
-    if suffix in CORE_SUFFIXES or _DESCRIPTION.fullmatch(text) is not None:
+    """Whether a text names a file that is read as a robot, or a robot of ``robot_descriptions``.
+
+    Names of the package's robots and files of stations are neither. There need not be a file of this name.
+
+    Raises:
+        BrokenExtension: the importer of such files cannot be used.
+        MissingExtension: an extension of this project imports such files, and it is missing.
+    """
+    path = Path(text)
+    suffix = path.suffix.lower()
+    if suffix in CORE_SUFFIXES or _is_description(path):
         return True
-    return suffix not in ("", *YAML_SUFFIXES) and isinstance(load_importer(suffix, Path(text)), RobotImporter)
+    return suffix not in ("", *YAML_SUFFIXES) and isinstance(load_importer(suffix, path), RobotImporter)
+
+
+def _is_description(path: Path) -> bool:
+    """Whether a path stands for a robot of ``robot_descriptions``: it has the form of such a name, and does not exist.
+
+    Only the last part of the path counts, since a station's file gives paths from its own folder. A folder of this name
+    is a package of ROS.
+    """
+    return _DESCRIPTION.fullmatch(path.name) is not None and not exists(path)
 
 
 def robot_suffixes() -> list[str]:
@@ -36,39 +56,61 @@ def robot_suffixes() -> list[str]:
 
 
 def robot_file(source: object, name: str) -> Path:
-    """Return the absolute path of a robot's file, which may be named as in ``robot_descriptions``.
+    """Find the file of a robot, which may be given by its name in ``robot_descriptions``.
 
-    ``name`` is what the parameter is called that it was given as. Raises InvalidParameter: no path; UnknownName: no
-    file, and no such description; InvalidModel: a description that was not downloaded, or ``robot_descriptions`` is not
-    installed.
+    Args:
+        source: path of the file, or the name.
+        name: name of the parameter that `source` was given as, for errors.
+
+    Returns:
+        the absolute path. A path that does not exist, and does not have the form of such a name, is not an error here.
+
+    Raises:
+        InvalidParameter: the source is no path.
+        UnknownName: there is no such file, and no such robot in ``robot_descriptions``.
+        InvalidModel: the robot is not downloaded, or ``robot_descriptions`` is not installed.
     """
     path = as_path(source, name)
-    if exists(path) or not _DESCRIPTION.fullmatch(path.name):
-        return path.resolve()
-    return _downloaded(path.name)
+    return _description_file(path.name) if _is_description(path) else path.resolve()
 
 
-def _downloaded(name: str) -> Path:
-    """Return the main file of a description in the cache of ``robot_descriptions``."""
+def _description_file(name: str) -> Path:
+    """Find the main file of a robot in the cache of ``robot_descriptions``, without a download.
 
-    def cached(repository: str, commit: str | None = None) -> str:
-        own = repositories[repository].cache_path
-        folder = descriptions_cache() / (f"{own}-{commit}/{own}" if commit else own)
+    Args:
+        name: name of the robot there, such as ``ur5e_description``.
+
+    Raises:
+        UnknownName: there is no such robot in ``robot_descriptions``.
+        InvalidModel: the robot is not downloaded, or ``robot_descriptions`` is not installed.
+    """
+    try:
+        cache, repositories, descriptions = _description_modules()
+    except ImportError as problem:
+        message = "is no file; as a name of robot_descriptions it needs that: pip install robot_descriptions"
+        raise InvalidModel(Path(name), "", message) from problem
+    if name not in descriptions.DESCRIPTIONS:
+        raise UnknownName("robot of robot_descriptions", name, list(descriptions.DESCRIPTIONS))
+
+    def find_repository(repository: str, commit: str | None = None) -> str:
+        """Find the folder of a repository in the cache, in place of ``clone_to_cache``, which would download it."""
+        folder_name = repositories.REPOSITORIES[repository].cache_path
+        folder = descriptions_cache() / (f"{folder_name}-{commit}/{folder_name}" if commit else folder_name)
         if not isdir(folder):
             raise InvalidModel(Path(name), "", f"is not in {folder}; `robot_descriptions pull {name}` downloads it")
         return str(folder)
 
-    try:
-        parts: list[Any] = [import_module(f"robot_descriptions.{part}") for part in _PARTS]
-    except ImportError as problem:
-        message = "is no file; as a name of robot_descriptions it needs that: pip install robot_descriptions"
-        raise InvalidModel(Path(name), "", message) from problem
-    cache, repositories, descriptions = parts[0], parts[1].REPOSITORIES, parts[2].DESCRIPTIONS
-    if name not in descriptions:
-        raise UnknownName("robot of robot_descriptions", name, list(descriptions))
-    download, cache.clone_to_cache = cache.clone_to_cache, cached
+    # The module of a description calls `clone_to_cache` while it is imported, and computes its paths from the folder.
+    download = cache.clone_to_cache
+    cache.clone_to_cache = find_repository
     try:
         module = import_module(f"robot_descriptions.{name}")
     finally:
         cache.clone_to_cache = download
-    return Path(next(getattr(module, path) for path in _PATHS if hasattr(module, path))).resolve()
+    file = next(getattr(module, path) for path in _PATHS if hasattr(module, path))
+    return Path(file).resolve()
+
+
+def _description_modules() -> list[Any]:
+    """Import the modules of ``robot_descriptions`` that are used; raises ImportError if it is not installed."""
+    return [import_module(f"robot_descriptions.{module}") for module in _MODULES]

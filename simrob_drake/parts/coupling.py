@@ -71,8 +71,9 @@ class CouplingSection(Strict, ABC):
             raise InvalidParameter("solver", station.engine.name, expected)
 
     def is_held(self, engine: Engine) -> bool:
-        """Whether the engine of a station can hold this coupling."""
-        # In a kinematic station the references obey couplings, and soft springs need no particular engine.
+        """Whether the engine of a station can hold this coupling, by a constraint or by stiff springs."""
+        # Nothing has to be held in a kinematic station, where the references obey couplings, nor by a coupling that
+        # consists of soft springs only, which any engine can simulate.
         if not engine.moves_by_forces or not self.constrains:
             return True
         is_held_by_springs = self.has_springs and engine.holds_stiff_springs

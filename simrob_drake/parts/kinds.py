@@ -72,7 +72,7 @@ class Kinds:
 
     @property
     def _extension_base(self) -> type[BaseModel]:
-        """Class that kinds of extensions are derived from."""
+        """Class that kinds of extensions are derived from. It is imported here, when an extension has such a kind."""
         if not self._base_of_extensions:
             return self._base
         module, _, name = self._base_of_extensions.partition(":")

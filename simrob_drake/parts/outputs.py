@@ -45,7 +45,11 @@ class FromState:
         return np.asarray(states @ self.pick.T)
 
     def matrix(self, size: int) -> Vector:
-        """Matrix (picked values, size) whose product with a state (size,) gives the picked values."""
+        """Matrix (picked values, size) whose product with a state gives the picked values.
+
+        Args:
+            size: size of a state, nq + nv.
+        """
         if not self._picks_entries:
             return np.asarray(self.pick, dtype=float)
         # Each row has a 1 at the index of its entry.
@@ -133,7 +137,9 @@ class OutputRegistry(Mapping[str, OutputPort]):
     def add_report(
         self, builder: DiagramBuilder, name: str, block: LeafSystem, source: OutputPort, *outputs: str
     ) -> None:
-        """Add a block that only reports. In a lean diagram it joins when something reads it.
+        """Add a block that only reports: nothing in the station needs its outputs, which are declared by `add`.
+
+        In a lean diagram the block joins when something reads one of its outputs, see `port`.
 
         Args:
             builder: builder of the diagram.
@@ -147,6 +153,7 @@ class OutputRegistry(Mapping[str, OutputPort]):
         if not self._lean:
             self._join(builder, block)
         elif isinstance(block, FramePoses):
+            # The block refers to the plant. Outside of a diagram nothing else would release the two.
             release_with(self._plant, block)
 
     def port(self, builder: DiagramBuilder, output: str) -> OutputPort:
@@ -156,7 +163,12 @@ class OutputRegistry(Mapping[str, OutputPort]):
         return self._ports[output]
 
     def _join(self, builder: DiagramBuilder, block: LeafSystem) -> None:
-        """Add a block that only reports to the diagram."""
+        """Add a block that only reports to the diagram, and connect its input.
+
+        Args:
+            builder: builder of the diagram.
+            block: the block, which has not joined yet.
+        """
         joining = {output: report for output, report in self._reports.items() if report.block is block}
         source = next(iter(joining.values())).source
         builder.AddSystem(block)
@@ -167,17 +179,27 @@ class OutputRegistry(Mapping[str, OutputPort]):
     def from_state(self, output: str) -> Callable[[Vector], Vector] | None:
         """Function that computes an output (m, size) from states (m, nq + nv) of the plant.
 
-        Returns None if the state does not determine the output.
+        Returns None if there is no rule for it: its port must be read.
+
+        Args:
+            output: name of the output.
         """
         if output in self.of_state:
             return self.of_state[output].of
-        report = self._reports.get(output)
+        report = self._reports.get(output)  # None if the block of the output is in the diagram
         if report is None or not isinstance(report.block, FramePoses):
             return None
+        # A block of poses need not join the diagram: its method `at` computes them from states of the plant. Blocks of
+        # other classes join when their port is read.
         return partial(report.block.at, self._ports[output].get_name())
 
     def value(self, output: str, context: Context) -> Vector:
-        """Value of an output in a context of the whole diagram, from the plant's state where that determines it."""
+        """Value of an output in a context, by its rule from the plant's state if there is one, otherwise from its port.
+
+        Args:
+            output: name of the output.
+            context: context of the whole diagram.
+        """
         rule = self.from_state(output)
         port = self._ports[output] if rule is None else self._state
         value = np.array(port.Eval(port.get_system().GetMyContextFromRoot(context)))

@@ -39,14 +39,15 @@ class PictureLabels:
 
         Args:
             name: name of the system.
-            role: what the block is for; it makes the column and the colour.
+            role: what the block is for. It determines the column and the colour.
             label: text in the block; lines are separated by line feeds.
-            robot: robot to which the block belongs, if it belongs to one.
-            key: several systems with the same key share a block. It is the name of the system unless given.
-            inside: what happens in the block, one thing after the other.
-            within: key of the block whose system does the work.
-            net: blocks that are drawn in its place, by name.
+            robot: robot to which the block belongs; None if it belongs to none.
+            key: key of the block. Systems with the same key share a block. If it is empty, it is the system's name.
+            inside: texts of the steps in the block, in the order in which they are done.
+            within: key of the block whose system does the work; empty if the system does it itself.
+            net: blocks that are drawn in place of this block, by name; None if this block itself is drawn.
         """
+        # If the station has one robot only, blocks do not name it.
         owner = robot.name if robot is not None and robot.prefix else ""
         self.drawn[name] = Drawn(key or name, role, label, owner, tuple(inside), within, net or {})
 

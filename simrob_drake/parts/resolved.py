@@ -23,16 +23,26 @@ WORLD = "world"
 
 
 def named(name: str | None, known: Sequence[str], *, kind: str = "robot", key: str = "robot") -> str:
-    """Return which of ``known`` a name means, the only one unless named.
+    """Find which of the known names is meant: a name means itself, and None means the only one.
 
-    Raises UnknownName: none of them; InvalidParameter: several, and none named.
+    Args:
+        name: the name, or None if the user gives none.
+        known: the known names.
+        kind: what the name stands for, for errors, such as "robot" or "robot for sensors.force".
+        key: key under which the user gives the name, for errors.
+
+    Raises:
+        UnknownName: the name is not known.
+        InvalidParameter: the name is None, and there are several known names, or none.
     """
-    if name is None:
-        if len(known) != 1:
-            none = f"a {kind.partition(' for ')[0]}, and there is none"
-            raise InvalidParameter(key, None, f"one of {', '.join(known)}" if known else none)
+    if name is not None:
+        return one_of(kind, name, known)
+    if len(known) == 1:
         return known[0]
-    return one_of(kind, name, known)
+    if not known:
+        thing = kind.partition(" for ")[0]
+        raise InvalidParameter(key, None, f"a {thing}, and there is none")
+    raise InvalidParameter(key, None, f"one of {', '.join(known)}")
 
 
 @dataclass(frozen=True)
@@ -112,8 +122,14 @@ class Surroundings:
         return [name for name, piece in self.pieces.items() if piece.free]
 
     def robot(self, name: str | None, key: str) -> ResolvedRobot:
-        """Return a robot by name, the only one unless named.
+        """Find a robot of the station by its name. None means the only one.
 
-        Raises SimrobError: no such robot, or several and none named; names the key.
+        Args:
+            name: name that a part gives for its robot under ``robot``.
+            key: key of the part, such as ``sensors.force``, for errors.
+
+        Raises:
+            UnknownName: there is no such robot.
+            InvalidParameter: the name is None, and the station has several robots, or none.
         """
         return self.robots[named(name, list(self.robots), kind=f"robot for {key}", key=f"{key}.robot")]

@@ -62,14 +62,14 @@ class Site:
 
         Raises:
             UnknownName: there is no such robot.
-            InvalidParameter: the name is None, and there are several robots.
+            InvalidParameter: the name is None, and there are several robots, or none.
         """
         return self.plant.robots[named(name, list(self.plant.robots))]
 
     if not TYPE_CHECKING:  # the type checker must not accept the former names
 
         def __getattr__(self, name: str) -> Any:
-            """Attribute under its former name, with a warning. Until 0.2."""
+            """Value of an attribute that `outputs` or `picture` has now, with a DeprecationWarning. Until 0.2."""
             owner = _FORMER_ATTRIBUTES.get(name)
             if owner is None:
                 raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")

@@ -95,7 +95,14 @@ class StationPlant:
         return [shape for shape in shapes if shape not in self.contact_points]
 
     def piece_frame(self, piece: str, frame: str) -> Frame:
-        """Return a frame of a piece by its name in the plant; that in which the piece is described has the piece's."""
+        """Find a frame of a piece in the plant.
+
+        Args:
+            piece: name of the piece.
+            frame: name of the frame in the plant: ``<piece>_<frame>``, or the piece's own name for the frame in which
+                the piece is described.
+        """
+        # A piece that a robot carries is a part of the robot's model instance.
         carriers = [robot.instance for robot in self.robots.values() if piece in robot.carried]
         instance = carriers[0] if carriers else self.plant.GetModelInstanceByName(f"{piece}::{piece}")
         return self.plant.GetFrameByName(frame, instance)
@@ -104,7 +111,15 @@ class StationPlant:
         return f"<StationPlant of {[*self.robots.values()]}, free pieces {[*self.free_pieces]}>"
 
     def add_geometry_poses(self, builder: DiagramBuilder, *, of_state: bool = False) -> InputPort:
-        """Let a plant outside of the diagram pose its geometry; return its port for positions, or ``of_state``."""
+        """Add the block that poses the plant's shapes in the scene graph, for a plant outside of the diagram.
+
+        Args:
+            builder: builder of the diagram, which contains the scene graph.
+            of_state: whether the block reads the plant's state (nq + nv,) instead of its positions (nq,).
+
+        Returns:
+            the block's port for the state or the positions.
+        """
         poses = MultibodyPositionToGeometryPose(self.plant, input_multibody_state=of_state)
         builder.AddNamedSystem("geometry_poses", poses)
         source_id = self.plant.get_source_id()

@@ -93,7 +93,10 @@ class ProgramExporter(Exporter, ABC):
             config: the station on which it is done.
             file: the file that will be written, with the exporter's suffix.
             options: an object of `options_class`.
-            source: name of the program's own file, for messages.
+            source: path of the program's own file, as the user typed it, for messages.
+
+        Returns:
+            the texts of the files to write, and remarks. The caller writes the files.
 
         Raises:
             SimrobError: the program cannot be done, or the format cannot express it; the message names the move.
@@ -101,9 +104,10 @@ class ProgramExporter(Exporter, ABC):
 
 
 def all_exporters() -> dict[str, Exporter | SimrobError]:
-    """Find all exporters by the name of their format; the reason in place of an exporter that cannot be used.
+    """Find all exporters by the name of their format.
 
-    Formats of this project's own extensions are there, too, if the extension is missing.
+    In place of an exporter that cannot be used there is the error that says why. This includes the formats of this
+    project's own extensions if such an extension is missing.
     """
     found: dict[str, Exporter | SimrobError] = {}
     for name in dict.fromkeys((*additions("exporters"), *known_names("exporters"))):

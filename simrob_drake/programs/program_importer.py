@@ -81,6 +81,10 @@ class ProgramImporter(Importer, ABC):
     def read_program(self, file: Path, request: ProgramRequest) -> ImportedProgram:
         """Read the program of a file.
 
+        Args:
+            file: the file.
+            request: request of the user.
+
         Raises:
             SimrobError: the program cannot be understood or done; the message names the file and the line.
         """

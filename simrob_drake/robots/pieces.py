@@ -15,7 +15,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.tree import CalcSpatialInertia, SpatialInertia
 
 from simrob_drake.base.errors import InvalidModel, one_of
-from simrob_drake.base.file_cache import FileState, file_state
+from simrob_drake.base.file_cache import FileCache, FileState, file_state
 from simrob_drake.base.files import model_file, piece_files
 from simrob_drake.base.frames import Vector, pose_from_transform, transform_from_pose
 from simrob_drake.base.sections import (
@@ -82,14 +82,14 @@ def solid_inertia(solids: Sequence[Solid], *, closed: bool) -> SolidInertia:
 
 @lru_cache(maxsize=64)
 def _mesh_inertia(file: Path, scale: float, closed: bool, state: FileState | None) -> SpatialInertia:
-    """Compute the inertia of the volume that a mesh encloses, for a density of 1 kg/m³.
+    """Compute the inertia of the volume that a mesh encloses, for a density of 1 kg/m³, in the mesh's own frame.
 
     Results are cached until the file changes.
 
     Args:
         file: the mesh.
         scale: factor for the lengths in the file.
-        closed: whether the mesh must enclose a volume. Otherwise the convex hull of an open mesh is taken.
+        closed: whether the mesh must enclose a volume. If it need not and does not, its convex hull is taken.
         state: state of the file. The function does not read it: it is part of the cache's key, so that a changed file
             is read again.
 
@@ -97,11 +97,12 @@ def _mesh_inertia(file: Path, scale: float, closed: bool, state: FileState | Non
         InvalidModel: Drake cannot read the mesh, or the mesh must enclose a volume and does not.
     """
     try:
-        whole = _is_closed(file)
-        if closed and not whole:
+        encloses_volume = _is_closed(file)
+        if closed and not encloses_volume:
             problem = "is no OBJ that encloses a volume, so a density does not tell its mass; give the mass instead"
             raise InvalidModel(file, "", problem)
-        return CalcSpatialInertia(Mesh(str(file), scale) if whole else Convex(str(file), scale), 1.0)
+        shape = Mesh(str(file), scale) if encloses_volume else Convex(str(file), scale)
+        return CalcSpatialInertia(shape, 1.0)
     except (RuntimeError, ValueError, SystemExit) as problem:  # failed assertions come as SystemExit
         if isinstance(problem, InvalidModel):
             raise
@@ -285,11 +286,14 @@ def piece_file(name: str) -> Path:
 def described_piece(file: Path) -> PieceModel:
     """Read a piece from its YAML file. Masses and inertias that the file leaves out are not computed yet.
 
+    The piece is kept, and returned again until its file or one of its meshes changes.
+
     Raises:
         InvalidConfig: the file has a wrong entry.
         InvalidModel: a mesh is missing or cannot be used.
     """
-    return _described(file.resolve(), file_state(file))
+    path = file.resolve()
+    return _PIECES.value(path, lambda: _read_piece(path))
 
 
 def with_changes(piece: PieceModel, changes: Mapping[str, Any], where: str) -> PieceModel:
@@ -326,19 +330,17 @@ def weighed(piece: PieceModel) -> PieceModel:
     return piece.model_copy(update={**update, "density": None})
 
 
-@lru_cache(maxsize=128)
-def _described(file: Path, state: FileState | None) -> PieceModel:
-    """Read a piece from its YAML file. Results are cached until the file changes.
+# Pieces that were read last, by the absolute paths of their files.
+_PIECES: FileCache[PieceModel] = FileCache(size=128)
 
-    Args:
-        file: the file.
-        state: state of the file. The function does not read it: it is part of the cache's key, so that a changed file
-            is read again.
-    """
+
+def _read_piece(file: Path) -> PieceModel:
+    """Read a piece from its YAML file, without a look at the cache. Raises the errors of `described_piece`."""
     piece = validated(PieceModel, {"folder": file.parent, **read_yaml(file)}, file)
     for shape in piece.shapes:
         if shape.mesh is not None:
-            mesh_file(shape.mesh, file.parent)
+            mesh = mesh_file(shape.mesh, file.parent)  # raises InvalidModel if the mesh is missing
+            file_state(mesh)  # the cache records the mesh, and so notices if it is deleted
     return piece
 
 

@@ -47,7 +47,13 @@ class StationDiagrams:
         self.references, self.forces = dict(references), dict(station.config.forces)
 
     def fits(self, references: Mapping[str, Reference]) -> bool:
-        """Whether the sources of the diagrams can play these references. A source plays one sine only."""
+        """Whether the sources of the diagrams can play these references.
+
+        The source of a trajectory can play any trajectory, and that of a sine only this sine.
+
+        Args:
+            references: reference of each robot, by the robot's name.
+        """
         return all(
             as_reference(self.references[robot]).player_key == as_reference(reference).player_key
             for robot, reference in references.items()
@@ -134,8 +140,12 @@ class ByHand:
     def __init__(self, config: StationConfig, hands: Hands | None) -> None:
         """Take the functions that command the controllers of a station.
 
+        Args:
+            config: the station.
+            hands: the functions by the name of the controller; None if there are none.
+
         Raises:
-            InvalidParameter: the functions are no mapping of names to functions.
+            InvalidParameter: `hands` is no mapping of names to functions.
             UnknownName: no controller of this name takes commands.
         """
         self._hands = {} if hands is None else instance(hands, "commands", Mapping, "a mapping by controller")
@@ -147,7 +157,9 @@ class ByHand:
                 raise InvalidParameter(f"commands: {name}", ask, "a function of the time")
 
     def look(self, diagram: Diagram, context: Context) -> None:
-        """Ask the functions for commands, and pass on those that have changed. At time 0 nothing is asked.
+        """Call the functions for commands, and pass on the commands that have changed.
+
+        At time 0 no function is called: the first sample of a controller is not yet taken, and would drop the command.
 
         Args:
             diagram: the diagram that is stepped.
@@ -174,7 +186,11 @@ class ByHand:
             cast(TakesCommands, block).command_by_hand(own_context, command.values)
 
     def commanded(self, config: StationConfig) -> StationConfig:
-        """Copy a configuration with the commands of this run in its controllers: its run does the same again."""
+        """Copy a configuration with the commands of this run in its controllers, so that its run repeats this one.
+
+        Args:
+            config: configuration of the station of this run.
+        """
         if not self._commands:
             return config
         controllers = dict(config.controllers)
@@ -189,7 +205,7 @@ class ByHand:
 
 
 def _checked_command(section: ControllerSection, name: str, time: float, answer: Sequence[float]) -> TimedCommand:
-    """Check what a user's function returned as a command.
+    """Check the value that a user's function returned as a command, and make the command.
 
     Args:
         section: section of the controller.

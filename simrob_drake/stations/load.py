@@ -267,14 +267,21 @@ def _validate(content: Content, where: Path | str, allow_code: bool) -> StationC
 
 
 def _check_extensions(content: Content, where: Path | str) -> None:
-    """Check that the entries of ``extensions`` are installed and in use; raises InvalidConfig if one is not.
+    """Check that the extensions that a station lists under ``extensions`` are installed and in use.
 
-    An entry names a package, with all of its extensions, or one extension. The entries are checked before the parts:
-    an unknown kind of part would only be a consequence.
+    They are checked before the parts: an unknown kind of part would only be a consequence.
+
+    Args:
+        content: content of the station's file. An entry of ``extensions`` names a package, with all of its extensions,
+            or one extension.
+        where: name of the file, for errors.
+
+    Raises:
+        InvalidConfig: an extension is not installed, or is left out.
     """
     entries = content.get("extensions", ())
     if not entries or not isinstance(entries, list | tuple) or not all(isinstance(entry, str) for entry in entries):
-        return  # none are needed, or the validation refuses the value
+        return  # The station needs none, or the value has a wrong type, which the validation reports.
     for entry in entries:
         matching = [found for found in installed_extensions() if entry in (found.package, found.name)]
         if not matching:

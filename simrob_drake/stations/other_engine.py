@@ -42,7 +42,11 @@ class OtherEngine(SolverSection):
 
     @property
     def engine(self) -> Engine:
-        """Answers of the engine, with the length of its steps."""
+        """Properties of the engine, with the name and the step length of this section.
+
+        They are `answers` (what the engine can do, see `Engine`) but for its steps, which are fixed, and for Drake's
+        plant, which is not stepped.
+        """
         return replace(
             self.answers, name=self.kind, time_step=self.time_step, has_fixed_steps=True, steps_drakes_plant=False
         )
@@ -68,8 +72,15 @@ def add_plant_block(
 ) -> PlantBlock:
     """Add the block of another engine to a diagram, in place of Drake's plant, and pose the plant's shapes by it.
 
+    Args:
+        builder: builder of the diagram.
+        engine: the section ``solver``, which makes the block.
+        station: the station.
+        plant: its plant in Drake, which is finalized and not in the diagram.
+
     Raises:
-        BrokenExtension: the block lacks something that a station needs.
+        SimrobError: the engine cannot make the block, see `OtherEngine.plant_block`.
+        BrokenExtension: the block lacks a method or a port that a station needs.
     """
     block: Any = engine.plant_block(station, plant)
     missing = missing_methods(block)

@@ -76,6 +76,9 @@ def resolve(config: StationConfig) -> ResolvedStation:
 
     The result for a configuration object is kept, and returned again until one of the station's files changes.
 
+    Args:
+        config: the station. An equal configuration that is another object is resolved anew.
+
     Raises:
         SimrobError: a name or a value does not fit; the message names its key.
     """
@@ -146,10 +149,10 @@ def check_parts(station: ResolvedStation) -> None:
 
 
 def _check_engine(config: StationConfig) -> None:
-    """Check that the engine of a station knows what the station contains.
+    """Check that the engine of a station supports what the station contains.
 
     Raises:
-        InvalidParameter: it does not know the contact model, prescribed joints, or a coupling.
+        InvalidParameter: the engine does not support the contact model, prescribed joints, or a coupling.
     """
     engine = config.engine
     if config.contact is not None and config.contact.model != "point" and not engine.has_surface_contact:
@@ -159,8 +162,8 @@ def _check_engine(config: StationConfig) -> None:
     if not engine.has_prescribed_joints:
         refused["prescribed"] = list(config.prescribed)
     if not engine.has_forces_of_couplings:
-        unknown = [name for name, coupling in config.couplings.items() if not coupling.is_constrained(engine)]
-        refused["couplings"] = unknown
+        couplings = config.couplings.items()
+        refused["couplings"] = [name for name, coupling in couplings if not coupling.is_constrained(engine)]
     for key, names in refused.items():
         if names:
             expected = f"left out with solver.kind {engine.name}, which has joints moved by forces, and gears alone"
@@ -178,14 +181,22 @@ def _robot_model(entry: RobotConfig, servo: ServoConfig) -> RobotModel:
 
 
 def _robot_as_described(entry: RobotConfig) -> RobotModel:
-    """Read a robot from its files, or take it from the cache. Raises SimrobError if the files have a defect."""
+    """Read a robot from its files, or take it from the cache, without the drives that the station gives it.
+
+    Raises:
+        SimrobError: the files have a defect.
+    """
     options = "" if entry.import_options is None else entry.import_options.model_dump_json()
     key = (entry.urdf, entry.model, options, tuple(granted()))
     return _ROBOTS.value(key, lambda: _robot_from_files(entry))
 
 
 def _robot_from_files(entry: RobotConfig) -> RobotModel:
-    """Read a robot with its URDF from its files. Raises SimrobError if the files have a defect."""
+    """Read a robot with its URDF from its files.
+
+    Raises:
+        SimrobError: the files have a defect.
+    """
     robot = _described_robot(entry)
     robot.element  # noqa: B018  # reads the URDF now, so that the cache records its file
     return robot

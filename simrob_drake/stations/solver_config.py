@@ -81,7 +81,10 @@ CONTINUOUS_SCHEMES = {
 
 
 def _discrete(name: str) -> Engine:
-    """Describe a discrete solver of Drake. The length of its steps is that of the section."""
+    """Describe a discrete solver of Drake, by the name of its approximation of contacts.
+
+    The step length is left at its default: the section ``solver`` replaces it by its own.
+    """
     return Engine(
         name=name,
         has_fixed_steps=True,
@@ -324,10 +327,18 @@ class VerdictConfig(Strict):
     @model_validator(mode="wrap")
     @classmethod
     def _check_further_keys(cls, content: Any, check: ModelWrapValidatorHandler[Self]) -> Self:
-        """Refuse keys that are neither fields nor bounds of measures of extensions, as an unknown key."""
+        """Check the content, and refuse keys that are neither fields nor bounds of measures of extensions.
+
+        Args:
+            content: content of the section.
+            check: function of pydantic that checks all else.
+
+        Raises:
+            ValidationError: a key is unknown. It is the error of any section that has an unknown key.
+        """
         checked = check(content)
         further = checked.__pydantic_extra__
-        if not further:  # as nearly always: no extension is looked for
+        if not further:  # as in most stations: to look for extensions would take time
             return checked
         known = _keys_of_extensions()
         unknown = [key for key in further if key not in known]
@@ -338,9 +349,15 @@ class VerdictConfig(Strict):
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        """Return the JSON Schema, with the bounds of measures of extensions among the keys."""
+        """Return the JSON Schema of the section, with the bounds of measures of installed extensions among its keys.
+
+        Args:
+            core: description of the section by pydantic.
+            handler: makes pydantic's own schema of it.
+        """
         reference = super().__get_pydantic_json_schema__(core, handler)
         schema = handler.resolve_ref_schema(reference)
+        # Pydantic allows any further key with a bound as its value. Only the known ones are to be allowed.
         bound = schema["additionalProperties"]
         schema["additionalProperties"] = False
         for key in sorted(_keys_of_extensions()):
@@ -349,8 +366,10 @@ class VerdictConfig(Strict):
 
 
 def _keys_of_extensions() -> set[str]:
-    """Return the keys of the section ``verdict`` that belong to measures of installed extensions."""
+    """Keys of the section ``verdict`` that belong to measures of installed extensions."""
     keys = set[str]()
+    # The class of measures, `Criterion`, cannot be imported here, since its module imports this one. An object of
+    # another class has no keys, and the verdict reports it.
     for criterion in usable_objects("measures", object).values():
         keys.update(getattr(criterion, "bound_keys", ()))
     return keys

@@ -19,7 +19,7 @@ from simrob_drake.walking.stride import Ground, Step, Stride, Swing, Trunk
 _FIRST_ROUNDS, _SETTLINGS = 10, 12  # of Newton's method, from a posture that may be far away; of the centre of mass
 
 
-class Engine:
+class WalkingEngine:
     """Makes a walk, sample by sample; it remembers nothing but what a :class:`Stride` and a posture tell.
 
     Attributes:

@@ -60,6 +60,21 @@ def test_only_what_stands_still_or_swings_is_a_sine():
     np.testing.assert_array_equal(still.centre, START)
     np.testing.assert_array_equal(still.amplitude, np.zeros(2))
     assert as_reference(MOVE).as_sine() is None
+    rows_at_rest = as_reference(table([0.0, 1.0, 2.0], [START, START, START])).as_sine()
+    np.testing.assert_array_equal(rows_at_rest.centre, START)
+    np.testing.assert_array_equal(rows_at_rest.amplitude, [0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    "to_and_fro",
+    [
+        table([0.0, 1.0, 2.0], [START, TARGET, START]),
+        hermite([0.0, 2.0], [START, START], [[1.0, 0.0], [1.0, 0.0]]),  # only the velocities say that it moves
+        SPLINE,
+    ],
+)
+def test_a_motion_that_ends_where_it_began_does_not_stand_still(to_and_fro):
+    assert as_reference(to_and_fro).as_sine() is None
 
 
 def test_polynomials_say_so():

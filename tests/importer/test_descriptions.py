@@ -69,3 +69,13 @@ def test_a_name_that_is_none_is_told(downloaded, monkeypatch):
     monkeypatch.setitem(sys.modules, "robot_descriptions._cache", None)
     with pytest.raises(InvalidModel, match=r"is no file; .* pip install robot_descriptions"):
         robot_file("rad_description", "source")
+
+
+def test_only_the_last_part_of_a_path_is_a_name_and_a_folder_of_this_name_is_none(downloaded, tmp_path):
+    """A station's file gives paths from its own folder; packages of ROS have such names, too."""
+    assert is_robot_file("stations/red_description")
+    assert robot_file("stations/red_description", "source") == downloaded
+    folder = tmp_path / "red_description"
+    folder.mkdir()
+    assert not is_robot_file("red_description")
+    assert robot_file("red_description", "source") == folder

@@ -292,6 +292,17 @@ def test_a_mesh_that_a_piece_may_not_have_is_named(tmp_path: Path, mesh: str, pr
         described_piece(folder / "piece.yaml")
 
 
+def test_a_mesh_that_is_deleted_after_its_piece_was_read_is_missing(tmp_path: Path) -> None:
+    file = tmp_path / "piece.yaml"
+    file.write_text("shapes: [{mesh: a.obj}]")
+    mesh = tmp_path / "a.obj"
+    mesh.write_text("v 0 0 0")
+    assert described_piece(file) is described_piece(file)
+    mesh.unlink()
+    with pytest.raises(InvalidModel, match=r"there is no file .*a\.obj"):
+        described_piece(file)
+
+
 @pytest.mark.parametrize("text", ["", "garbage", "v 0 0 0\nf 1 2 3\n", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"])
 def test_a_mesh_that_drake_cannot_read_is_named(tmp_path: Path, text: str) -> None:
     (tmp_path / "a.obj").write_text(text)

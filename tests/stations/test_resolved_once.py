@@ -167,5 +167,24 @@ def test_a_cache_keeps_as_many_values_as_it_may_and_no_error():
     assert cache.value("d", lambda: "now") == "now"
 
 
+def test_a_cache_drops_the_value_that_was_made_longest_ago(tmp_path):
+    """A value that is made again, since its file has changed, is a new one."""
+    file = tmp_path / "a.txt"
+    file.write_text("one")
+    cache = FileCache(size=2)
+    cache.value("a", lambda: text_of(file))
+    cache.value("b", lambda: "b")
+    file.write_text("three")
+    cache.value("a", lambda: text_of(file))
+    cache.value("c", lambda: "c")
+
+    made = []
+    for key in "ac":
+        cache.value(key, lambda key=key: made.append(key))
+    assert made == []
+    cache.value("b", lambda: made.append("b"))
+    assert made == ["b"]
+
+
 def fail():
     raise ValueError("no value")

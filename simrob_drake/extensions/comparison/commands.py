@@ -78,27 +78,40 @@ def _compare_engines(config: StationConfig, out: Path | None, *, force: bool) ->
 
 
 def _compare_with_log(config: StationConfig, log: Path, map_: list[str], out: Path | None, *, force: bool) -> None:
-    """Compare logged signals of the original with the signals of a station, and save numbers and pictures."""
+    """Compare logged signals of the original with the signals of a station, and show and save the differences.
+
+    Args:
+        config: the station.
+        log: file with the logged signals.
+        map_: for signals whose names differ, ``THEIRS=OURS`` or ``THEIRS=OURS:UNIT``.
+        out: folder for numbers and pictures; None if nothing is to be saved.
+        force: whether to replace the folder if it exists.
+
+    Raises:
+        MissingExtension: the extension ``simulink``, which reads logs, is missing.
+        SimrobError: the log or `map_` cannot be read, or the folder exists.
+    """
     with needed_extension("simulink", "simrob compare --with"):
         from simrob_drake.extensions.simulink.logs import NUMBERS, compare, read_log, save_differences
 
-    names = {}
+    own_names = {}  # name of the station's signal, perhaps with a unit, by the name in the log
     for entry in map_:
         theirs, _, ours = (part.strip() for part in entry.partition("="))
         if not (theirs and ours):
             raise InvalidParameter("--map", entry, "of the form THEIRS=OURS[:UNIT], as yout.1=q.joint_1:deg")
-        names[theirs] = ours
+        own_names[theirs] = ours
     if out is not None:
         check_folder(out, marker=NUMBERS, force=force)
-    logged = read_log(log, names)
+    logged = read_log(log, own_names)
     _, differences = compare(config, logged, progress=True)
     rows = [
-        (one.signal, in_units(one.largest, one.unit), f"{one.at:.3f}", in_units(one.rms, one.unit))
-        for one in differences
+        (found.signal, in_units(found.largest, found.unit), f"{found.at:.3f}", in_units(found.rms, found.unit))
+        for found in differences
     ]
     console.print(table(("signal", "largest difference", "at [s]", "root mean square"), *rows, numbers=False))
-    if others := sorted(logged.keys() - {found.signal for found in differences}):
-        say(f"not among the station's signals: {', '.join(others)}")
+    unknown = sorted(logged.keys() - {found.signal for found in differences})
+    if unknown:
+        say(f"not among the station's signals: {', '.join(unknown)}")
     if out is not None:
         save_differences(differences, out, force=force)
         say(f"result   {out}")

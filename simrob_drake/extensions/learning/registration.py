@@ -7,9 +7,16 @@ the environments are registered at once if Gymnasium is there already, and other
 import importlib.util
 import sys
 from collections.abc import Sequence
-from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import ModuleType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from importlib.abc import Loader, MetaPathFinder
+else:
+    # The module of the abstract classes takes 0.04 s to import, and Python only asks for their methods.
+    Loader = type("Loader", (), {})
+    MetaPathFinder = type("MetaPathFinder", (), {})
 
 ENVIRONMENTS = {"Walk": "walk", "Reach": "reach", "HandGuide": "hand_guide", "Balance": "balance"}
 """The tasks of the environments, by the names in their ids."""
@@ -27,7 +34,11 @@ def register_with_gymnasium() -> None:
 
 
 def _register(gymnasium: ModuleType) -> None:
-    """Register the environments with Gymnasium."""
+    """Register the environments with Gymnasium, under ids such as ``simrob/Walk-v0``.
+
+    Args:
+        gymnasium: the imported package ``gymnasium``.
+    """
     for name, task in ENVIRONMENTS.items():
         gymnasium.register(
             f"simrob/{name}-v0",
@@ -43,9 +54,16 @@ class _GymnasiumFinder(MetaPathFinder):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Find Gymnasium, once. Returns None for all other modules, which are left to Python."""
+        """Find Gymnasium, once. Returns None for all other modules, which are left to Python.
+
+        Args:
+            fullname: full name of the module that is imported.
+            path: not used; folders of the package above the module.
+            target: not used; module that is imported again.
+        """
         if fullname != _GYMNASIUM:
             return None
+        # This finder is needed once, and the search below must not ask it again.
         sys.meta_path.remove(self)
         spec = importlib.util.find_spec(fullname)
         if spec is not None and spec.loader is not None:
@@ -64,7 +82,10 @@ class _RegisteringLoader(Loader):
         return self._loader.create_module(spec)
 
     def exec_module(self, module: ModuleType) -> None:
-        """Execute the module by the other loader, which is its only loader from then on, and register."""
+        """Execute the module by the other loader, and register the environments.
+
+        The other loader is the module's only one from then on, so that nothing that looks at it notices a difference.
+        """
         module.__loader__ = self._loader
         if module.__spec__ is not None:
             module.__spec__.loader = self._loader

@@ -39,18 +39,22 @@ def legged(
     from simrob_drake.extensions.legged.report import REPORT
 
     if tune:
+        # The extension is looked for first, so that nothing is made in vain if it is missing.
         with needed_extension("tuning", "simrob legged --tune"):
             from simrob_drake.extensions.legged.tuning import tune_walk
 
     folder = out or Path(f"{file.stem}_legged")
     with errors.status(Text(f"making and trying {file}")):
         made = make_legged(file, folder, options, force=force)
-    for line in (*made.found, *made.assumed, *(f"{one.trial}: {one.outcome}" for one in made.attempts)):
+    for line in (*made.found, *made.assumed):
         say(line)
+    for attempt in made.attempts:
+        say(f"{attempt.trial}: {attempt.outcome}")
     say(f"report  {folder / REPORT}")
     if made.problem:
         raise SimrobError(f"{made.problem.rstrip('.')}. What could be done is in {folder}")
     say(f"next    simrob run {folder / WALK}")
-    for sentence in tune_walk(folder, tune) if tune else ():
-        say(sentence)
+    if tune:
+        for sentence in tune_walk(folder, tune):
+            say(sentence)
     return ExitCode.DONE

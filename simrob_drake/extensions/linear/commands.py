@@ -74,9 +74,12 @@ def _postures(config: StationConfig, content: Any) -> dict[str, Vector]:
 
 
 def _modes_table(model: LinearModel) -> Table:
-    """Make a table of the modes of a linear model, those with slow poles first."""
+    """Make a table of the modes of a linear model, slow ones first. A pair of complex poles is one mode."""
     rows = list[tuple[str, ...]]()
     for mode in model.modes:
-        pole = f"{mode.pole.real:.4g}" + (f" ± {mode.pole.imag:.4g}i" if mode.pole.imag else "")
+        pole = f"{mode.pole.real:.4g}"
+        if mode.pole.imag:
+            pole += f" ± {mode.pole.imag:.4g}i"
+        # `mostly` is the axis, or other state, that has the largest part in the mode.
         rows.append((mode.mostly, pole, f"{mode.frequency:.3f}", f"{mode.damping:.3f}", f"{mode.time_constant:.4g}"))
     return table(("mostly", "pole [1/s]", "frequency [Hz]", "damping ratio", "fades in [s]"), *rows)

@@ -34,7 +34,11 @@ class MujocoEngine(OtherEngine):
     """Length of a step [s]."""
 
     def plant_block(self, station: ResolvedStation, plant: StationPlant) -> PlantBlock:
-        """Make the block that MuJoCo steps.
+        """Make the block in which MuJoCo simulates the station's plant.
+
+        Args:
+            station: the station.
+            plant: its plant in Drake, which is finalized.
 
         Raises:
             SimrobError: MuJoCo is not installed, or a part of the station has no equivalent in MuJoCo.

@@ -28,6 +28,15 @@ class MjcfExporter(StationExporter):
     def export_station(self, config: StationConfig, file: Path, options: MjcfOptions, *, force: bool) -> list[Path]:
         """Write a station as MJCF, with a folder of its meshes and controls.
 
+        Args:
+            config: the station.
+            file: the file to write.
+            options: the step length.
+            force: whether to replace what is there.
+
+        Returns:
+            the files and folders that were written.
+
         Raises:
             SimrobError: MuJoCo is not installed, MJCF cannot express the station, or a file cannot be written.
         """

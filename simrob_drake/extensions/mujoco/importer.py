@@ -14,7 +14,13 @@ class MjcfImporter(RobotImporter):
     title: ClassVar[str] = "an MJCF file"
 
     def robot_element(self, root: ET.Element, path: Path, options: ImportOptions, report: ImportReport) -> ET.Element:
-        """Translate the file into the element ``robot`` of a URDF.
+        """Translate an MJCF file into the element ``robot`` of a URDF.
+
+        Args:
+            root: outermost element of the file.
+            path: absolute path of the file.
+            options: the user's choices for the import.
+            report: record of all that is changed or lost.
 
         Raises:
             InvalidModel: MuJoCo is not installed or refuses the file, or the file holds no robot.

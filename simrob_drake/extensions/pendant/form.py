@@ -57,14 +57,17 @@ def form_fields(schema: Node, content: Mapping[str, Any]) -> list[Field]:
 
 
 def move_fields(kind: type[Move], keys: Iterable[str], content: Mapping[str, Any]) -> list[Field]:
-    """Make the fields for some keys of a kind of move.
+    """Make one field for each of some keys of a kind of move.
+
+    A key whose value has keys of its own is one field, too, which takes YAML.
 
     Args:
         kind: the kind of move.
-        keys: names of its keys.
-        content: what a move has for its keys.
+        keys: the keys, in the order of the fields.
+        content: the present values of the move, by key. A key without a value is left out.
     """
     schema = kind.model_json_schema()
+    # The schema of a move that can contain moves of its own kind is a reference (`$ref`) to one of its definitions.
     section = next(branch for branch in schema_branches(schema, schema) if "properties" in branch)
     nodes = section["properties"]
     return [_leaf(key, schema_branches(nodes[key], schema), nodes[key], content.get(key)) for key in keys]

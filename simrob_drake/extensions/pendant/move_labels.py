@@ -64,7 +64,11 @@ _LABELS: Mapping[str, MoveLabels] = {
 
 @cache
 def labels_of(kind: type[Move]) -> MoveLabels:
-    """Title and form of a kind of move, which may be one of another package."""
+    """Title and form of a kind of move.
+
+    Those of the toolbox's own moves are in the table above. A move of another package may have its own; otherwise its
+    title is its key ("My move" for ``my_move``), and its form is made from its keys.
+    """
     if kind.key in _LABELS:
         return _LABELS[kind.key]
     title = getattr(kind, "title", None)
@@ -76,10 +80,10 @@ def labels_of(kind: type[Move]) -> MoveLabels:
 
 
 def form_from_keys(kind: type[Move]) -> FormFields:
-    """Make a form from the keys of a kind of move: names, numbers, texts, choices and switches.
+    """Make a form from the keys of a kind of move: fields for names, numbers, texts, choices and switches.
 
-    There are no fields if the move needs a key that has no such field, such as a list. A move of an arm to targets has
-    none either: the pendant teaches its targets.
+    Other keys, such as lists, are left out. If the move cannot be without such a key, the form is empty: the pendant
+    does not offer the move. The form of an arm's move to targets is empty, too: the pendant teaches its targets.
     """
     if issubclass(kind, ArmMotion):
         return _NO_FIELDS
@@ -91,6 +95,6 @@ def form_from_keys(kind: type[Move]) -> FormFields:
             form[field.key] = names[field.key]
         elif field.kind in ENTERED_ALONE:
             form[field.key] = None
-        elif kind.model_fields[field.key].is_required():
+        elif kind.model_fields[field.key].is_required():  # a key that no field can enter
             return _NO_FIELDS
     return form

@@ -12,12 +12,10 @@ from pathlib import Path
 
 import uvicorn
 from fastapi import FastAPI, Request, Response
-from fastapi.responses import StreamingResponse
-from fastapi.staticfiles import StaticFiles
+from fastapi.responses import FileResponse, StreamingResponse
 from nicegui import ui
 
 from simrob_drake.base.errors import OutputError
-from simrob_drake.base.files import models_root
 from simrob_drake.base.folders import writing
 from simrob_drake.extensions.pendant.guard import LEADS_TO, Guard
 from simrob_drake.extensions.pendant.pages import gallery, shell
@@ -80,6 +78,12 @@ def serve(
         asyncio.run(run())
 
 
+def _picture_of(robot: str) -> Response:
+    """Answer with the picture of a robot, or 404 if there is none."""
+    picture = gallery.picture_file(robot)
+    return Response(status_code=404) if picture is None else FileResponse(picture)
+
+
 class Server(uvicorn.Server):
     """Serves a pendant behind a guard.
 
@@ -90,7 +94,7 @@ class Server(uvicorn.Server):
     def __init__(self, pendant: Pendant, port: int, root_path: str | None = None) -> None:
         """Prepare what listens at a port, perhaps behind a proxy."""
         app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
-        app.mount(f"/{gallery.PICTURES}", StaticFiles(directory=models_root()))
+        app.get(f"/{gallery.PICTURES}/{{robot}}")(_picture_of)
         _serve_view(app, pendant.board)
         shell.install(pendant)
         ui.run_with(app, title="simrob teach", show_welcome_message=False, reconnect_timeout=20.0)

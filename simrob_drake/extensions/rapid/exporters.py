@@ -18,18 +18,29 @@ class RapidExporter(ProgramExporter):
     ) -> ExportedTexts:
         """Translate a program into RAPID.
 
+        Args:
+            program: the program.
+            config: the station on which it is done.
+            file: the file that will be written; its stem is the name of the module.
+            options: not used.
+            source: path of the program's own file, for messages.
+
+        Returns:
+            the text of the module and, if the program uses signals, of the table ``<stem>_io.yaml`` next to it.
+
         Raises:
             SimrobError: the program cannot be done, or RAPID cannot express it; the message names the move.
         """
+        # These load scipy and Drake's plant, which the help of the command does not need.
         from simrob_drake.extensions.rapid.exporting import ExportedProgram, rapid_text
         from simrob_drake.programs.arm import Workcell
 
-        steps = ExportedProgram.of(program, Workcell(config), source)
-        module, signals = rapid_text(steps, file.stem)
+        exported = ExportedProgram.of(program, Workcell(config), source)
+        module, signals = rapid_text(exported, file.stem)
         texts = {file: module}
         if signals:
             texts[file.with_name(f"{file.stem}_io.yaml")] = signals
-        return ExportedTexts(texts, tuple(steps.remarks))
+        return ExportedTexts(texts, tuple(exported.remarks))
 
 
 class UrscriptExporter(ProgramExporter):
@@ -42,11 +53,22 @@ class UrscriptExporter(ProgramExporter):
     ) -> ExportedTexts:
         """Translate a program into URScript.
 
+        Args:
+            program: the program.
+            config: the station on which it is done.
+            file: the file that will be written; its stem is the name of the script's function.
+            options: not used.
+            source: path of the program's own file, for messages.
+
+        Returns:
+            the text of the script.
+
         Raises:
             SimrobError: the program cannot be done, or URScript cannot express it; the message names the move.
         """
+        # These load scipy and Drake's plant, which the help of the command does not need.
         from simrob_drake.extensions.rapid.exporting import ExportedProgram, urscript_text
         from simrob_drake.programs.arm import Workcell
 
-        steps = ExportedProgram.of(program, Workcell(config), source)
-        return ExportedTexts({file: urscript_text(steps, file.stem)}, tuple(steps.remarks))
+        exported = ExportedProgram.of(program, Workcell(config), source)
+        return ExportedTexts({file: urscript_text(exported, file.stem)}, tuple(exported.remarks))

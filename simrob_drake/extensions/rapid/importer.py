@@ -12,7 +12,11 @@ class RapidImporter(ProgramImporter):
     title: ClassVar[str] = "a RAPID module"
 
     def read_program(self, file: Path, request: ProgramRequest) -> ImportedProgram:
-        """Do the main procedure without a run, and collect its moves.
+        """Interpret the main procedure, without simulating the station, and collect its moves.
+
+        Args:
+            file: the module, or a list of modules (`.pgf`).
+            request: request of the user.
 
         Raises:
             RapidError: a line cannot be understood or done; the message names the file and the line.

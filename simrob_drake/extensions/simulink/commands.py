@@ -34,7 +34,7 @@ def fmu(
     """
     from simrob_drake.extensions.simulink.fmi.unit import write_fmu
 
-    config = _stepped(station, set_, step)
+    config = _station_with_steps(station, set_, step)
     target = out or Path(f"{config.name}.fmu")
     file = write_fmu(config, target, version=fmi, force=force)
     say(f"unit    {file}")
@@ -47,7 +47,7 @@ def serve(
     step: Step = None,
     host: Annotated[
         str, typer.Option(help="Where to listen; others than this computer reach it if it is not its own.")
-    ] = ("127.0.0.1"),
+    ] = "127.0.0.1",
     port: Annotated[int | None, typer.Option(min=0, max=65535, help="8300, or a free one, unless given.")] = None,
 ) -> None:
     """Let others step a station over TCP, as MATLAB on Windows; they need its token, of SIMROB_TOKEN or a random one.
@@ -58,18 +58,28 @@ def serve(
     """
     from simrob_drake.extensions.simulink.stepping import server
 
-    listening = server.StationServer(
-        _stepped(station, set_, step), host=host, port=port, token=os.environ.get(server.TOKEN_VARIABLE)
-    )
-    with listening, suppress(KeyboardInterrupt):
-        bound = listening.server_address[1]
-        say(f"station {listening.config.name} at {host}, port {bound}")
-        say(f"token   {listening.token}")
+    config = _station_with_steps(station, set_, step)
+    token = os.environ.get(server.TOKEN_VARIABLE)  # None: the server makes a random one
+    station_server = server.StationServer(config, host=host, port=port, token=token)
+    with station_server, suppress(KeyboardInterrupt):
+        used_port = station_server.server_address[1]
+        say(f"station {station_server.config.name} at {host}, port {used_port}")
+        say(f"token   {station_server.token}")
         say(f"client  {server.CLIENT}; end with Ctrl+C")
-        listening.serve_forever()
+        station_server.serve_forever()
 
 
-def _stepped(station: str, settings: list[str] | None, step: float | None) -> StationConfig:
+def _station_with_steps(station: str, settings: list[str] | None, step: float | None) -> StationConfig:
+    """Read a station, and give it steps of a fixed length.
+
+    Args:
+        station: name or file of the station.
+        settings: changes of the station, as the option ``--set`` takes them.
+        step: length of the steps [s]. If it is None, the station keeps its own solver.
+
+    Raises:
+        SimrobError: there is no such station, a change is wrong, or the station cannot have such steps.
+    """
     from simrob_drake.extensions.simulink.stepping.station import with_fixed_steps
 
     config = station_from(station, settings)

@@ -68,6 +68,13 @@ class SimulinkImporter(FileImporter):
     def import_file(self, file: Path, request: ImportRequest) -> ImportOutcome:
         """Write the robots, pieces and station of a model, and report what became of its blocks.
 
+        Args:
+            file: the model.
+            request: request of the user, with `ModelImport` as its options.
+
+        Returns:
+            the outcome. Its losses are the blocks without which the mechanics move differently.
+
         Raises:
             SimrobError: the model cannot be read, or no station can be made of it.
         """
@@ -93,6 +100,13 @@ class SimulinkImporter(FileImporter):
     def examine(self, file: Path, request: ImportRequest) -> ImportOutcome:
         """Report what would become of a model's blocks, and which variables it lacks.
 
+        Args:
+            file: the model.
+            request: request of the user, with `ModelReading` as its options.
+
+        Returns:
+            the outcome. It has a problem if no station can be made of the model.
+
         Raises:
             SimrobError: the model cannot be read.
         """
@@ -103,15 +117,19 @@ class SimulinkImporter(FileImporter):
         problem = None
         try:
             check_importable(model)
-        except InvalidModel as reason:  # raised after the report is shown
-            problem = reason
+        except InvalidModel as error:  # the caller raises it after it has shown the report
+            problem = error
         return ImportOutcome(
             lines=(_summary(model),), report=model.report, unknowns=model.findings.undefined, problem=problem
         )
 
 
 def reading_arguments(request: ImportRequest) -> dict[str, Any]:
-    """Translate options of a command into arguments of ``read_simulink``.
+    """Translate options of a command into arguments of ``read_simulink`` and ``import_simulink``.
+
+    Args:
+        request: request of the user. Options of `ModelImport` that `ModelReading` lacks are arguments of
+            ``import_simulink`` only.
 
     Raises:
         InvalidParameter: a setting is not of the form NAME=VALUE, or a file of variables cannot be read.
@@ -119,26 +137,28 @@ def reading_arguments(request: ImportRequest) -> dict[str, Any]:
     from simrob_drake.extensions.simulink.reading.model_file import Libraries
     from simrob_drake.extensions.simulink.values.workspace import variables_of
 
+    # Most options are arguments of the same name. Those for libraries and variables are converted.
     arguments = asdict(request.options)
     libraries = tuple(arguments.pop("library") or ())
-    files = arguments.pop("variables") or []
+    variable_files = arguments.pop("variables") or []
     settings = dict[str, str]()
     for setting in request.settings:
         name, equals, value = setting.partition("=")
         if not (equals and all(part.isidentifier() for part in name.strip().split("."))):
             raise InvalidParameter("--set", setting, "of the form NAME=VALUE, as q0=[0 0 0] or tool.mass=1")
         settings[name.strip()] = value
-    places = Libraries([*(file.parent for file in files), *libraries])
+    # A script of variables may name other files: those next to a file of variables, or in a library.
+    folders = Libraries([*(file.parent for file in variable_files), *libraries])
     return {
         "libraries": libraries,
         "meshes": request.robot_options.mesh_path,
-        "variables": variables_of(settings, files, places),
+        "variables": variables_of(settings, variable_files, folders),
         **arguments,
     }
 
 
 def _summary(model: "SimulinkModel") -> str:
     """Describe a model in one line: the counts of its parts, and of what was changed."""
-    joints = len(model.bodies.links)
+    joints = len(model.bodies.links)  # the joints that connect the bodies
     counts = f"{len(model.expanded.nodes)} blocks, {len(model.bodies.bodies)} bodies, {joints} joints"
     return f"{model.path.name}: {counts}; {model.report.summary()}"

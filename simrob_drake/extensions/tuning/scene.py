@@ -167,7 +167,11 @@ class Scene:
 
 
 def in_mujoco(config: StationConfig) -> StationConfig:
-    """Return a station as MuJoCo steps it, at its usual steps."""
+    """Copy a station with MuJoCo as its engine, at the engine's default step length.
+
+    Raises:
+        MissingExtension: the extension ``mujoco`` is not installed, or is left out.
+    """
     with needed_extension(MUJOCO, "engine: mujoco"):
         from simrob_drake.extensions.mujoco.engine import MujocoEngine
     return config.model_copy(update={"solver": MujocoEngine(kind="mujoco")})

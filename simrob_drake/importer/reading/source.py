@@ -50,7 +50,11 @@ def read_source(path: Path, report: ImportReport, options: ImportOptions | None 
 
 
 def _importer_of(tag: str, report: ImportReport) -> RobotImporter | None:
-    """Find the importer of an extension for robots whose file has an outermost element. Returns None if there is none.
+    """Find the importer of an extension for the robots of XML files. Returns None if there is none for this file.
+
+    Args:
+        tag: outermost element of the file.
+        report: report of the import, which makes the error.
 
     Raises:
         InvalidModel: an extension has such an importer, and it cannot be used.

@@ -89,10 +89,13 @@ class Sequencer(Pace, LoopSection):
         return robot.axes
 
     def cell_times(self, groups: Sequence[Vector]) -> list[float | None]:
-        """Times at which each cell was reached, since the start of the sequencer [s]; None for a cell not reached.
+        """Times at which the cells were reached, for the result of a run.
 
         Args:
-            groups: discrete state of the block, one vector for each group.
+            groups: discrete state of the block at the end of the run, one vector for each group.
+
+        Returns:
+            for each cell the time since the sequencer's start [s], or None if the cell was not reached.
         """
         # The block keeps the times at the end of its last group. They are negative for cells that were not reached.
         times = groups[-1][-len(self.cells) :].tolist()

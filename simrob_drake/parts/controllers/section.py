@@ -69,7 +69,7 @@ class ControllerSection(Strict):
         return getattr(self, "robot", None)
 
     def command_limits(self, robot: ResolvedRobot) -> Sequence[tuple[float, float]]:
-        """Lower and upper limit of each slider of the live view, in the slider's unit.
+        """Lower and upper limit of each slider of the live view, in the slider's unit, in the order of `command_parts`.
 
         Args:
             robot: robot of the controller.
@@ -77,7 +77,7 @@ class ControllerSection(Strict):
         raise NotImplementedError
 
     def command_at(self, time: float) -> tuple[float, ...]:
-        """The command that the section itself gives at a time of a run [s]."""
+        """Command that the section itself gives at a time of a run [s]: the numbers in the order of `command_parts`."""
         raise NotImplementedError
 
     def rounded_command(self, command: TimedCommand) -> TimedCommand:
@@ -85,7 +85,9 @@ class ControllerSection(Strict):
         return command
 
     def with_commands(self, commands: Sequence[TimedCommand]) -> Self:
-        """Copy the section with commands in place of its own from the time of the first one on.
+        """Copy the section with these commands.
+
+        Its own commands before the first of them are kept, later ones are dropped.
 
         Args:
             commands: commands in the order of their times, at least one, as `rounded_command` returns them.
@@ -93,12 +95,14 @@ class ControllerSection(Strict):
         raise NotImplementedError
 
     def cell_times(self, groups: Sequence[Vector]) -> list[float | None] | None:
-        """Times at which the controller reached each of its cells, since its start [s]; None for a cell not reached.
-
-        Returns None if the controller has no cells.
+        """Times at which the controller reached its cells, for the result of a run.
 
         Args:
-            groups: discrete state of the controller's block at the end of a run, one vector for each group.
+            groups: discrete state of the controller's block at the end of the run, one vector for each group.
+
+        Returns:
+            for each cell the time since the controller's start [s], or None if the cell was not reached. None in place
+            of the list if the controller has no cells.
         """
         return None
 

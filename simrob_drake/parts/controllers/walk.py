@@ -22,7 +22,7 @@ from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.gaits_file import gaits_file
 from simrob_drake.walking.body import Body
 from simrob_drake.walking.commands import Commanded, Commander, Follower, Waypoints, beyond, clipped, command_of
-from simrob_drake.walking.engine import Engine
+from simrob_drake.walking.engine import WalkingEngine
 from simrob_drake.walking.height_map import HeightMap
 from simrob_drake.walking.parameters import WalkingParameters, load_walking
 from simrob_drake.walking.steps import Command
@@ -118,7 +118,10 @@ class Walk(LoopSection):
         return found
 
     def command_limits(self, robot: ResolvedRobot) -> list[tuple[float, float]]:
-        """Limits of the speeds ahead and to the left [m/s] and of the turn [deg/s] that the legs can follow."""
+        """Lower and upper limits of the speeds ahead and to the left [m/s] and of the turn [deg/s].
+
+        They are the largest ones that the legs of the robot can follow.
+        """
         limits = self.walking(robot).max_speed
         return [
             (-limits.backward, limits.ahead),
@@ -131,17 +134,23 @@ class Walk(LoopSection):
 
         They are zero before the first command.
         """
-        begun = [row for row in self.commands if row.time <= time]
-        return _values(begun[-1] if begun else Commanded())
+        begun = [entry for entry in self.commands if entry.time <= time]
+        return _command_values(begun[-1] if begun else Commanded())
 
     def rounded_command(self, command: TimedCommand) -> TimedCommand:
         """Round the turn of a command to what the section's file can hold in degrees."""
-        return command._replace(values=_values(_row(command)))
+        return command._replace(values=_command_values(_entry_of_command(command)))
 
     def with_commands(self, commands: Sequence[TimedCommand]) -> "Walk":
-        """Copy the section with commands in place of its own from the time of the first one on."""
-        before = [row for row in self.commands if row.time < commands[0].time]
-        return self.model_copy(update={"commands": (*before, *map(_row, commands))})
+        """Copy the section with these commands.
+
+        Its own commands before the first of them are kept, later ones are dropped.
+
+        Args:
+            commands: commands in the order of their times, at least one.
+        """
+        before = [entry for entry in self.commands if entry.time < commands[0].time]
+        return self.model_copy(update={"commands": (*before, *map(_entry_of_command, commands))})
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         parameters, feet = self.walking(robot), robot.feet
@@ -169,7 +178,7 @@ class Walk(LoopSection):
         path = None if self.path is None else Follower(self.path, parameters.max_speed, facing)
         return WalkingLoop(
             self,
-            Engine(body, parameters, groups, 1 / self.rate, height_map),
+            WalkingEngine(body, parameters, groups, 1 / self.rate, height_map),
             names,
             np.deg2rad(posture),
             Commander(self.commands, path),
@@ -180,16 +189,16 @@ class Walk(LoopSection):
 _TURN_DECIMALS = 9
 
 
-def _row(command: TimedCommand) -> Commanded:
+def _entry_of_command(command: TimedCommand) -> Commanded:
     """Convert a command to an entry of the section's ``commands``, with the turn in degrees."""
     ahead, left, turn = command.values
     turn_deg = round(math.degrees(turn), _TURN_DECIMALS)
     return Commanded(time=command.time, ahead=ahead, sideways=left, turn_deg=turn_deg)
 
 
-def _values(row: Commanded) -> tuple[float, ...]:
+def _command_values(entry: Commanded) -> tuple[float, ...]:
     """Convert an entry of ``commands`` to the numbers of a command: ahead and left [m/s], turn [rad/s]."""
-    return row.ahead, row.sideways, math.radians(row.turn_deg)
+    return entry.ahead, entry.sideways, math.radians(entry.turn_deg)
 
 
 class WalkingLoop(SampledBlock):
@@ -213,7 +222,7 @@ class WalkingLoop(SampledBlock):
     components = MappingProxyType({"capture": ("ahead", "left"), "command": ("ahead", "left", "turn")})
 
     def __init__(
-        self, section: Walk, engine: Engine, feet: Sequence[str], posture: Vector, commander: Commander
+        self, section: Walk, engine: WalkingEngine, feet: Sequence[str], posture: Vector, commander: Commander
     ) -> None:
         """Make the block of a section, around the engine of a walk and what says what is asked for.
 
@@ -234,7 +243,7 @@ class WalkingLoop(SampledBlock):
         super().__init__(period=1 / section.rate, reads=reads, memory=memory, gives=tuple(outputs))
 
     def command_by_hand(self, context: Context, values: Sequence[float]) -> None:
-        """Command the walk from the next sample on, to the end of the run. No other command counts any more.
+        """Command the walk from the next sample on. Neither the section nor a port commands it any more in this run.
 
         Args:
             context: context of the block, which is changed.

@@ -67,7 +67,7 @@ class NameOf:
 
 
 def named_things(kind: "type[Move]") -> dict[str, str]:
-    """What the keys of a kind of move name, as in `NameOf`, by the key. Keys that name nothing are left out."""
+    """Find the keys of a kind of move that are annotated by `NameOf`, each with the annotation's ``what``."""
     return {
         key: mark.what
         for key, field in kind.model_fields.items()
@@ -133,9 +133,10 @@ class Move(Strict):
     def pieces(self) -> Iterable[str]:
         """Names of the pieces that the move depends on."""
         keys = [key for key, what in named_things(type(self)).items() if what == "pieces"]
-        # Until 0.2: moves of other packages whose keys are not annotated, and whose form for the pendant says it.
+        # Until 0.2: in moves of other packages the keys may have no annotation. The form for the pendant says it then.
         form: Mapping[str, Any] = getattr(type(self), "form", {})
         keys += [key for key, what in form.items() if what == "pieces" and key not in keys]
+        # Such a key may have no value: a kick without a ball swings the foot through the air.
         return [piece for key in keys if (piece := getattr(self, key))]
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:

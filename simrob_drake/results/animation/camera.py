@@ -55,17 +55,19 @@ def side(station: StationPlant) -> float:
 
 
 def robots_to_follow(robots: Iterable[str], controllers: Mapping[str, ControllerSection]) -> set[str]:
-    """Names of the robots whose controllers ask that the camera goes with them.
+    """Names of the robots whose controllers ask that the camera goes with them (`camera_follows`).
 
     Args:
         robots: names of the robots of a station.
         controllers: the controllers of the station, by name.
     """
     names = list(robots)
+    # A controller that names no robot belongs to the only one. In a station of several robots it belongs to no
+    # particular robot, and does not count.
     only_robot = names[0] if len(names) == 1 else None
     sections = [section for section in controllers.values() if section.camera_follows]
-    asked = {section.robot_name or only_robot for section in sections}
-    return {name for name in names if name in asked}
+    followed = {section.robot_name or only_robot for section in sections}
+    return {name for name in names if name in followed}
 
 
 def framed_time(result: RecordedRun) -> float:

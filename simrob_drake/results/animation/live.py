@@ -56,16 +56,20 @@ class StationView:
         """Show positions of the whole plant, shape (nq,)."""
         if self.scene is not None and np.isfinite(positions).all():
             self.scene.place(positions)
-            self._tell("poses", [*pose_commands(self.scene.query(), _PREFIXES), *self._followed(self.scene)])
+            self._tell("poses", [*pose_commands(self.scene.query(), _PREFIXES), *self._follow_commands(self.scene)])
 
-    def _followed(self, scene: ViewedStation) -> list[dict[str, Any]]:
-        """Commands by which the camera follows a robot that moves about. Empty if there is no such robot, or several.
+    def _follow_commands(self, scene: ViewedStation) -> list[dict[str, Any]]:
+        """Commands to the page by which the camera and the floor follow a robot that moves about.
 
-        These are robots on feet of their own, and those of controllers that ask for it.
+        Such robots are those that walk on feet, and those whose controllers ask for it. The list is empty if there is
+        no such robot, or several. The first command is that of the camera.
+
+        Args:
+            scene: the station as it is shown.
         """
-        asked = robots_to_follow(scene.station.robots, self._controllers)
+        of_controllers = robots_to_follow(scene.station.robots, self._controllers)
         robots = scene.station.robots.values()
-        followed = [robot for robot in robots if robot.name in asked or (robot.model.feet and robot.floats)]
+        followed = [robot for robot in robots if robot.name in of_controllers or (robot.model.feet and robot.floats)]
         if len(followed) != 1:
             return []
         place = scene.pose(followed[0].root).translation()
@@ -74,7 +78,7 @@ class StationView:
     def _tell_scene(self, scene: ViewedStation, config: StationConfig) -> None:
         points, azimuth = scene.extents(scene.initial[np.newaxis]), side(scene.station)
         scene.place(scene.initial)
-        here = [{**one, "begins": True} for one in self._followed(scene)[:1]]
+        here = [{**one, "begins": True} for one in self._follow_commands(scene)[:1]]
 
         def draw(meshcat: Meshcat) -> None:
             draw_geometry(meshcat, scene.query(), _PREFIXES)
@@ -195,14 +199,17 @@ class Steering:
         self._begun = set[str]()
 
     def _command(self, prefix: str, section: ControllerSection, time: float) -> tuple[float, ...] | None:
-        """Command that the user has set for a controller.
+        """Command that the user has set for a controller, by the sliders or the stop button.
 
-        Returns None until the user touches a control. Up to then the sliders show the command of the section.
+        Until the user touches a control, the sliders are set to the command of the section.
 
         Args:
             prefix: beginning of the labels of the controller's controls.
             section: section of the controller.
             time: time of the run [s].
+
+        Returns:
+            the numbers of the command in the units of `command_parts`, or None until the user touches a control.
         """
         parts = section.command_parts
         sliders = [prefix + part.label for part in parts]
@@ -211,12 +218,14 @@ class Steering:
             stop.value = 0.0
             self._show(sliders, [0.0] * len(sliders))
             self._begun.add(prefix)
+        # A slider is not where the program has set it: the user has moved it.
         if any(self.controls[name].value != self._shown.get(name, 0.0) for name in sliders):
             self._begun.add(prefix)
         if prefix not in self._begun:
-            own = zip(section.command_at(time), parts, strict=True)
+            numbers_of_section = zip(section.command_at(time), parts, strict=True)
             # Rounding removes the error of the conversion to the slider's unit, such as from radians to degrees.
-            self._show(sliders, [round(value / part.slider_unit, _SLIDER_DECIMALS) for value, part in own])
+            shown = [round(value / part.slider_unit, _SLIDER_DECIMALS) for value, part in numbers_of_section]
+            self._show(sliders, shown)
             return None
         values = [round(self.controls[name].value, _SLIDER_DECIMALS) for name in sliders]
         return tuple(value * part.slider_unit for value, part in zip(values, parts, strict=True))
@@ -241,13 +250,14 @@ def _controls(section: ControllerSection, robot: ResolvedRobot, prefix: str, *, 
         keys: whether keys of the browser move the sliders, too.
     """
     controls = dict[str, Control]()
+    # The limits are in the units of the sliders.
     for part, (lower, upper) in zip(section.command_parts, section.command_limits(robot), strict=True):
         down, up = part.keys if keys else ("", "")
         controls[prefix + part.label] = Control(
             value=0.0,
             low=lower,
             high=upper,
-            step=(upper or 1.0) / _SLIDER_STEPS,
+            step=(upper or 1.0) / _SLIDER_STEPS,  # a slider takes no step of 0, which an upper limit of 0 would give
             key=down or None,
             key_up=up or None,
         )

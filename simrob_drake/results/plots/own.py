@@ -129,9 +129,18 @@ def save_plots(result: RecordedRun, folder: Path, kind: PlotFormat = "png") -> l
 
 
 def _save_plots_of_extensions(result: RecordedRun, folder: Path, kind: PlotFormat, taken: set[str]) -> list[Path]:
-    """Write the plots that installed extensions make of a run, and return the files.
+    """Write the plots that installed extensions make of a run.
 
-    A plot whose name is among the taken ones, or whose function fails, is left out with an ExtensionWarning.
+    A plot whose name is taken, or whose function fails, is left out with an ExtensionWarning.
+
+    Args:
+        result: the run.
+        folder: folder of the plots.
+        kind: format of the files, which is also their suffix.
+        taken: names of the plots that are there already.
+
+    Returns:
+        the files that were written.
     """
     written = []
     for name, draw in usable_objects("plots", Callable).items():

@@ -23,7 +23,7 @@ def remarks_of(run: RecordedRun) -> list[str]:
 
 
 def _remarks(run: RecordedRun, begin: float) -> Iterator[str]:
-    """Yield the remarks of the controllers of one run.
+    """Yield the remarks of the controllers of one run: the times at which an output with a remark was not zero.
 
     Args:
         run: the run.
@@ -42,14 +42,18 @@ def _remarks(run: RecordedRun, begin: float) -> Iterator[str]:
 
 
 def _spans_of_nonzero(values: Vector, times: Vector) -> list[tuple[float, float]]:
-    """Find the spans of time in which a signal is not zero: the times of the first and the last sample of each [s].
+    """Find the spans of time in which a signal is not zero.
 
     Args:
         values: samples of the signal, shape (m,).
         times: times of the samples, shape (m,) [s].
+
+    Returns:
+        the times of the first and of the last sample of each span [s].
     """
+    # A zero before the first sample and one after the last let a span begin or end there, too.
     is_nonzero = np.concatenate([[False], values != 0.0, [False]])
-    # Spans begin and end at the changes in turn.
+    # The changes are in turn the index of the first sample of a span, and that of the sample after its last one.
     changes = np.flatnonzero(np.diff(is_nonzero))
     spans = zip(changes[::2], changes[1::2], strict=True)
     return [(float(times[first]), float(times[end - 1])) for first, end in spans]

@@ -427,7 +427,11 @@ def verdict_of(run: RecordedRun) -> Verdict:
 
 
 def _measure_of_extension(criterion: Criterion, run: RecordedRun) -> Measure | None:
-    """Measure a run by a criterion of an extension. If that raises, there is a warning, and the measure is left out."""
+    """Measure a run by a criterion of an extension.
+
+    Returns None if the run has nothing to measure. If the extension's function raises an error, an ExtensionWarning is
+    given, and the result is None, too.
+    """
     try:
         return criterion.of(run)
     except Exception as problem:  # a function of somebody else must not cost the result of a long run

@@ -77,6 +77,7 @@ def test_other_schemes_work_otherwise() -> None:
 
 
 def test_an_arm_is_the_same_in_four_engines() -> None:
+    pytest.importorskip("simrob_drake.extensions.mujoco")
     pytest.importorskip("mujoco")
     told = compare_engines(load_station("irb120_dynamic", {"duration": 0.3}))
     assert [one.name for one in told.accounts] == ["Drake, radau3", "Drake, cenic", "inverse dynamics", "MuJoCo"]
@@ -89,6 +90,7 @@ def test_an_arm_is_the_same_in_four_engines() -> None:
 
 
 def test_mujoco_knows_the_torques_of_a_given_motion(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("simrob_drake.extensions.mujoco")
     pytest.importorskip("mujoco")
     for station in ("humanoid_fixed", "irb120_on_belt"):
         out = tmp_path / station
@@ -160,6 +162,7 @@ def test_forces_of_sliding_axes_are_held_against_forces() -> None:
 
 
 def test_engines_are_compared_while_the_program_of_a_station_is_done(turning: Path) -> None:  # noqa: F811
+    pytest.importorskip("simrob_drake.extensions.mujoco")
     found = compare_engines(load_station(turning))
     assert found.accounts[0].times[-1] == pytest.approx(0.3)
     assert "it does no programs of kinematic stations" in found.missing["MuJoCo"]

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("mujoco")
+pytest.importorskip("simrob_drake.extensions.mujoco")
 gymnasium = pytest.importorskip("gymnasium")
 
 import simrob_drake.extensions.learning  # noqa: E402, F401  # registers the environments

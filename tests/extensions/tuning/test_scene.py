@@ -44,6 +44,7 @@ def test_a_program_is_run_with_its_figures_changed(tmp_path):
 
 def test_the_same_is_run_in_the_other_engine():
     """A push moves the robot as far in both, to what their contacts differ by; the runs are none the less others."""
+    pytest.importorskip("simrob_drake.extensions.mujoco")
     pytest.importorskip("mujoco")
     here, there = (Scene.of("zjudancer_dynamic", {**PUSHED, "engine": engine}) for engine in ("drake", "mujoco"))
     assert here.digest != there.digest

@@ -2,11 +2,13 @@
 
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 
 from nicegui import ui
 from nicegui.events import MultiUploadEventArguments
 
-from simrob_drake.base.files import models_root
+from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.files import robot_files
 from simrob_drake.extensions.pendant.own_files import MOST
 from simrob_drake.extensions.pendant.pages.elements import KEYS, follow, set_label
 from simrob_drake.extensions.pendant.pages.words import Words, matches
@@ -15,9 +17,11 @@ from simrob_drake.robots.catalog import load_robot, robot_names
 from simrob_drake.stations.load import station_names
 
 Files = dict[str, bytes]  # by their names
-PICTURE = "picture.png"  # of a robot, in its folder
+PICTURE = "picture.png"
+"""File with the picture of a robot, in its folder."""
 PICTURES = "pictures"
-"""Where the server has the folders of all robots. An image of a file would lose it when any tab is closed."""
+"""Path below which the server has the pictures of robots by their names. NiceGUI's own images of files would be gone as
+soon as any tab is closed."""
 
 
 def build(session: Session, t: Words, load: Callable[[str], object], take: Callable[[Files], object]) -> None:
@@ -78,16 +82,34 @@ def _uploads(t: Words, take: Callable[[Files], object]) -> ui.upload:
 
 @cache
 def _robots() -> list[str]:
-    """Return the robots that have a picture, those with legs first."""
-    names = [name for name in robot_names() if (models_root() / name / PICTURE).is_file()]
-    return sorted(names, key=lambda name: load_robot(name).feet is None)
+    """Return the robots of this package and of extensions, those with legs first."""
+    return sorted(robot_names(), key=_has_no_feet)
+
+
+def _has_no_feet(name: str) -> bool:
+    """Whether a robot has no feet. One of an extension that cannot be loaded has none; its button shows the reason."""
+    try:
+        return load_robot(name).feet is None
+    except SimrobError:
+        return True
+
+
+def picture_file(robot: str) -> Path | None:
+    """Return the file with the picture of a robot. None if there is no such robot, or it has no picture."""
+    description = robot_files().get(robot)
+    picture = None if description is None else description.with_name(PICTURE)
+    return picture if picture is not None and picture.is_file() else None
 
 
 def _picture(name: str, load: Callable[[str], object]) -> ui.element:
+    """Build the button of a robot: its picture, or a sign if it has none, and its name."""
     button = ui.element("button").classes("pendant-robot").props("type=button")
     button.on("click", lambda: load(name))
     with button:
-        ui.element("img").props(f"src={PICTURES}/{name}/{PICTURE} alt=''")
+        if picture_file(name) is None:
+            ui.icon("smart_toy").classes("pendant-robot-sign")
+        else:
+            ui.element("img").props(f"src={PICTURES}/{name} alt=''")
         ui.label(name.replace("_", " "))
     return button
 

@@ -206,18 +206,31 @@ def _tabs(session: Session, t: Words, language: str) -> None:
 
 
 def _own_panels(t: Words) -> dict[str, PendantPanel]:
-    """Describe the tabs of this page as panels, by name, with their titles in the language of the page."""
+    """Describe the tabs of this page as panels, by name, as extensions do with theirs.
+
+    Args:
+        t: texts in the language of the page.
+    """
     panels = {}
     for name, build_tab in TABS.items():
+        # The title is already in the language of the page. As the "English" one it is shown in every language.
         title = t(f"shell.{name}_tab")
+        # The name of a tab is the kind of robot for which it is shown. No kinds mean all robots.
         robots = () if name == _ALWAYS else (name,)
         panels[name] = PendantPanel(titles={"en": title}, build=build_tab, robots=robots)
     return panels
 
 
 def _build_panel(name: str, panel: PendantPanel, session: Session, t: Words) -> None:
-    """Build the content of a tab. If a panel of an extension fails, its tab shows the reason."""
-    if name in TABS:
+    """Build the content of a tab. If a panel of an extension fails, its tab shows the reason.
+
+    Args:
+        name: name of the tab.
+        panel: the panel that builds it.
+        session: the session of the page's user.
+        t: texts in the language of the page.
+    """
+    if name in TABS:  # a tab of this page: an error in it must not be hidden
         panel.build(session, t)
         return
     try:

@@ -71,7 +71,7 @@ def pushes(
 
     of_pushes: dict[str, Any] = {"directions": directions, "phases": phases, "period": period, "start": start}
     of_pushes |= {"duration": duration, "after": after, "first": from_, "force": newtons}
-    of_burdens = {"seconds": seconds, "least": least}
+    of_burdens: dict[str, Any] = {"seconds": seconds, "least": least}
     if vary:
         refuse("it has no effect with --vary", **of_pushes)
     else:
