@@ -146,7 +146,7 @@ def test_a_run_goes_on_while_an_axis_gives_way_to_the_last_bit():
         ("motor_protection", {"protection.limit": {"joint_7": 10}}, "joint_7"),
         ("motor_protection", {"protection.limit": [1, 2]}, "controllers.protection.limit"),
         ("motor_protection", {"protection.limit": -1}, "must be positive"),
-        ("motor_protection", {"protection.weight": 0.5}, "what protects must show whole"),
+        ("motor_protection", {"protection.weight": 0.5}, "what protects the robot cannot be weighted"),
         ("motor_protection", {"protection.limit": 200}, "less than the servo gives at most, 150 N·m"),
         ("motor_protection", {"protection.nominal": 60}, "must be at most its limit, 50 N·m"),
         ("motor_protection", {"protection.warn": 1.5}, "controllers.protection.warn"),

@@ -160,7 +160,7 @@ def test_a_program_runs_from_the_shell(tmp_path, capsys):
         (lambda: standing().add_reference({"left_knee": 500}), JointLimitExceeded, "beyond its limit"),
         (lambda: arm().add_reference(np.full(6, 9.0)), JointLimitExceeded, "beyond its limits"),
         (lambda: arm().add_reference([0.1, 0.2]), InvalidParameter, "6 finite numbers"),
-        (lambda: arm().simulate(automatic=True, duration=3), InvalidParameter, "takes its own time"),
+        (lambda: arm().simulate(automatic=True, duration=3), InvalidParameter, "takes the time of its own references"),
     ],
 )
 def test_what_cannot_be_is_told(ask, error, message):

@@ -104,7 +104,7 @@ def test_fingers_that_turn_and_have_no_shapes_are_refused_a_force_but_close(tmp_
     (tmp_path / "gantry.urdf").write_text(gantry(*sides))
     (tmp_path / "station.yaml").write_text(draft_station(tmp_path / "gantry.urdf", folder=tmp_path))
     arm = Arm(load_station(tmp_path / "station.yaml"))
-    with pytest.raises(SimrobError, match="no shapes tell where the fingers of gantry meet"):
+    with pytest.raises(SimrobError, match="the fingers of gantry have no shapes that tell where they meet"):
         arm.grip(force=10)
     arm.grip()
     assert arm.position[2] == pytest.approx(0.6, abs=0.02)

@@ -118,7 +118,7 @@ def test_a_run_begins_on_the_course(station):
     ("changes", "message"),
     [
         ({"prescribed": {"joint_9": {"kind": "hold"}}}, "no axis of two.*joint_9"),
-        ({"mode": "kinematic"}, "prescribed.*kinematic station's reference moves all"),
+        ({"mode": "kinematic"}, "prescribed.*the reference of a kinematic station moves all"),
         ({"servo": {"realization": "implicit", "kp": 1}}, "servo.realization.*a prescribed joint has no servo"),
         ({"servo.feedforward": "gravity"}, "knows the robot's model"),
         ({"prescribed.joint_1": {"kind": "sine", "amplitude_deg": {"joint_2": 3}}}, "joint_2"),

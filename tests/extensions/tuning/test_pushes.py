@@ -238,7 +238,11 @@ def test_a_burden_must_not_hold_the_robot_up(monkeypatch):
             "it must be a station that tells when robot has fallen",
         ),
         ("roid1_dynamic", {"at": "nose"}, "no robot, tool or link 'nose'"),
-        ("roid1_dynamic", {"overrides": {"duration": 3}}, "--set duration is given"),
+        (
+            "roid1_dynamic",
+            {"overrides": {"duration": 3}},
+            "--set duration: the trial says how long a run is",
+        ),
         ("roid1_dynamic", {"variant": {"servo.kpp": 3}}, "--variant servo.kpp: unknown key; did you mean 'kp'"),
         ("roid1_dynamic", {"overrides": {"engine": "mujoco"}}, "engine: is to be left out"),
         ("roid1_dynamic", {"overrides": {"servo.kp": 1}, "start": 1}, "falls by itself: robot fell"),
