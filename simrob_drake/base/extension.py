@@ -205,7 +205,10 @@ class MissingExtension(SimrobError):
 
 
 class ExtensionWarning(UserWarning):
-    """Warns that something of an extension is left out, although nobody named it: a plot, a measure, a panel."""
+    """Warning that a plot, a measure or a panel of an extension is left out.
+
+    They are used in every run or page without being named in a file, so there is no error that gives the reason.
+    """
 
 
 @cache
@@ -294,7 +297,7 @@ def classes_of_extensions(point: str, base: Any, named_by: str = "") -> dict[str
 
 
 def usable_objects(point: str, base: Any, named_by: str = "") -> dict[str, Any]:
-    """Import, by name, the objects that extensions add at a point whose entries nobody names (plots, measures, panels).
+    """Import all plots, measures or panels that extensions add, by name.
 
     An object that cannot be used is left out with an :class:`ExtensionWarning`.
 
@@ -573,10 +576,7 @@ def _without_missing_needs(found: list[InstalledExtension]) -> list[InstalledExt
 
 
 def _without_conflicts(found: list[InstalledExtension]) -> Iterator[InstalledExtension]:
-    """Yield all installed extensions.
-
-    One that takes a name of an earlier extension is yielded as one that is left out, with this problem.
-    """
+    """Yield all installed extensions. An extension that takes a name of an earlier one is left out, with this problem."""
     packages = dict[str, str]()  # by name of an extension, its package
     owners = dict[tuple[str, str], Addition]()  # by extension point and name
     # Names of data are the extension's own business: nobody refers to them.
