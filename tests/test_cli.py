@@ -423,7 +423,7 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
             "is neither a station nor a robot; stations and programs are read from",
         ),
         ("x" * 5000, "there is no station"),
-        (f"{'x' * 5000}.yaml", "File name too long"),
+        (f"{'x' * 5000}.yaml", "there is no such file"),
     ],
 )
 def test_check_says_what_a_file_is_that_is_no_station(file, said, capsys):

@@ -380,7 +380,10 @@ def test_a_picture_of_pixels_shows_all_of_the_drawing(tmp_path: Path) -> None:
 
 
 def test_an_unknown_suffix_names_the_known_ones(tmp_path: Path) -> None:
-    with pytest.raises(InvalidParameter, match=r"picture\.jpg.*\.svg, \.png, \.pdf, \.dot, \.mmd"):
+    with pytest.raises(
+        InvalidParameter,
+        match=r"the picture.s file is .*; it must be a file that ends in \.svg or \.png or \.pdf or \.dot or \.mmd",
+    ):
         save_block_picture(load_station("double_pendulum"), tmp_path / "picture.jpg")
 
 

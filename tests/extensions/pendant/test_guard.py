@@ -221,7 +221,7 @@ def test_the_view_tells_what_the_session_tells_and_hears_of_drags(served):
 
 def test_a_tab_that_is_closed_takes_no_picture_from_the_others(served):
     served.asked()
-    pictures = re.findall(rb"[\w/]*picture\.png", served.asked()[2])
+    pictures = re.findall(rb"pictures/\w+", served.asked()[2])
     assert pictures
     served.do(next(iter(Client.instances.values())).delete)
     for picture in map(bytes.decode, pictures):
