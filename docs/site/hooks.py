@@ -20,6 +20,8 @@ TOP = {False: ("README.md", "CHANGELOG.md", "CONTRIBUTING.md"), True: ("README.e
 
 TITLES = {"Start": "Inicio", "Lessons": "Lecciones", "Course": "Curso", "How to": "Guías", "Results": "Resultados"}
 """Those of the navigation in Spanish."""
+ENGLISH_ALONE = ("Reference", "Decisions")
+"""Sections of the navigation whose pages are in English alone: made from the code, or written for developers."""
 FROM_TOP = "site:"
 """Before links that count from the top of the whole site."""
 SPANISH_ALONE = ("simrob.md",)
@@ -70,7 +72,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
             {TITLES[title]: [page for page in pages if (folder / page).is_file() or page == "readme.md"]}
             for entry in entries
             for title, pages in entry.items()
-            if title != "Reference"
+            if title not in ENGLISH_ALONE
         ]
         entries.append({"Referencia (en inglés)": "../reference/python/index.html"})
         next(entry["Guías"] for entry in entries if "Guías" in entry).extend(SPANISH_ALONE)
