@@ -5,7 +5,7 @@ The toolbox's own moves are in a table here. A move of another package may have 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from types import MappingProxyType
 
@@ -34,7 +34,7 @@ class MoveLabels:
     """
 
     title: str
-    form: FormFields = _NO_FIELDS
+    form: FormFields = field(default_factory=lambda: _NO_FIELDS)
 
 
 _LABELS: Mapping[str, MoveLabels] = {
