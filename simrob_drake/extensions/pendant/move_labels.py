@@ -90,11 +90,11 @@ def form_from_keys(kind: type[Move]) -> FormFields:
     names = named_things(kind)
     keys = [key for key in kind.model_fields if key != "robot"]  # the pendant has chosen the robot already
     form = dict[str, str | float | None]()
-    for field in move_fields(kind, keys, {}):
-        if field.key in names:
-            form[field.key] = names[field.key]
-        elif field.kind in ENTERED_ALONE:
-            form[field.key] = None
-        elif kind.model_fields[field.key].is_required():  # a key that no field can enter
+    for form_field in move_fields(kind, keys, {}):
+        if form_field.key in names:
+            form[form_field.key] = names[form_field.key]
+        elif form_field.kind in ENTERED_ALONE:
+            form[form_field.key] = None
+        elif kind.model_fields[form_field.key].is_required():  # a key that no form_field can enter
             return _NO_FIELDS
     return form
