@@ -95,6 +95,6 @@ def form_from_keys(kind: type[Move]) -> FormFields:
             form[form_field.key] = names[form_field.key]
         elif form_field.kind in ENTERED_ALONE:
             form[form_field.key] = None
-        elif kind.model_fields[form_field.key].is_required():  # a key that no form_field can enter
+        elif kind.model_fields[form_field.key].is_required():  # a key that no field can enter
             return _NO_FIELDS
     return form
