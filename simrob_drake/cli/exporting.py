@@ -97,11 +97,28 @@ def export(
     for name, exporter in exporters.items():
         if exporter.suffix:
             check_ending(targets[name], [exporter.suffix], flag_of(name))
+    _check_targets_differ(targets)
     options.refuse_all_but([exporter.options_class for exporter in exporters.values()])
     if of_programs:
         _export_program(station, set_, targets, of_programs, options, force=force)
     else:
         _export_station(station, set_, targets, of_stations, options, force=force)
+
+
+def _check_targets_differ(targets: Mapping[str, Path]) -> None:
+    """Check that no two formats are written into the same file.
+
+    Args:
+        targets: file to write for each format, by the format's name.
+
+    Raises:
+        InvalidParameter: two formats have the same file.
+    """
+    formats = dict[Path, str]()  # by absolute path of the file
+    for name, file in targets.items():
+        first = formats.setdefault(file.resolve(), name)
+        if first != name:
+            raise InvalidParameter(flag_of(name), str(file), f"another file than that of {flag_of(first)}")
 
 
 def _export_station(

@@ -1,11 +1,14 @@
 """The exporters of programs as RAPID modules and as URScript."""
 
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from simrob_drake.programs.exporter import ExportedTexts, ProgramExporter
 from simrob_drake.programs.program import Program
 from simrob_drake.stations.config import StationConfig
+
+if TYPE_CHECKING:
+    from simrob_drake.extensions.rapid.exporting import ExportedProgram
 
 
 class RapidExporter(ProgramExporter):
@@ -31,11 +34,9 @@ class RapidExporter(ProgramExporter):
         Raises:
             SimrobError: the program cannot be done, or RAPID cannot express it; the message names the move.
         """
-        # These load scipy and Drake's plant, which the help of the command does not need.
-        from simrob_drake.extensions.rapid.exporting import ExportedProgram, rapid_text
-        from simrob_drake.programs.arm import Workcell
+        from simrob_drake.extensions.rapid.exporting import rapid_text  # not at the top: see _steps_of()
 
-        exported = ExportedProgram.of(program, Workcell(config), source)
+        exported = _steps_of(program, config, source)
         module, signals = rapid_text(exported, file.stem)
         texts = {file: module}
         if signals:
@@ -66,9 +67,18 @@ class UrscriptExporter(ProgramExporter):
         Raises:
             SimrobError: the program cannot be done, or URScript cannot express it; the message names the move.
         """
-        # These load scipy and Drake's plant, which the help of the command does not need.
-        from simrob_drake.extensions.rapid.exporting import ExportedProgram, urscript_text
-        from simrob_drake.programs.arm import Workcell
+        from simrob_drake.extensions.rapid.exporting import urscript_text  # not at the top: see _steps_of()
 
-        exported = ExportedProgram.of(program, Workcell(config), source)
+        exported = _steps_of(program, config, source)
         return ExportedTexts({file: urscript_text(exported, file.stem)}, tuple(exported.remarks))
+
+
+def _steps_of(program: Program, config: StationConfig, source: str) -> "ExportedProgram":
+    """Do a program on its station, without a run, and note its steps. Arguments and errors are as for `program_texts`.
+
+    The imports load scipy and Drake's plant. The help of the command lists the exporters and does not need these.
+    """
+    from simrob_drake.extensions.rapid.exporting import ExportedProgram
+    from simrob_drake.programs.arm import Workcell
+
+    return ExportedProgram.of(program, Workcell(config), source)

@@ -202,6 +202,10 @@ def test_the_example_of_the_page_is_done(tmp_path):
         (["import", "none.mod", "--robot", "irb120"], "none.mod: No such file"),
         (["export", "irb120_kinematic", "--rapid", "B.mod"], "irb120_kinematic: is no program"),
         (["export", "irb120_kinematic"], "given --mjcf, or --rapid or --urscript"),
+        (
+            ["export", "p.yaml", "--rapid", "x.txt", "--urscript", "./x.txt"],
+            "--urscript is x.txt; it must be another file than that of --rapid",
+        ),
     ],
 )
 def test_bad_input_is_one_line(tmp_path, monkeypatch, capsys, command, message):
