@@ -9,6 +9,7 @@ from simrob_drake import load_station, simulate
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.parts.controllers import KINDS
 from simrob_drake.programs.timeline import Change, Timeline
+from simrob_drake.results.animation.camera import robots_to_follow
 from simrob_drake.results.animation.live import StationView, Steering
 from simrob_drake.results.animation.window import Board
 from simrob_drake.results.files import save_result
@@ -137,3 +138,12 @@ def test_a_program_drives_it(spinning):
     driver = timeline.walk_drivers(spinning)["spin"]
     assert driver(0.05) is None
     assert driver(0.2) == (pytest.approx(np.deg2rad(10.0)),)
+
+
+@pytest.mark.parametrize(
+    ("station", "followed"),
+    [("zjudancer_walking", {"robot"}), ("zjudancer_balance", set()), ("irb120_dynamic", set())],
+)
+def test_the_camera_follows_robots_that_walk_and_no_others(station, followed):
+    config = load_station(station)
+    assert robots_to_follow(config.robots, config.controllers) == followed

@@ -4,9 +4,10 @@ import ast
 from pathlib import Path
 from typing import get_args
 
+import numpy as np
 import pytest
 from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
-from pydrake.systems.primitives import Integrator
+from pydrake.systems.primitives import Integrator, LinearSystem
 
 import simrob_drake
 from simrob_drake import load_station
@@ -73,3 +74,20 @@ def test_no_module_compares_names_of_modes_and_schemes():
             if asked & {"mode", "scheme", "kind"} and {value for value in values if isinstance(value, str)} & names:
                 found.append(f"{file.relative_to(PACKAGE)}:{node.lineno}")
     assert [place.partition(":")[0] for place in found] == ["stations/config.py"]
+
+
+@pytest.mark.parametrize("scheme", sorted(CONTINUOUS_SCHEMES))
+def test_explicit_schemes_are_those_that_a_stiff_spring_makes_unstable(scheme):
+    """A decay with the rate 1000/s, in steps of 10 ms: h λ = 10 is beyond the stable range of every explicit scheme."""
+    if scheme == "cenic":  # it steps plants alone; it is convex and implicit in their contacts and actuators
+        assert not CONTINUOUS_SCHEMES[scheme].is_explicit
+        return
+    decay = LinearSystem(A=[[-1000.0]], B=np.zeros((1, 0)), C=[[1.0]], D=np.zeros((1, 0)))
+    simulator = Simulator(decay)
+    integrator = ResetIntegratorFromFlags(simulator, scheme, 0.01)
+    if not CONTINUOUS_SCHEMES[scheme].has_fixed_steps:
+        integrator.set_fixed_step_mode(True)
+    simulator.get_mutable_context().SetContinuousState([1.0])
+    simulator.AdvanceTo(0.5)
+    end = abs(simulator.get_context().get_continuous_state_vector()[0])
+    assert (end > 1.0) == CONTINUOUS_SCHEMES[scheme].is_explicit

@@ -5,6 +5,7 @@ from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
 from simrob_drake.base.files import models_root
+from simrob_drake.extensions.pendant.pages import gallery
 from simrob_drake.extensions.pendant.pages.gallery import PICTURES, picture_file
 from simrob_drake.extensions.pendant.server import _picture_of
 from simrob_drake.robots.catalog import robot_names
@@ -31,3 +32,9 @@ def test_nothing_else_is_served(client, robot):
 
 def test_a_robot_of_no_name_has_no_picture():
     assert picture_file("") is None
+
+
+def test_a_robot_of_an_extension_may_have_no_picture(client, monkeypatch, tmp_path):
+    monkeypatch.setattr(gallery, "robot_files", lambda: {"plain": tmp_path / "plain" / "robot.yaml"})
+    assert picture_file("plain") is None
+    assert client.get(f"/{PICTURES}/plain").status_code == 404
