@@ -576,7 +576,7 @@ def _without_missing_needs(found: list[InstalledExtension]) -> list[InstalledExt
 
 
 def _without_conflicts(found: list[InstalledExtension]) -> Iterator[InstalledExtension]:
-    """Yield all extensions. One that takes a name of an earlier extension is yielded as left out, with this problem."""
+    """Yield all extensions. If one takes a name of an earlier one, it is yielded as left out, with this problem."""
     packages = dict[str, str]()  # by name of an extension, its package
     owners = dict[tuple[str, str], Addition]()  # by extension point and name
     # Names of data are the extension's own business: nobody refers to them.
