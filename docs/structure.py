@@ -1,7 +1,6 @@
-"""Draw the packages and their imports, counted, into both pages `architecture.md`: ``python -m docs.structure``."""
+"""Draw the packages and what they import into both pages `architecture.md`: ``python -m docs.structure``."""
 
 import ast
-from collections import Counter
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -35,35 +34,36 @@ def package_of(module: str) -> str:
     return f"extensions/{parts[1]}" if parts[0] == "extensions" and len(parts) > 1 else parts[0]
 
 
-def imports_by_package() -> dict[str, Counter[str]]:
-    """Count, for each package, the import statements that name each other package."""
-    counts: dict[str, Counter[str]] = {}
+def imports_by_package() -> dict[str, set[str]]:
+    """Collect, for each package, the other packages that its modules import."""
+    imports: dict[str, set[str]] = {}
     for file in sorted(PACKAGE.rglob("*.py")):
         package = package_of(".".join(file.relative_to(ROOT).with_suffix("").parts))
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("simrob_drake."):
                 other = package_of(str(node.module))
                 if other and other != package:
-                    counts.setdefault(package, Counter())[other] += 1
-    return counts
+                    imports.setdefault(package, set()).add(other)
+    return imports
 
 
 def drawing() -> str:
-    """Draw who imports what: one line for each package, with the number of import statements in brackets."""
-    counts = imports_by_package()
-    extensions = sorted(package for package in counts if package.startswith("extensions/"))
+    """Draw which package imports which, one line for each package."""
+    imports = imports_by_package()
+    extensions = sorted(package for package in imports if package.startswith("extensions/"))
     lines = ["core"]
-    lines += [_line(package, counts.get(package, Counter())) for package in CORE]
+    lines += [_line(package, imports.get(package, set())) for package in CORE]
     lines += ["", "extensions"]
-    lines += [_line(package, counts[package]) for package in extensions]
+    lines += [_line(package, imports[package]) for package in extensions]
     return "\n".join(lines)
 
 
-def _line(package: str, counts: Counter[str]) -> str:
-    """One line of the drawing: a package and the packages that it imports, the most frequent first."""
-    others = ", ".join(f"{other.removeprefix('extensions/')} ({count})" for other, count in counts.most_common())
+def _line(package: str, imported: set[str]) -> str:
+    """One line of the drawing: a package and the packages that it imports, in the order of the core."""
+    names = [other for other in CORE if other in imported]
+    names += sorted(other.removeprefix("extensions/") for other in imported - set(CORE))
     name = package.removeprefix("extensions/")
-    return f"  {name:<11}<- {others}" if others else f"  {name}"
+    return f"  {name:<11}<- {', '.join(names)}" if names else f"  {name}"
 
 
 def renewed(page: str) -> str:
