@@ -10,8 +10,8 @@ from typing import Literal
 Severity = Literal["success", "note", "warning", "failure"]
 """How a remark is judged.
 
-``success``: what was asked is reached. ``note``: a fact without a judgement. ``warning``: a value violates its bound, or
-a result may be wrong. ``failure``: the run ended early, or an input cannot be used.
+``success``: what was asked is reached. ``note``: a fact without a judgement. ``warning``: a value violates its bound,
+or a result may be wrong. ``failure``: the run ended early, or an input cannot be used.
 """
 
 SEVERITIES: tuple[Severity, ...] = ("success", "note", "warning", "failure")
