@@ -6,8 +6,8 @@ of all criteria. The *bounds* of the values are given in the section ``verdict``
 violates its bound becomes a warning.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -16,6 +16,11 @@ import numpy as np
 
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import Message, compound, message
+from simrob_drake.base.remarks import Remark, Remedy, Severity
+from simrob_drake.results.verdict.remedies import MakeRemedy
+from simrob_drake.results.verdict.severity import VIOLATION, severity_of
+from simrob_drake.results.verdict.words import amount_in_words, count_in_words, in_words, rounded_in_words
 from simrob_drake.stations.solver_config import VerdictConfig
 
 if TYPE_CHECKING:  # this import would be circular: a run has a verdict
@@ -61,6 +66,7 @@ class MeasuredValue(NamedTuple):
         time: when the value occurred [s]. None if it belongs to the whole run.
         limit: what the value is a share of; 0 if it is no share.
         limit_unit: unit of the limit; empty if there is none.
+        move: in a program, name of the move in which the value occurred, such as ``move 2``; empty otherwise.
     """
 
     subject: str
@@ -70,6 +76,7 @@ class MeasuredValue(NamedTuple):
     time: float | None
     limit: float
     limit_unit: str
+    move: str = ""
 
 
 @dataclass(frozen=True)
@@ -81,13 +88,14 @@ class Criterion:
             under the names ``bound_keys``.
         unit: ``m``, ``1`` for a share, or ``rad`` for axes. The values of prismatic axes are in m, and the bounds of
             axes have the endings ``_deg`` and ``_m``.
-        title: short title for lists.
+        title: short title for tables.
         sentence: text of a warning, with the placeholders ``{of}`` (subject), ``{value}``, ``{amount}`` and ``{when}``.
         measure: measures the quantity in a run; returns None if there is nothing to measure.
         per_time: whether the value is a share of the run's time, which is averaged over runs that follow each other.
         least: whether smaller values are worse, as for distances.
         default_bound: for a criterion of an extension, its bound in stations that give none, in the unit of the values;
             None for no bound. The criteria of the core have theirs in :class:`VerdictConfig`.
+        remedy: finds what most likely brings the value within its bound; None if nothing is known about that.
     """
 
     name: str
@@ -98,6 +106,12 @@ class Criterion:
     per_time: bool = False
     least: bool = False
     default_bound: float | None = None
+    remedy: MakeRemedy | None = None
+
+    @property
+    def title_message(self) -> Message:
+        """The title, for all languages."""
+        return message(f"results.title_{self.name}", self.title)
 
     @property
     def bound_keys(self) -> tuple[str, ...]:
@@ -115,7 +129,10 @@ class Criterion:
         for index, subject in enumerate(measured.subjects):
             if subject not in measured.left_out:
                 entries.append(self._entry(measured, index, run.config.verdict))
-        return Measure(self, tuple(entries), dict(measured.left_out))
+        result = Measure(self, tuple(entries), dict(measured.left_out))
+        if self.remedy is None or not result.warning:
+            return result
+        return replace(result, remedy=self.remedy(run, result.worst))
 
     def _entry(self, measured: Measured, index: int, bounds: VerdictConfig) -> MeasuredValue:
         """Make the entry of one subject, given by its index among the measured values."""
@@ -147,11 +164,33 @@ class Criterion:
         return entry.value < entry.bound if self.least else entry.value > entry.bound
 
 
-class Severity(NamedTuple):
+class Rank(NamedTuple):
     """Key for comparing entries. An entry that violates its bound is worse than all entries that do not."""
 
     is_violation: bool
     amount: float  # the larger, the worse
+
+
+class CriterionRow(NamedTuple):
+    """An entry of the table of criteria.
+
+    Attributes:
+        severity: how the value is judged.
+        criterion: title of the criterion.
+        value: the worst value, with its unit.
+        bound: bound of the value, with its unit; ``–`` if there is none.
+        worst: the part with the worst value, such as an axis.
+    """
+
+    severity: Severity
+    criterion: str
+    value: str
+    bound: str
+    worst: str
+
+
+NO_BOUND = "–"
+"""What a table shows instead of a bound if there is none."""
 
 
 @dataclass(frozen=True)
@@ -162,11 +201,14 @@ class Measure:
         criterion: the criterion.
         entries: the values, one for each subject that is judged.
         left_out: subjects that are not judged, each with the reason.
+        remedy: what most likely brings the worst value within its bound. None if it is within, or if no remedy is
+            known.
     """
 
     criterion: Criterion
     entries: tuple[MeasuredValue, ...]
     left_out: Mapping[str, str] = field(default_factory=lambda: NOTHING_LEFT_OUT)
+    remedy: Remedy | None = None
 
     @cached_property
     def worst(self) -> MeasuredValue:
@@ -177,7 +219,7 @@ class Measure:
         nothing = MeasuredValue(
             subject="", value=0.0, unit=self.criterion.unit, bound=None, time=None, limit=0.0, limit_unit=""
         )
-        return max(self.entries, key=self._severity, default=nothing)
+        return max(self.entries, key=self._rank, default=nothing)
 
     @cached_property
     def warning(self) -> str:
@@ -186,14 +228,45 @@ class Measure:
         if not violations:
             return ""
         worst = self.worst
-        sentence = self.criterion.sentence.format(
+        sentence = message(
+            f"results.beyond_{self.criterion.name}",
+            self.criterion.sentence,
             of=worst.subject,
             value=in_words(worst.value, worst.unit),
-            amount=f"{worst.value * worst.limit:.3g} of {worst.limit:.3g} {worst.limit_unit}",
-            when="" if worst.time is None else f" at {worst.time:.2f} s",
+            amount=_amount_of_limit(worst),
+            when=_when(worst),
         )
-        others = f"; {violations - 1} more beyond it" if violations > 1 else ""
-        return f"{sentence} (bound {in_words(worst.bound or 0.0, worst.unit)}{others})"
+        bound = in_words(worst.bound or 0.0, worst.unit)
+        if violations == 1:
+            return message("results.with_bound", "{sentence} (bound {bound})", sentence=sentence, bound=bound)
+        return message(
+            "results.with_bound_and_others",
+            "{sentence} (bound {bound}; {others} more beyond it)",
+            sentence=sentence,
+            bound=bound,
+            others=violations - 1,
+        )
+
+    @property
+    def remark(self) -> Remark | None:
+        """The warning with its severity and remedy, or None if all values are within their bounds."""
+        return Remark(VIOLATION, self.warning, self.remedy) if self.warning else None
+
+    @property
+    def row(self) -> CriterionRow:
+        """Entry of the table of criteria. Shares of a limit are written as amounts, such as 37.2 of 150 N·m."""
+        worst = self.worst
+        if worst.limit_unit:
+            value = amount_in_words(worst.value, worst.limit, worst.limit_unit)
+        else:
+            value = rounded_in_words(worst.value, worst.unit)
+        if worst.bound is None:
+            bound = NO_BOUND
+        elif worst.limit_unit:
+            bound = amount_in_words(worst.bound, worst.limit, worst.limit_unit)
+        else:
+            bound = rounded_in_words(worst.bound, worst.unit)
+        return CriterionRow(severity_of(self), self.criterion.title_message, value, bound, worst.subject)
 
     def __str__(self) -> str:
         """Title of the criterion, worst value and subject."""
@@ -201,18 +274,18 @@ class Measure:
             return f"{self.criterion.title} not judged"
         return f"{self.criterion.title} {in_words(self.worst.value, self.worst.unit)} ({self.worst.subject})"
 
-    def _severity(self, entry: MeasuredValue) -> Severity:
-        """Severity of an entry, by which it is compared with others.
+    def _rank(self, entry: MeasuredValue) -> Rank:
+        """Rank of an entry, by which it is compared with others.
 
         Values count as multiples of their bounds if these are not zero, since the axes of a robot may have bounds in
         different units. If smaller values are worse, the negative value counts.
         """
         is_violation = self.criterion.is_violated_by(entry)
         if self.criterion.least:
-            return Severity(is_violation, -entry.value)
+            return Rank(is_violation, -entry.value)
         if entry.bound:
-            return Severity(is_violation, entry.value / entry.bound)
-        return Severity(is_violation, entry.value)
+            return Rank(is_violation, entry.value / entry.bound)
+        return Rank(is_violation, entry.value)
 
     def summary(self) -> dict[str, Any]:
         """Content for ``summary.json``: the worst entry, and the value of each subject.
@@ -231,11 +304,33 @@ class Measure:
             "unit": worst.unit,
             "bound": worst.bound,
             "time": worst.time,
+            "severity": severity_of(self),
             "each": values,
         }
         if self.left_out:
             content["left_out"] = dict(self.left_out)
         return content
+
+
+def _amount_of_limit(entry: MeasuredValue) -> Message:
+    """Write a share as an amount of its limit, such as ``37.2 of 150 N·m``."""
+    return message(
+        "results.amount_of_limit",
+        "{amount:.3g} of {limit:.3g} {unit}",
+        amount=entry.value * entry.limit,
+        limit=entry.limit,
+        unit=entry.limit_unit,
+    )
+
+
+def _when(entry: MeasuredValue) -> Message:
+    """Write in which move and at what time a value occurred, with a space before it. Empty if neither is known."""
+    if entry.time is None:
+        return compound("")
+    at = message("results.at_time", " at {time:.2f} s", time=entry.time)
+    if not entry.move:
+        return at
+    return message("results.at_time_in_move", " at {time:.2f} s, in {move}", time=entry.time, move=entry.move)
 
 
 @dataclass(frozen=True)
@@ -248,12 +343,18 @@ class Verdict:
         contact_rate: rate at which overlaps of bodies and slips of feet were evaluated [Hz]. None if nothing touched.
         moves: results of the moves that the run consists of, in order: instances of
             :class:`~simrob_drake.results.verdict.moves.MoveVerdict`.
+        ended: how the run ended, in words. Empty if that is not known.
+        severity_of_end: severity of how the run ended.
+        doubts: reasons of the solver why the result may be wrong, in words.
     """
 
     measures: tuple[Measure, ...]
     sample_rate: float
     contact_rate: float | None = None
     moves: tuple[Any, ...] = ()
+    ended: str = ""
+    severity_of_end: Severity = "success"
+    doubts: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> Measure:
         """Result of a criterion by its name, such as ``final_error``.
@@ -277,19 +378,100 @@ class Verdict:
             warnings += move.warnings
         return warnings
 
-    def __str__(self) -> str:
-        """The worst value of each criterion in one line. Values of 0 are left out, except for distances."""
+    @property
+    def remarks(self) -> list[Remark]:
+        """Remarks about the run: a sentence that sums it up, then one for each warning, with its remedy.
+
+        A run that failed has the sentence only: what its signals violate after that is no news.
+        """
+        if self.severity_of_end == "failure":
+            return [Remark("failure", self.sentence)]
+        warnings = [Remark(VIOLATION, doubt) for doubt in self.doubts]
+        warnings += [measure.remark for measure in self.measures if measure.remark is not None]
+        for move in self.moves:
+            warnings += move.remarks
+        severity = worst_severity([Remark(self.severity_of_end, self.ended), *warnings])
+        return [Remark(severity, self.sentence), *warnings]
+
+    @property
+    def severity(self) -> Severity:
+        """Severity of the whole verdict: that of its worst remark."""
+        return self.remarks[0].severity
+
+    @property
+    def sentence(self) -> str:
+        """A sentence that says how the run ended and what missed its bound, without a capital and a full stop.
+
+        For example: ``ran to its end at 3 s. Two targets missed, by up to 31.3 mm``.
+        """
+        parts = [self.ended] if self.ended else []
+        if self.severity_of_end != "failure":
+            parts.append(joined(self._judgements(), ". "))
+        return joined(parts, ". ")
+
+    def _judgements(self) -> Iterator[Message]:
+        """Yield a sentence for what missed: targets of moves, then bounds, then the solver's doubts."""
+        misses = [move.position_error for move in self.moves if move.misses_target]
+        if misses:
+            yield _missed_targets(misses)
+        beyond = [measure.criterion.title_message for measure in self.measures if measure.warning]
+        if len(beyond) == 1:
+            yield message("results.one_bound", "One bound exceeded: {titles}", titles=beyond[0])
+        elif beyond:
+            count = count_in_words(len(beyond), capital=True)
+            titles = joined(beyond)
+            yield message("results.several_bounds", "{count} bounds exceeded: {titles}", count=count, titles=titles)
+        others = sum(len(move.remarks) for move in self.moves) - len(misses)
+        if others:
+            yield message("results.other_warnings", "{count} {count:warning|warnings} about moves", count=others)
+        if self.doubts:
+            yield message("results.solver_doubts", "The result may be inaccurate: see the warning")
+        if not (misses or beyond or others or self.doubts):
+            yield message("results.all_within", "All within bounds")
+
+    @property
+    def table(self) -> list[CriterionRow]:
+        """The table of criteria: those that are violated first. Values of 0 are left out, except for distances."""
         shown = [measure for measure in self.measures if measure.criterion.least or measure.worst.value > 0]
-        return ", ".join(map(str, shown)) or "nothing to judge"
+        rows = [measure.row for measure in shown if measure.entries]
+        return sorted(rows, key=lambda row: row.severity != VIOLATION)
+
+    def __str__(self) -> str:
+        """The sentence of the verdict."""
+        return capitalised(self.sentence)
+
+    def __repr__(self) -> str:
+        """The sentence, and the table of criteria."""
+        rows = [(row.severity, row.criterion, row.value, row.bound, row.worst) for row in self.table]
+        return "\n".join([str(self), *text_table([TABLE_HEADINGS, *rows])])
+
+    def _repr_html_(self) -> str:
+        """The sentence, the warnings with their remedies, and the table of criteria, as a notebook shows them."""
+        from simrob_drake.results.verdict.html import html_of_verdict  # only notebooks need it
+
+        return html_of_verdict(self)
 
     def summary(self) -> dict[str, Any]:
         """Content for ``summary.json``."""
         return {
+            "severity": self.severity,
+            "sentence": capitalised(self.sentence),
+            "remarks": [remark.summary() for remark in self.remarks[1:]],
             "sample_rate": self.sample_rate,
             "contact_rate": self.contact_rate,
             "figures": {measure.criterion.name: measure.summary() for measure in self.measures},
             "moves": [move.summary() for move in self.moves],
         }
+
+
+def _missed_targets(misses: Sequence[float]) -> Message:
+    """Say how many moves missed their target, and by how much [m]."""
+    distance = in_words(max(misses), "m")
+    if len(misses) == 1:
+        return message("results.missed_target", "One target missed, by {distance}", distance=distance)
+    count = count_in_words(len(misses), capital=True)
+    template = "{count} targets missed, by up to {distance}"
+    return message("results.missed_targets", template, count=count, distance=distance)
 
 
 def join_verdicts(verdicts: Sequence[Verdict], durations: Sequence[float]) -> Verdict:
@@ -347,24 +529,6 @@ def _combine(
     if measure.criterion.per_time:
         share = new.value * duration / total_time if total_time else 0.0
         return new._replace(value=share + (known.value if known else 0.0))
-    if known is None or measure._severity(new) > measure._severity(known):
+    if known is None or measure._rank(new) > measure._rank(known):
         return new
     return known
-
-
-def in_words(value: float, unit: str) -> str:
-    """Write a value for users: angles in degrees, lengths in millimetres (from 1 m on in metres), shares in per cent.
-
-    Args:
-        value: the value, in its SI unit or as a share.
-        unit: ``rad``, ``m``, or ``1`` for a share.
-    """
-    if unit == "rad":
-        number, name = np.rad2deg(value), "deg"
-    elif unit == "m" and abs(value) >= 1:
-        number, name = value, "m"
-    elif unit == "m":
-        number, name = 1e3 * value, "mm"
-    else:
-        number, name = 100 * value, "%"
-    return f"{number + 0.0:.3g} {name}"  # adding 0.0 turns -0.0 into 0.0
