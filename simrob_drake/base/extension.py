@@ -24,6 +24,7 @@ from typing import Any, NamedTuple
 
 from simrob_drake.base.errors import SimrobError, shortened
 from simrob_drake.base.extras import DISTRIBUTION
+from simrob_drake.base.messages import core_packages, register_catalogues
 
 GROUP = "simrob_drake.extensions"
 """Group of entry points under which packages announce their extensions."""
@@ -71,6 +72,8 @@ class Extension:
         stations: folders with one YAML file for each station, likewise.
         other_files: YAML files that say what files and folders are which are no stations, and which command takes them,
             as ``cli/others.yaml`` does; likewise ``package:file.yaml``.
+        messages: folders with the messages of the package in other languages, one file such as ``es.yaml`` for each, by
+            the first word of the messages' ids; likewise ``package:folder``. See :mod:`simrob_drake.base.messages`.
     """
 
     core: str
@@ -97,6 +100,7 @@ class Extension:
     pieces: Additions = field(default_factory=dict)
     stations: Additions = field(default_factory=dict)
     other_files: Additions = field(default_factory=dict)
+    messages: Additions = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check the types; raises TypeError if one is wrong. It is reported as a failure of the package's import."""
@@ -135,11 +139,15 @@ POINTS = {
     "pieces": "folder of pieces",
     "stations": "folder of stations",
     "other_files": "file about other files",
+    "messages": "folder of messages",
 }
 """The extension points: the field of :class:`Extension`, and the words for one of its entries."""
 
-FOLDERS = ("robots", "pieces", "stations")
+MODELS = ("robots", "pieces", "stations")
 """Extension points whose strings name folders of models."""
+
+FOLDERS = (*MODELS, "messages")
+"""Extension points whose strings name folders of data."""
 
 DATA = (*FOLDERS, "other_files")
 """Extension points whose strings name folders and files of data instead of Python objects."""
@@ -453,6 +461,12 @@ def addition_files(point: str) -> list[Path]:
     return [path for path in paths if path is not None and path.is_file()]
 
 
+def _message_folder(package: str) -> Path | None:
+    """Find the folder with the messages of an extension by the first word of their ids. None if there is none."""
+    addition = additions("messages").get(package)
+    return addition_path(addition) if addition is not None else None
+
+
 def register_core_names(point: str, names: Callable[[], Iterable[str]]) -> None:
     """Declare the names that the core has at an extension point. The registry of that point calls this."""
     _core_names[point] = names
@@ -579,8 +593,8 @@ def _without_conflicts(found: list[InstalledExtension]) -> Iterator[InstalledExt
     """Yield all extensions. If one takes a name of an earlier one, it is yielded as left out, with this problem."""
     packages = dict[str, str]()  # by name of an extension, its package
     owners = dict[tuple[str, str], Addition]()  # by extension point and name
-    # Names of data are the extension's own business: nobody refers to them.
-    points = [point for point in POINTS if point not in DATA]
+    # Names of data are the extension's own business: nobody refers to them. Only the ids of messages begin with theirs.
+    points = [point for point in POINTS if point not in DATA or point == "messages"]
     for installed in found:
         if installed.extension is None:  # left out already, so that it takes no names
             yield installed
@@ -597,3 +611,7 @@ def _without_conflicts(found: list[InstalledExtension]) -> Iterator[InstalledExt
         packages[installed.name] = installed.package
         owners |= own
         yield installed
+
+
+register_core_names("messages", core_packages)
+register_catalogues(_message_folder)
