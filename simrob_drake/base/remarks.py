@@ -5,7 +5,7 @@ decides only how a severity looks.
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 Severity = Literal["success", "note", "warning", "failure"]
 """How a remark is judged.
@@ -56,6 +56,14 @@ class Remark:
     severity: Severity
     text: str
     remedy: Remedy | None = None
+
+    def summary(self) -> dict[str, Any]:
+        """Content for ``summary.json``: severity and text and, if there is a remedy, its text and its setting."""
+        content: dict[str, Any] = {"severity": self.severity, "text": self.text}
+        if self.remedy is not None:
+            content["remedy"] = self.remedy.text
+            content["set"] = self.remedy.setting or None
+        return content
 
 
 def worst_severity(remarks: list[Remark]) -> Severity:

@@ -55,7 +55,9 @@ def more_time_for_motors(run: RecordedRun, entry: "MeasuredValue") -> Remedy | N
     if robot is None:
         return None
     if _is_saturated_at_rest(run, robot):
-        text = message("results.remedy_weak_motor", "the motor is too weak to hold this: carry less, or raise its limit")
+        text = message(
+            "results.remedy_weak_motor", "the motor is too weak to hold this: carry less, or raise its limit"
+        )
         return Remedy(text, key=_servo_key(run, robot, "torque_limit"))
     text = message("results.remedy_more_time", "give the motion more time")
     return _with_longer_reference(run, robot, text, _MORE_TIME)
@@ -90,9 +92,7 @@ def contact_with_floor(run: RecordedRun, entry: "MeasuredValue") -> Remedy | Non
             "this station has no contact: its floor is only drawn. Keep the target above the floor",
         )
         return Remedy(text)
-    text = message(
-        "results.remedy_no_contact", "this station has no contact: its floor is only drawn. Turn contact on"
-    )
+    text = message("results.remedy_no_contact", "this station has no contact: its floor is only drawn. Turn contact on")
     return Remedy(text, key="contact", value="{}")
 
 

@@ -16,11 +16,18 @@ import numpy as np
 
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import Message, compound, message
-from simrob_drake.base.remarks import Remark, Remedy, Severity
+from simrob_drake.base.messages import Message, compound, joined, message
+from simrob_drake.base.remarks import Remark, Remedy, Severity, worst_severity
 from simrob_drake.results.verdict.remedies import MakeRemedy
 from simrob_drake.results.verdict.severity import VIOLATION, severity_of
-from simrob_drake.results.verdict.words import amount_in_words, count_in_words, in_words, rounded_in_words
+from simrob_drake.results.verdict.words import (
+    amount_in_words,
+    capitalised,
+    count_in_words,
+    in_words,
+    rounded_in_words,
+    text_table,
+)
 from simrob_drake.stations.solver_config import VerdictConfig
 
 if TYPE_CHECKING:  # this import would be circular: a run has a verdict
@@ -89,13 +96,15 @@ class Criterion:
         unit: ``m``, ``1`` for a share, or ``rad`` for axes. The values of prismatic axes are in m, and the bounds of
             axes have the endings ``_deg`` and ``_m``.
         title: short title for tables.
-        sentence: text of a warning, with the placeholders ``{of}`` (subject), ``{value}``, ``{amount}`` and ``{when}``.
+        sentence: text of a warning, with the placeholders ``{of}`` (subject), ``{value}``, ``{amount}``, ``{when}``
+            (time and move) and ``{during}`` (time and move, in a program only).
         measure: measures the quantity in a run; returns None if there is nothing to measure.
         per_time: whether the value is a share of the run's time, which is averaged over runs that follow each other.
         least: whether smaller values are worse, as for distances.
         default_bound: for a criterion of an extension, its bound in stations that give none, in the unit of the values;
             None for no bound. The criteria of the core have theirs in :class:`VerdictConfig`.
         remedy: finds what most likely brings the value within its bound; None if nothing is known about that.
+        shows_share: whether tables show a share of a limit in per cent; otherwise as an amount, such as 37.2 N·m.
     """
 
     name: str
@@ -107,6 +116,7 @@ class Criterion:
     least: bool = False
     default_bound: float | None = None
     remedy: MakeRemedy | None = None
+    shows_share: bool = False
 
     @property
     def title_message(self) -> Message:
@@ -189,6 +199,23 @@ class CriterionRow(NamedTuple):
     worst: str
 
 
+TABLE_HEADINGS = (
+    "",
+    message("results.heading_criterion", "criterion"),
+    message("results.heading_value", "value"),
+    message("results.heading_bound", "bound"),
+    message("results.heading_worst", "worst part"),
+)
+"""Headings of the table of criteria. The first column shows severities and has none."""
+
+SEVERITY_WORDS: dict[Severity, str] = {
+    "success": message("results.severity_ok", "ok"),
+    "note": message("results.severity_note", "note"),
+    "warning": message("results.severity_warning", "warning"),
+    "failure": message("results.severity_failure", "failure"),
+}
+"""Words of the severities in the table of criteria."""
+
 NO_BOUND = "–"
 """What a table shows instead of a bound if there is none."""
 
@@ -235,6 +262,7 @@ class Measure:
             value=in_words(worst.value, worst.unit),
             amount=_amount_of_limit(worst),
             when=_when(worst),
+            during=_during(worst),
         )
         bound = in_words(worst.bound or 0.0, worst.unit)
         if violations == 1:
@@ -254,19 +282,22 @@ class Measure:
 
     @property
     def row(self) -> CriterionRow:
-        """Entry of the table of criteria. Shares of a limit are written as amounts, such as 37.2 of 150 N·m."""
+        """Entry of the table of criteria."""
         worst = self.worst
-        if worst.limit_unit:
-            value = amount_in_words(worst.value, worst.limit, worst.limit_unit)
-        else:
-            value = rounded_in_words(worst.value, worst.unit)
-        if worst.bound is None:
-            bound = NO_BOUND
-        elif worst.limit_unit:
-            bound = amount_in_words(worst.bound, worst.limit, worst.limit_unit)
-        else:
-            bound = rounded_in_words(worst.bound, worst.unit)
-        return CriterionRow(severity_of(self), self.criterion.title_message, value, bound, worst.subject)
+        return CriterionRow(
+            severity=severity_of(self),
+            criterion=self.criterion.title_message,
+            value=self._in_table(worst.value),
+            bound=NO_BOUND if worst.bound is None else self._in_table(worst.bound),
+            worst=worst.subject,
+        )
+
+    def _in_table(self, value: float) -> Message:
+        """Write a value of the worst entry, or its bound, for the table. Shares of a limit are written as amounts."""
+        worst = self.worst
+        if worst.limit_unit and not self.criterion.shows_share:
+            return amount_in_words(value, worst.limit, worst.limit_unit)
+        return rounded_in_words(value, worst.unit)
 
     def __str__(self) -> str:
         """Title of the criterion, worst value and subject."""
@@ -333,7 +364,12 @@ def _when(entry: MeasuredValue) -> Message:
     return message("results.at_time_in_move", " at {time:.2f} s, in {move}", time=entry.time, move=entry.move)
 
 
-@dataclass(frozen=True)
+def _during(entry: MeasuredValue) -> Message:
+    """Write in which move of a program, and at what time, a value occurred. Empty for a single run."""
+    return _when(entry) if entry.move else compound("")
+
+
+@dataclass(frozen=True, repr=False)
 class Verdict:
     """Judgement of a run by all criteria.
 
@@ -404,10 +440,15 @@ class Verdict:
 
         For example: ``ran to its end at 3 s. Two targets missed, by up to 31.3 mm``.
         """
-        parts = [self.ended] if self.ended else []
-        if self.severity_of_end != "failure":
-            parts.append(joined(self._judgements(), ". "))
+        parts = [part for part in (self.ended, self.judgement) if part]
         return joined(parts, ". ")
+
+    @property
+    def judgement(self) -> str:
+        """What missed its bound: the sentence without how the run ended. Empty if the run failed."""
+        if self.severity_of_end == "failure":
+            return ""
+        return joined(self._judgements(), ". ")
 
     def _judgements(self) -> Iterator[Message]:
         """Yield a sentence for what missed: targets of moves, then bounds, then the solver's doubts."""
@@ -418,7 +459,7 @@ class Verdict:
         if len(beyond) == 1:
             yield message("results.one_bound", "One bound exceeded: {titles}", titles=beyond[0])
         elif beyond:
-            count = count_in_words(len(beyond), capital=True)
+            count = count_in_words(len(beyond))
             titles = joined(beyond)
             yield message("results.several_bounds", "{count} bounds exceeded: {titles}", count=count, titles=titles)
         others = sum(len(move.remarks) for move in self.moves) - len(misses)
@@ -442,12 +483,21 @@ class Verdict:
 
     def __repr__(self) -> str:
         """The sentence, and the table of criteria."""
-        rows = [(row.severity, row.criterion, row.value, row.bound, row.worst) for row in self.table]
-        return "\n".join([str(self), *text_table([TABLE_HEADINGS, *rows])])
+        return "\n".join([str(self), *text_table([self.headings, *self.cells])])
+
+    @property
+    def headings(self) -> tuple[str, ...]:
+        """Headings of the table of criteria."""
+        return TABLE_HEADINGS
+
+    @property
+    def cells(self) -> list[tuple[str, ...]]:
+        """Rows of the table of criteria as texts; the severities are words, such as ``ok``."""
+        return [(SEVERITY_WORDS[row.severity], *row[1:]) for row in self.table]
 
     def _repr_html_(self) -> str:
         """The sentence, the warnings with their remedies, and the table of criteria, as a notebook shows them."""
-        from simrob_drake.results.verdict.html import html_of_verdict  # only notebooks need it
+        from simrob_drake.results.html import html_of_verdict  # only notebooks need it
 
         return html_of_verdict(self)
 
@@ -469,12 +519,12 @@ def _missed_targets(misses: Sequence[float]) -> Message:
     distance = in_words(max(misses), "m")
     if len(misses) == 1:
         return message("results.missed_target", "One target missed, by {distance}", distance=distance)
-    count = count_in_words(len(misses), capital=True)
+    count = count_in_words(len(misses))
     template = "{count} targets missed, by up to {distance}"
     return message("results.missed_targets", template, count=count, distance=distance)
 
 
-def join_verdicts(verdicts: Sequence[Verdict], durations: Sequence[float]) -> Verdict:
+def join_verdicts(verdicts: Sequence[Verdict], durations: Sequence[float], names: Sequence[str] = ()) -> Verdict:
     """Combine the verdicts on runs that follow each other. For each subject the worst value of all runs is kept.
 
     A value that is a share of the time becomes a share of the whole time.
@@ -482,18 +532,24 @@ def join_verdicts(verdicts: Sequence[Verdict], durations: Sequence[float]) -> Ve
     Args:
         verdicts: the verdicts, in the order of the runs.
         durations: durations of the runs [s].
+        names: names of the moves that the runs are, such as ``move 2``. Empty if they have none.
     """
     begins = np.cumsum([0.0, *durations]).tolist()  # one more than runs: the last is the end
     total_time = sum(durations)
     entries: dict[Criterion, dict[str, MeasuredValue]] = {}  # the combined entry of each subject
     left_out: dict[Criterion, dict[str, str]] = {}
     moves = list[Any]()
-    for verdict, begin, duration in zip(verdicts, begins, durations, strict=False):
+    remedies: dict[Criterion, Remedy | None] = {}  # of the latest run in which the criterion is violated
+    move_names = names or [""] * len(verdicts)
+    for verdict, begin, duration, name in zip(verdicts, begins, durations, move_names, strict=False):
         for measure in verdict.measures:
+            if measure.warning:
+                remedies[measure.criterion] = measure.remedy
             own = entries.setdefault(measure.criterion, {})
             left_out.setdefault(measure.criterion, {}).update(measure.left_out)
             for entry in measure.entries:
-                shifted = entry._replace(time=None if entry.time is None else begin + entry.time)
+                time = None if entry.time is None else begin + entry.time
+                shifted = entry._replace(time=time, move=name or entry.move)
                 before = own.get(entry.subject)
                 own[entry.subject] = _combine(measure, before, shifted, duration, total_time)
         moves += [move.later(begin) for move in verdict.moves]
@@ -502,7 +558,7 @@ def join_verdicts(verdicts: Sequence[Verdict], durations: Sequence[float]) -> Ve
     for criterion, own in entries.items():
         # A subject that is judged in one of the runs counts as judged, such as an axis that has a motor in some runs.
         never_judged = {subject: why for subject, why in left_out[criterion].items() if subject not in own}
-        measures.append(Measure(criterion, tuple(own.values()), never_judged))
+        measures.append(Measure(criterion, tuple(own.values()), never_judged, remedies.get(criterion)))
     contact_rates = [verdict.contact_rate for verdict in verdicts if verdict.contact_rate]
     return Verdict(
         measures=tuple(measures),

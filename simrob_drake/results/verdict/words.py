@@ -1,27 +1,29 @@
 """Values and counts as users read them: with units, and as the words of a sentence."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from simrob_drake.base.messages import Message, compound, message
 
 _COUNT_WORDS = {
-    2: message("results.two", "two"),
-    3: message("results.three", "three"),
-    4: message("results.four", "four"),
-    5: message("results.five", "five"),
-    6: message("results.six", "six"),
-    7: message("results.seven", "seven"),
-    8: message("results.eight", "eight"),
-    9: message("results.nine", "nine"),
+    2: message("results.two", "Two"),
+    3: message("results.three", "Three"),
+    4: message("results.four", "Four"),
+    5: message("results.five", "Five"),
+    6: message("results.six", "Six"),
+    7: message("results.seven", "Seven"),
+    8: message("results.eight", "Eight"),
+    9: message("results.nine", "Nine"),
 }
-"""Counts that a sentence writes as words. Larger ones are written as digits."""
+"""Counts with which a sentence begins. Larger ones are written as digits."""
 
 _LEAST_SHARE = 5e-4
 """A smaller share is written as 0 %: its digits would only show the rounding of the computer."""
 
 
 def count_in_words(count: int) -> Message:
-    """Count of at least two things, for a sentence."""
+    """Count of at least two things, for the begin of a sentence."""
     return _COUNT_WORDS.get(count) or compound("{count}", count=count)
 
 
@@ -64,3 +66,23 @@ def amount_in_words(share: float, limit: float, unit: str) -> Message:
         unit: the unit.
     """
     return compound("{number:.3g} {unit}", number=share * limit, unit=unit)
+
+
+def text_table(rows: Sequence[Sequence[str]], width: int = 80) -> list[str]:
+    """Write rows of cells as lines of text with aligned columns. A line that is too long is cut.
+
+    Args:
+        rows: the headings, then the other rows, with equally many cells.
+        width: largest length of a line.
+    """
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = []
+    for row in rows:
+        cells = [cell.ljust(size) for cell, size in zip(row, widths, strict=True)]
+        lines.append("  ".join(cells).rstrip()[:width])
+    return lines
+
+
+def capitalised(text: str) -> str:
+    """Begin a text with a capital letter. The result is plain text, without the id of a message."""
+    return text[:1].upper() + text[1:]
