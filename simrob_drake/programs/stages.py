@@ -18,9 +18,10 @@ from simrob_drake.programs.gaits.sequences import Posing
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.moves.joints import JointMove, move_of, targets_on
 from simrob_drake.programs.moves.kinds import leg_kinds
-from simrob_drake.programs.moves.move import Move, Outlook, Stage, checked, move_name, naming
+from simrob_drake.programs.moves.move import Move, Outlook, Stage, checked, move_name, naming, reference_name
 from simrob_drake.programs.moves.walk import WalkMove
 from simrob_drake.programs.program import Program, run_cells
+from simrob_drake.results.record.run import move_title
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import RobotModel
@@ -104,7 +105,7 @@ def joint_reference(robot: LeggedGeometry, moves: Sequence[Move]) -> tuple[Refer
     joint_moves = list[JointMove]()
     for number, move in enumerate(moves):
         if not isinstance(move, JointMove):
-            raise InvalidParameter(f"move {number}", move.key, "a move of joints, to be run with other robots'")
+            raise InvalidParameter(move_title(number), move.key, "a move of joints, to be run with other robots'")
         joint_moves.append(move)
     times, postures = postures_of(robot.model, joint_moves, robot.reference)
     if robot.cell.config.engine.moves_by_forces:
@@ -160,7 +161,7 @@ def _moves_of(model: RobotModel, own: Posing, move_time: float | None) -> list[M
 
 def _check_references(robot: LeggedGeometry, program: Program, file: str) -> None:
     for number, cell in enumerate(program.references):
-        targets_on(robot.model, cell.target_deg, f"{file}: references[{number}]" if file else f"reference {number}")
+        targets_on(robot.model, cell.target_deg, reference_name(number, file))
 
 
 def _move_joints(robot: LeggedGeometry, moves: Sequence[Move]) -> SimulationResult:

@@ -21,10 +21,12 @@ from pydantic_core import CoreSchema
 
 from simrob_drake.base.arguments import LONGEST, SHORTEST, plain
 from simrob_drake.base.errors import InvalidParameter, SimrobError
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Strict, validated
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.stateful_station import StatefulStation
+from simrob_drake.results.record.run import move_title
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig
 
@@ -198,11 +200,28 @@ def checked(kind: type[Kind], /, **content: Any) -> Kind:
         raise InvalidParameter(key, finding["input"], _EXPECTED.get(key, otherwise)) from problem
 
 
-def move_name(number: int, count: int, file: str = "") -> str:
-    """Return what messages call a move of a program that has so many, and may stand in a file."""
+def move_name(index: int, count: int, file: str = "") -> str:
+    """Name of a move in messages, which count moves from 1.
+
+    Args:
+        index: index of the move in its program, from 0.
+        count: how many moves the program has. A single one needs no number.
+        file: file of the program, which is part of the name; empty if the program has none.
+    """
     if file:
-        return f"{file}: moves[{number}]"
-    return f"move {number}" if count > 1 else "the move"
+        return compound("{file}: {move}", file=file, move=move_title(index))
+    return move_title(index) if count > 1 else message("programs.the_move", "the move")
+
+
+def reference_name(index: int, file: str = "") -> str:
+    """Name of a reference of a program in messages, which count from 1 as they do for moves.
+
+    Args:
+        index: index of the reference in its program, from 0.
+        file: file of the program, which is part of the name; empty if the program has none.
+    """
+    reference = message("programs.reference", "reference {number}", number=index + 1)
+    return compound("{file}: {reference}", file=file, reference=reference) if file else reference
 
 
 @contextmanager

@@ -23,6 +23,18 @@ if TYPE_CHECKING:
     from simrob_drake.results.record.run import Approach, AskedMove, RecordedRun
 
 _DISTANCE_SAMPLES = 41  # count of times during a move at which distances are computed, since this is slow
+_HEADINGS = (
+    "move",
+    "end\n[s]",
+    "reached",
+    "off target\n[mm]",
+    "off path\n[mm]",
+    "speed\n[m/s]",
+    "nearest\n[mm]",
+    "itself\n[mm]",
+)
+"""Headings of the table of moves. ``nearest`` and ``itself`` are distances to other bodies and to the robot's own."""
+
 _ROUNDING = 1e-6  # times that differ by at most this are equal [s]
 
 
@@ -226,15 +238,15 @@ def table_of_moves(moves: Sequence[MoveVerdict]) -> list[list[str]]:
 
     The bodies that come nearest are in ``summary.json``: their names would make the table wider than a screen.
     """
-    table = [["move", "end [s]", "reached", "off target", "off path", "speed", "nearest", "to itself"]]
+    table = [list(_HEADINGS)]
     for move in moves:
         row = [
             move.move,
             f"{move.end:.2f}",
             "yes" if move.reached else "no",
-            f"{1e3 * move.position_error:.1f} mm",
-            f"{1e3 * move.following_error:.1f} mm",
-            f"{move.speed:.3g} m/s",
+            f"{1e3 * move.position_error:.1f}",
+            f"{1e3 * move.following_error:.1f}",
+            f"{move.speed:.3g}",
             _in_table(move.distance),
             _in_table(move.own_distance),
         ]
@@ -258,5 +270,5 @@ def nearest_bodies(moves: Sequence[MoveVerdict]) -> str:
 
 
 def _in_table(distance: float | None) -> str:
-    """Format a smallest distance [m] for the table. Returns an empty string if the distance is None."""
-    return "" if distance is None else f"{1e3 * distance:z.0f} mm"
+    """Write a smallest distance, given in m, in mm. Returns an empty string if the distance is None."""
+    return "" if distance is None else f"{1e3 * distance:z.0f}"
