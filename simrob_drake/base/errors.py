@@ -61,8 +61,15 @@ class InvalidParameter(SimrobError):
             value: its invalid value.
             expected: what would be right, such as "a positive time [s]". It completes the words "it must be".
         """
-        template = "{name} is {value}; it must be {expected}"
-        super().__init__(message("base.invalid_parameter", template, name=name, value=shown(value), expected=expected))
+        super().__init__(
+            message(
+                "base.invalid_parameter",
+                "{name} is {value}; it must be {expected}",
+                name=name,
+                value=shown(value),
+                expected=expected,
+            )
+        )
 
 
 class Unsuitable(InvalidParameter):
@@ -95,9 +102,14 @@ class UnknownName(SimrobError):
             name: the unknown name.
             known: all known names.
         """
-        template = "there is no {kind} '{name}'{suggestion}"
         super().__init__(
-            message("base.unknown_name", template, kind=kind, name=shown(name), suggestion=nearest(name, known))
+            message(
+                "base.unknown_name",
+                "there is no {kind} '{name}'{suggestion}",
+                kind=kind,
+                name=shown(name),
+                suggestion=nearest(name, known),
+            )
         )
 
 
@@ -243,8 +255,7 @@ def quoted(value: object) -> str:
 
 def angle(value: float) -> str:
     """Format an angle [rad] in radians and degrees."""
-    template = "{radians:.3g} rad ({degrees:.3g} deg)"
-    return message("base.angle", template, radians=value, degrees=math.degrees(value))
+    return message("base.angle", "{radians:.3g} rad ({degrees:.3g} deg)", radians=value, degrees=math.degrees(value))
 
 
 def shortened(value: str, length: int = 80) -> str:
