@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from simrob_drake.base.messages import Message, compound, joined, message, one_line
+from simrob_drake.base.messages import Message, compound, join_texts, message, one_line
 
 _LONGEST = 2000
 """Largest length of a message. Lists of known names are long, but a value that a user gives may be a megabyte."""
@@ -202,7 +202,7 @@ def _located(where: Path | str, what: str, problem: str) -> str:
     # The name of an override, such as "override servo.kp", or of an option, such as "--duration", contains the key.
     has_key_in_name = place.split(" ", 1)[-1].lstrip("-") == part
     texts = [place, "" if has_key_in_name else part, problem]
-    return joined([text for text in texts if text], ": ")
+    return join_texts([text for text in texts if text], ": ")
 
 
 def one_of(kind: str, name: object, known: Iterable[str]) -> str:
@@ -297,7 +297,7 @@ def listed(names: Sequence[str], most: int = 3) -> str:
         names: the names.
         most: largest count of names that are listed.
     """
-    first = joined(names[:most], ", ")
+    first = join_texts(names[:most], ", ")
     if len(names) <= most:
         return first
     return message("base.names_and_more", "{names} and {count} more", names=first, count=len(names) - most)

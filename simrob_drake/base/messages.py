@@ -74,11 +74,11 @@ class Message(str):
 
     def __add__(self, other: str) -> "Message":
         """Append a text, in which a message keeps its id."""
-        return joined([self, other], "")
+        return join_texts([self, other], "")
 
     def __radd__(self, other: str) -> "Message":
         """Put a text in front, in which a message keeps its id."""
-        return joined([other, self], "")
+        return join_texts([other, self], "")
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle and copy the message with its id and its fields."""
@@ -111,14 +111,17 @@ def compound(template: str, /, **fields: object) -> Message:
     return message("", template, **fields)
 
 
-def joined(parts: Iterable[str], separator: str = ", ") -> Message:
+def join_texts(parts: Iterable[str], separator: str = ", ") -> Message:
     """Join texts to a message, in which each part keeps its own id.
 
     Args:
         parts: messages or other texts.
-        separator: text between two parts. It has no words.
+        separator: text between two parts. If it has words, it is a message, such as `` and ``.
     """
     fields = {f"part_{number}": part for number, part in enumerate(parts)}
+    if isinstance(separator, Message):
+        template = "{separator}".join(f"{{{name}}}" for name in fields)
+        return compound(template, separator=separator, **fields)
     between = separator.replace("{", "{{").replace("}", "}}")
     return compound(between.join(f"{{{name}}}" for name in fields), **fields)
 
