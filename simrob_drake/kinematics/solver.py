@@ -256,8 +256,8 @@ def why_unreached(chain: Chain, target: Vector, posture: Vector, error: Vector, 
     push = jacobian.T @ (weights * error)
     strong = np.abs(push) > _PUSH * np.linalg.norm(weights * error)
     for held, limits, side in (
-        ((posture <= chain.lower + _AT_LIMIT) & (push < 0) & strong, chain.lower, "lower"),
-        ((posture >= chain.upper - _AT_LIMIT) & (push > 0) & strong, chain.upper, "upper"),
+        ((posture <= chain.lower + _AT_LIMIT) & (push < 0) & strong, chain.lower, message("base.lower", "lower")),
+        ((posture >= chain.upper - _AT_LIMIT) & (push > 0) & strong, chain.upper, message("base.upper", "upper")),
     ):
         for axis in np.flatnonzero(held):
             limit = angle(limits[axis]) if chain.revolute[axis] else compound("{limits:.4g} m", limits=limits[axis])
