@@ -29,12 +29,12 @@ class SimrobError(ValueError):
             message: the message. It becomes one line, and a very long one is cut at its end.
         """
         self.message = shortened(message, _LONGEST)
-        super().__init__(str(self.message))
+        super().__init__(self.message)
 
     def put_in_front(self, place: str) -> None:
         """Begin the message with the place to which the error belongs, such as the name of a move, and a colon."""
         self.message = shortened(compound("{place}: {problem}", place=place, problem=self.message), _LONGEST)
-        self.args = (str(self.message),)
+        self.args = (self.message,)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the error without calling the initializer of its class, whose arguments are not kept."""

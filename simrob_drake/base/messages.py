@@ -72,6 +72,10 @@ class Message(str):
         created.longest = longest
         return created
 
+    def __str__(self) -> str:
+        """Return the message itself, so that ``str(error)`` keeps its id."""
+        return self
+
     def __add__(self, other: str) -> "Message":
         """Append a text, in which a message keeps its id."""
         return join_texts([self, other], "")
@@ -88,6 +92,11 @@ class Message(str):
         """Return this message with a largest length in any language. A smaller one than before stays."""
         shorter = length if self.longest is None else min(length, self.longest)
         return Message(self.id, self.template, self.fields, shorter)
+
+
+for _dumper in (yaml.SafeDumper, yaml.CSafeDumper):
+    # A file has a message as plain English text.
+    _dumper.add_representer(Message, lambda dumper, text: dumper.represent_str(str.__str__(text)))
 
 
 def message(message_id: str, template: str, /, **fields: object) -> Message:
