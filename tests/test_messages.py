@@ -16,7 +16,7 @@ from simrob_drake.base.messages import (
     compound,
     from_data,
     in_language,
-    joined,
+    join_texts,
     message,
 )
 
@@ -78,11 +78,11 @@ def test_words_follow_a_count():
 
 def test_parts_of_a_compound_are_rendered_each():
     stands = message("kit.stands", "stands")
-    assert in_language(joined([stands, "R1", stands], "; "), "es") == "está de pie; R1; está de pie"
+    assert in_language(join_texts([stands, "R1", stands], "; "), "es") == "está de pie; R1; está de pie"
     located = compound("{file}: {problem}", file="a{b}.yaml", problem=stands)
     assert str(located) == "a{b}.yaml: stands"
     assert in_language(located, "es") == "a{b}.yaml: está de pie"
-    assert str(joined([], ", ")) == ""
+    assert str(join_texts([], ", ")) == ""
 
 
 def test_an_error_in_a_field_keeps_its_message():

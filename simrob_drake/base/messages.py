@@ -47,7 +47,8 @@ class Message(str):
         template: the English template, with format specifications as in :meth:`str.format`. A specification with a
             bar chooses singular or plural: ``{count} {count:step|steps}``.
         fields: values of the template's fields: numbers, texts and other messages.
-        longest: largest length of the text, in any language. A longer one is cut at its end. None if it is not limited.
+        longest: largest length of the text, in any language. A longer one is cut at its end, see :func:`one_line`. None
+            if it is not limited.
     """
 
     id: str
@@ -71,13 +72,31 @@ class Message(str):
         created.longest = longest
         return created
 
+    def __str__(self) -> str:
+        """Return the message itself, so that ``str(error)`` keeps its id."""
+        return self
+
+    def __add__(self, other: str) -> "Message":
+        """Append a text, in which a message keeps its id."""
+        return join_texts([self, other], "")
+
+    def __radd__(self, other: str) -> "Message":
+        """Put a text in front, in which a message keeps its id."""
+        return join_texts([other, self], "")
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle and copy the message with its id and its fields."""
         return Message, (self.id, self.template, self.fields, self.longest)
 
     def limited_to(self, length: int) -> "Message":
-        """Return this message with a largest length in any language."""
-        return Message(self.id, self.template, self.fields, length)
+        """Return this message with a largest length in any language. A smaller one than before stays."""
+        shorter = length if self.longest is None else min(length, self.longest)
+        return Message(self.id, self.template, self.fields, shorter)
+
+
+for _dumper in (yaml.SafeDumper, yaml.CSafeDumper):
+    # A file has a message as plain English text.
+    _dumper.add_representer(Message, lambda dumper, text: dumper.represent_str(str.__str__(text)))
 
 
 def message(message_id: str, template: str, /, **fields: object) -> Message:
@@ -101,22 +120,25 @@ def compound(template: str, /, **fields: object) -> Message:
     return message("", template, **fields)
 
 
-def joined(parts: Iterable[str], separator: str = ", ") -> Message:
+def join_texts(parts: Iterable[str], separator: str = ", ") -> Message:
     """Join texts to a message, in which each part keeps its own id.
 
     Args:
         parts: messages or other texts.
-        separator: text between two parts. It has no words.
+        separator: text between two parts. If it has words, it is a message, such as `` and ``.
     """
     fields = {f"part_{number}": part for number, part in enumerate(parts)}
+    if isinstance(separator, Message):
+        template = "{separator}".join(f"{{{name}}}" for name in fields)
+        return compound(template, separator=separator, **fields)
     between = separator.replace("{", "{{").replace("}", "}}")
     return compound(between.join(f"{{{name}}}" for name in fields), **fields)
 
 
 def message_of(error: BaseException) -> str:
-    """Message of an error: a Message if the error has one, otherwise its text."""
-    own = getattr(error, "message", None)
-    return own if isinstance(own, Message) else str(error)
+    """Message of an error: a Message if the error has one, or was raised with one, otherwise its text."""
+    candidates = [getattr(error, "message", None), *error.args[:1]]
+    return next((candidate for candidate in candidates if isinstance(candidate, Message)), str(error))
 
 
 def in_language(text: str, language: str) -> str:
@@ -199,11 +221,25 @@ def _plain(value: Any) -> Any:
     return value.item() if hasattr(value, "item") else value
 
 
+def one_line(text: str, length: int) -> str:
+    """Write a text on one line, without control characters, and cut its end if it is long.
+
+    Args:
+        text: the text.
+        length: largest length of the result.
+    """
+    # A text may be very long: only its beginning is examined.
+    head = text[: 100 * length]
+    line = " ".join(head.split())
+    # Control characters could change the state of a terminal.
+    shown = "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in line)
+    is_whole = len(shown) <= length and len(text) <= 100 * length
+    return shown if is_whole else shown[: length - 1] + "…"
+
+
 def _cut(text: str, longest: int | None) -> str:
-    """Cut the end of a text, if there is a largest length and the text is longer."""
-    if longest is None or len(text) <= longest:
-        return text
-    return text[: longest - 1] + "…"
+    """Write a text on one line and cut its end, if there is a largest length."""
+    return text if longest is None else one_line(text, longest)
 
 
 def _filled(template: str, fields: Mapping[str, Any], language: str) -> str:

@@ -39,10 +39,14 @@ Stage: TypeAlias = Callable[[LeggedGeometry], SimulationResult | None]
 MOVE_TIME = 1.0  # time of a move of joints unless another one is asked for [s]; ``tinc`` of the thesis
 MOST_STEPS, MOST_AMPLITUDE = 10_000, 100  # of one walk: about an hour; far beyond what legs can do
 _EXPECTED = {
-    "duration": f"a positive time [s], {SHORTEST:g} to {LONGEST:g}",
-    "target_deg": "a mapping of at least one axis to degrees",
-    "steps": f"a whole number, at most {MOST_STEPS}",
-    "amplitude": f"a number up to {MOST_AMPLITUDE}; 1 walks as the gait's parameters say",
+    "duration": message(
+        "base.a_positive_time", "a positive time [s], {shortest:g} to {longest:g}", shortest=SHORTEST, longest=LONGEST
+    ),
+    "target_deg": message("programs.axes_to_degrees", "a mapping of at least one axis to degrees"),
+    "steps": message("programs.whole_number_at_most", "a whole number, at most {most}", most=MOST_STEPS),
+    "amplitude": message(
+        "programs.number_up_to", "a number up to {most}; 1 walks as the gait's parameters say", most=MOST_AMPLITUDE
+    ),
 }
 
 
@@ -146,7 +150,11 @@ class Move(Strict):
 
         ``robot`` is whose program it is in, None the only one. Raises SimrobError: it cannot be done.
         """
-        raise InvalidParameter("the move", self.key, "one of arms: this one is for legs")
+        raise InvalidParameter(
+            message("programs.the_move", "the move"),
+            self.key,
+            message("programs.move_for_legs", "one of arms: this one is for legs"),
+        )
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Check that a robot with legs can do it, and return the stage that does, called ``name`` in messages.
@@ -154,7 +162,11 @@ class Move(Strict):
         The outlook is the station when it will be done; it is changed to what the move leaves. Raises SimrobError: it
         cannot.
         """
-        raise InvalidParameter("the move", self.key, "one for legs: this one is of arms")
+        raise InvalidParameter(
+            message("programs.the_move", "the move"),
+            self.key,
+            message("programs.move_for_arms", "one for legs: this one is of arms"),
+        )
 
 
 def field_of(*kinds: type[Move]) -> Any:
@@ -196,7 +208,11 @@ def checked(kind: type[Kind], /, **content: Any) -> Kind:
     except ValidationError as problem:
         finding = problem.errors()[0]
         key = ".".join(str(part) for part in finding["loc"])
-        otherwise = "a finite number [deg]" if key.startswith("target_deg") else "a text"
+        otherwise = (
+            message("programs.finite_degrees", "a finite number [deg]")
+            if key.startswith("target_deg")
+            else message("programs.a_text", "a text")
+        )
         raise InvalidParameter(key, finding["input"], _EXPECTED.get(key, otherwise)) from problem
 
 
@@ -220,7 +236,7 @@ def reference_name(index: int, file: str = "") -> str:
         index: index of the reference in its program, from 0.
         file: file of the program, which is part of the name; empty if the program has none.
     """
-    reference = message("programs.reference", "reference {number}", number=index + 1)
+    reference = message("programs.reference_number", "reference {number}", number=index + 1)
     return compound("{file}: {reference}", file=file, reference=reference) if file else reference
 
 
@@ -231,7 +247,7 @@ def naming(move: str) -> Iterator[None]:
         yield
     except SimrobError as problem:
         if move:
-            problem.args = (f"{move}: {problem}",)
+            problem.put_in_front(move)
         raise
 
 

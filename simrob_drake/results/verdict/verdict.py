@@ -16,7 +16,7 @@ import numpy as np
 
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import Message, compound, joined, message
+from simrob_drake.base.messages import Message, compound, join_texts, message
 from simrob_drake.base.remarks import Remark, Remedy, Severity, worst_severity
 from simrob_drake.results.verdict.remedies import MakeRemedy
 from simrob_drake.results.verdict.severity import VIOLATION, severity_of
@@ -441,14 +441,14 @@ class Verdict:
         For example: ``ran to its end at 3 s. Two targets missed, by up to 31.3 mm``.
         """
         parts = [part for part in (self.ended, self.judgement) if part]
-        return joined(parts, ". ")
+        return join_texts(parts, ". ")
 
     @property
     def judgement(self) -> str:
         """What missed its bound: the sentence without how the run ended. Empty if the run failed."""
         if self.severity_of_end == "failure":
             return ""
-        return joined(self._judgements(), ". ")
+        return join_texts(self._judgements(), ". ")
 
     def _judgements(self) -> Iterator[Message]:
         """Yield a sentence for what missed: targets of moves, then bounds, then the solver's doubts."""
@@ -460,7 +460,7 @@ class Verdict:
             yield message("results.one_bound", "One bound exceeded: {titles}", titles=beyond[0])
         elif beyond:
             count = count_in_words(len(beyond))
-            titles = joined(beyond)
+            titles = join_texts(beyond)
             yield message("results.several_bounds", "{count} bounds exceeded: {titles}", count=count, titles=titles)
         others = sum(len(move.remarks) for move in self.moves) - len(misses)
         if others:
