@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from simrob_drake.base.errors import SimrobError
 from simrob_drake.parts.controllers import loops_of
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.parts.targets import frame_names
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.gaits.registry import gaits_of
+from simrob_drake.programs.moves.kinds import KINDS
 from simrob_drake.programs.moves.walk import GoMove
 from simrob_drake.programs.stages import SEQUENCE
 from simrob_drake.results.block_diagram.graph import FOLDED
@@ -63,6 +63,7 @@ def _robot(cell: Workcell, config: StationConfig, name: str) -> dict[str, Any]:
         for axis, unit, low, high, at in zip(*columns, strict=True)
     ]
     legged = model.feet is not None
+    moves = _possible_moves(config, name, model)
     return {
         "model": model.name,
         "kind": kind_of(robot),
@@ -72,16 +73,30 @@ def _robot(cell: Workcell, config: StationConfig, name: str) -> dict[str, Any]:
         "gaits": list(gaits_of(model, steps=True)) if legged else [],
         "acts": [act for act in gaits_of(model, steps=False) if act != SEQUENCE] if legged else [],
         "pieces": [piece for piece, one in resolve(config).pieces.items() if one.carrier == name],
-        "drives": _drives(config, name, model) if legged else None,
+        "moves": moves,
+        "drives": _drives(model) if legged and GoMove.key in moves else None,
     }
 
 
-def _drives(config: StationConfig, name: str, model: RobotModel) -> dict[str, float] | None:
-    """Return how fast a robot can be driven [m/s, deg/s], and where it looks [deg]; None of one that cannot walk so."""
-    try:
-        GoMove().station(config, name)
-    except SimrobError:
-        return None
+def _possible_moves(config: StationConfig, name: str, model: RobotModel) -> dict[str, list[str]]:
+    """Find the kinds of moves that a robot can do, by their key, each with the keys that it can be given.
+
+    Args:
+        config: the station.
+        name: name of the robot in the station.
+        model: model of the robot.
+    """
+    found: dict[str, list[str]] = {}
+    for key, kind in KINDS.items():
+        suits = kind.of_arms if model.feet is None else kind.of_legs
+        keys = kind.possible_keys(config, name, model) if suits else None
+        if keys is not None:
+            found[key] = sorted(keys)
+    return found
+
+
+def _drives(model: RobotModel) -> dict[str, float]:
+    """Return how fast a robot that walks by commands can be driven [m/s, deg/s], and where it looks [deg]."""
     return {**load_walking(model).max_speed.model_dump(), "facing_deg": gaits_file(model).facing_deg}
 
 

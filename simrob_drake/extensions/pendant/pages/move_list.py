@@ -6,7 +6,7 @@ from typing import Any
 
 from nicegui import context, ui
 
-from simrob_drake.extensions.pendant.pages.elements import KEYS, follow, icon_button, set_label
+from simrob_drake.extensions.pendant.pages.elements import follow, icon_button, set_keys, set_label
 from simrob_drake.extensions.pendant.pages.move_forms import Read, choices_of, stored_form, yaml_form
 from simrob_drake.extensions.pendant.pages.words import Content, Phrases, Words, figure
 from simrob_drake.extensions.pendant.session import Session
@@ -34,7 +34,7 @@ class MoveList:
         }
         if self._stepped:
             self._build_steps()
-            acts = {"arrow_right": (t("arm.next"), self._go), "play_arrow": (t("arm.run_line"), self._run), **acts}
+            acts = {"arrow_right": (t("arm.next"), self._go), "play_circle": (t("arm.run_line"), self._run), **acts}
         acts |= {"edit": (t("legs.edit"), self._edit_move), "delete": (t("legs.delete"), session.book.remove)}
         self._moves = _Lines(acts)
         self._nothing = ui.label(t("arm.no_lines" if self._stepped else "legs.no_moves")).classes("opacity-70")
@@ -48,7 +48,7 @@ class MoveList:
         with ui.row().classes("w-full items-center gap-2 pt-2"):
             play = ui.button(t("arm.play"), icon="play_arrow", on_click=self._session.simulate)
             step = ui.button(t("arm.step"), icon="skip_next", on_click=lambda: self._run(self._next))
-            step.props[KEYS] = "Alt+S"
+            set_keys(step, "Alt+S")
         self._runs = [button.props("no-caps outline") for button in (play, step)]
 
     def _show(self) -> None:
@@ -59,7 +59,7 @@ class MoveList:
         self._changes.show([self._phrases.change(change, program.grid or GRID) for change in program.changes])
         if self._stepped:
             idle = session.phase == "idle"
-            for button in (*self._runs, *self._moves.buttons("play_arrow")):
+            for button in (*self._runs, *self._moves.buttons("play_circle")):
                 button.set_enabled(idle and bool(program.moves))
             self._go(self._next)
 
