@@ -231,12 +231,16 @@ class Bench:
         own = self.cell.robot(name)
         return dict(zip(own.axes, (self.cell.position(name) / own.model.user_units).tolist(), strict=True))
 
-    def torque_limits(self) -> list[float]:
-        """Tell what the drives of the taught robot can do [N·m or N], axis by axis, with what was changed since."""
-        cell, name = self.cell, self._robot
+    def torque_limits(self, robot: str | None = None) -> list[float]:
+        """Return the torque limits of a robot's servos [N·m or N], one each axis, with what was changed since.
+
+        Args:
+            robot: name of the robot; the taught one unless given.
+        """
+        cell, name = self.cell, robot or self._robot
         changed = cell.timeline.settings()
-        robot = resolve(cell.timeline.station(cell.config, GRID)).robots[name] if changed else cell.robot(name)
-        limits: list[float] = robot.gains.torque_limit.tolist()
+        now = resolve(cell.timeline.station(cell.config, GRID)).robots[name] if changed else cell.robot(name)
+        limits: list[float] = now.gains.torque_limit.tolist()
         return limits
 
     def ghosts(self, postures: Sequence[dict[str, float]], good: Sequence[bool], marked: int | None = None) -> None:
