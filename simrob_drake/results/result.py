@@ -27,7 +27,7 @@ from simrob_drake.results.record.summary import summary_of
 from simrob_drake.results.verdict.judge import verdict_of
 from simrob_drake.results.verdict.moves import judge_move
 from simrob_drake.results.verdict.severity import severity_of_end
-from simrob_drake.results.verdict.verdict import Verdict, join_verdicts
+from simrob_drake.results.verdict.verdict import Verdict, join_verdicts, with_move_names
 
 if TYPE_CHECKING:
     from simrob_drake.results.footage import Footage
@@ -39,7 +39,7 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from simrob_drake.base.frames import XYZ_QUATERNION_NAMES, Vector, xyz_quaternion_from_transform
 from simrob_drake.parts.station_plant import StationPlant
-from simrob_drake.results.record.run import begins_of
+from simrob_drake.results.record.run import MoveSpan, begins_of
 from simrob_drake.results.record.state import State, free_joint, joints_of
 from simrob_drake.results.record.touch import Event
 from simrob_drake.stations.config import StationConfig
@@ -88,10 +88,10 @@ class SimulationResult(RecordedRun):
             whole = join_verdicts(
                 [part.verdict for part in self.runs],
                 [part.stop_time for part in self.runs],
-                [part.place or part.did for part in self.runs],
+                [part.place for part in self.runs],
             )
             whole = replace(
-                whole,
+                with_move_names(whole, self.move_spans),
                 ended=self.end_in_words,
                 severity_of_end=severity_of_end(self),
                 doubts=tuple(self.solver_warnings),
@@ -205,13 +205,16 @@ def joined(
     begun: tuple[StationConfig, State | None] | None = None,
     left: StationConfig | None = None,
     program: str = "",
+    move_spans: Sequence[MoveSpan] = (),
 ) -> Run:
     """Return runs that follow each other, each begun where the one before ended, as one result.
 
     Its signals are those that all runs have, and ``piece.<piece>`` for each piece that changes hands; where one run
     ends and the next begins stands what the next one says. Its recording shows contact forces if it is a single run.
     ``begun`` are station and state before it all, those of the first run unless given; ``left`` the station as the last
-    one left it. Raises InvalidParameter: no run, or runs of stations with other robots or pieces.
+    one left it; ``move_spans`` tell when each move of the program began and ended.
+
+    Raises InvalidParameter: no run, or runs of stations with other robots or pieces.
     """
     if not runs:
         raise InvalidParameter("runs", "empty", "some: what was run last")
@@ -267,6 +270,7 @@ def joined(
         runs=tuple(runs),
         begun=station,
         marks=tuple(marks),
+        move_spans=tuple(move_spans),
         program=program,
     )
     return _with_signals(whole, kept, wandering)

@@ -28,6 +28,7 @@ from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.stateful_station import StatefulStation
 from simrob_drake.results.record.run import move_title
 from simrob_drake.results.result import SimulationResult
+from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import StationConfig
 
 Kind = TypeVar("Kind", bound="Move")
@@ -144,6 +145,22 @@ class Move(Strict):
         keys += [key for key, what in form.items() if what == "pieces" and key not in keys]
         # Such a key may have no value: a kick without a ball swings the foot through the air.
         return [piece for key in keys if (piece := getattr(self, key))]
+
+    @classmethod
+    def possible_keys(cls, config: StationConfig, robot: str, model: RobotModel) -> frozenset[str] | None:
+        """Find out whether a robot of a station can do moves of this kind, and which keys of them it can be given.
+
+        A kind that not every robot can do overrides this. Forms for moves offer nothing else.
+
+        Args:
+            config: the station.
+            robot: name of the robot in the station.
+            model: model of the robot.
+
+        Returns:
+            the keys; None if the robot can do no move of this kind.
+        """
+        return frozenset(cls.model_fields)
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
         """Do it with arms of a station, and return what ``run`` gives, which runs plans; None if it takes no time.

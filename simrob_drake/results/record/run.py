@@ -86,6 +86,20 @@ class AskedMove:
     search: Vector = field(default_factory=lambda: np.zeros((0, 2, 3)))
 
 
+class MoveSpan(NamedTuple):
+    """The time that a move of a program took.
+
+    Attributes:
+        index: index of the move in its program, from 0.
+        begin: when the move began, since the start of the program [s].
+        end: when the move ended, or was ended by a monitor or the user, likewise [s].
+    """
+
+    index: int
+    begin: float
+    end: float
+
+
 @dataclass(frozen=True)
 class RecordedRun:
     """A run: its signals, how it ended and how fast it was.
@@ -120,6 +134,8 @@ class RecordedRun:
         runs: for a program, the runs that follow each other; see :func:`simrob_drake.results.result.joined`.
         begun: for a program, the station in which it began; None for a single run.
         marks: for a program, the time at which each of its runs ended or a piece was handed over [s], with a text.
+        move_spans: for a program, when each of its moves began and ended, in order. Several moves of joints can be one
+            run, so this is the only record of when each of them began. Moves that were not begun are left out.
         program: for a program, the YAML text that repeats it; empty if it cannot be written as YAML.
         commanded: names of walks that the user commanded during the run; their sections contain the commands.
     """
@@ -151,6 +167,7 @@ class RecordedRun:
     runs: tuple[Self, ...] = ()
     begun: StationConfig | None = None
     marks: tuple[tuple[float, str], ...] = ()
+    move_spans: tuple[MoveSpan, ...] = ()
     program: str = ""
     commanded: tuple[str, ...] = ()
 

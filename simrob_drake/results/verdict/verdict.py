@@ -18,6 +18,7 @@ from simrob_drake.base.errors import one_of
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import Message, compound, join_texts, message
 from simrob_drake.base.remarks import Remark, Remedy, Severity, worst_severity
+from simrob_drake.results.record.run import move_title
 from simrob_drake.results.verdict.remedies import MakeRemedy
 from simrob_drake.results.verdict.severity import VIOLATION, severity_of
 from simrob_drake.results.verdict.words import (
@@ -31,7 +32,7 @@ from simrob_drake.results.verdict.words import (
 from simrob_drake.stations.solver_config import VerdictConfig
 
 if TYPE_CHECKING:  # this import would be circular: a run has a verdict
-    from simrob_drake.results.record.run import RecordedRun
+    from simrob_drake.results.record.run import MoveSpan, RecordedRun
 
 
 NOTHING_LEFT_OUT: Mapping[Any, str] = MappingProxyType({})
@@ -215,6 +216,9 @@ SEVERITY_WORDS: dict[Severity, str] = {
     "failure": message("results.severity_failure", "failure"),
 }
 """Words of the severities in the table of criteria."""
+
+_TIME_ROUNDING = 1e-6
+"""Times that differ by at most this are equal [s]."""
 
 NO_BOUND = "–"
 """What a table shows instead of a bound if there is none."""
@@ -566,6 +570,33 @@ def join_verdicts(verdicts: Sequence[Verdict], durations: Sequence[float], names
         contact_rate=min(contact_rates) if contact_rates else None,
         moves=tuple(moves),
     )
+
+
+def with_move_names(verdict: Verdict, spans: Sequence["MoveSpan"]) -> Verdict:
+    """Name the move in which each value of a program occurred. Values that have a move, or no time, stay as they are.
+
+    Args:
+        verdict: verdict on the program.
+        spans: when the moves of the program began and ended.
+    """
+    measures = []
+    for measure in verdict.measures:
+        entries = tuple(entry._replace(move=entry.move or _move_at(entry.time, spans)) for entry in measure.entries)
+        measures.append(replace(measure, entries=entries))
+    return replace(verdict, measures=tuple(measures))
+
+
+def _move_at(time: float | None, spans: Sequence["MoveSpan"]) -> str:
+    """Name of the move that a program made at a time [s]. Empty if the time is None, or no move was made then.
+
+    At the time at which a move ends and the next one begins, it is the one that ends: its final error occurs then.
+    """
+    if time is None:
+        return ""
+    for span in spans:
+        if span.begin - _TIME_ROUNDING <= time <= span.end + _TIME_ROUNDING and span.end > span.begin:
+            return move_title(span.index)
+    return ""
 
 
 def _combine(
