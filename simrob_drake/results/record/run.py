@@ -16,6 +16,7 @@ from pydrake.systems.framework import Context
 
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.frames import VELOCITY_NAMES, XYZ_QUATERNION_NAMES, Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.signals import Panel, Signal
 from simrob_drake.blocks.references import Reference, Samples
 from simrob_drake.parts.resolved import named
@@ -81,7 +82,7 @@ class AskedMove:
     tool: Callable[[Vector], Vector]
     approaches: Callable[[Vector], Approaches]
     speed: float | None = None
-    place: str = "the move"
+    place: str = message("results.the_move", "the move")
     search: Vector = field(default_factory=lambda: np.zeros((0, 2, 3)))
 
 
@@ -157,7 +158,7 @@ class RecordedRun:
         Raises:
             UnknownName: there is no such column.
         """
-        return self.values[:, self._indices[one_of("signal", name, self._indices)]]
+        return self.values[:, self._indices[one_of(message("results.signal", "signal"), name, self._indices)]]
 
     def axes(self, signal: str, robot: str | None = None) -> Vector:
         """Signal of all axes of a robot, shape (m, n).
@@ -244,7 +245,13 @@ class RecordedRun:
 
     def numbered(self, number: int) -> Self:
         """Copy the run, with its moves named after their index in a program (from 0), such as ``move 3``."""
-        return replace(self, moves=tuple(replace(move, place=f"move {number}") for move in self.moves))
+        return replace(
+            self,
+            moves=tuple(
+                replace(move, place=message("results.move_number", "move {number}", number=number))
+                for move in self.moves
+            ),
+        )
 
     @property
     def parts(self) -> tuple[Self, ...]:
@@ -259,7 +266,13 @@ class RecordedRun:
     @property
     def end_in_words(self) -> str:
         """How the run ended, in words, with the name of the monitor if one ended it."""
-        return f"stopped by {self.stopped_by}: {self.message}" if self.ending == "monitor" else self.message
+        return (
+            message(
+                "results.stopped_by", "stopped by {monitor}: {reason}", monitor=self.stopped_by, reason=self.message
+            )
+            if self.ending == "monitor"
+            else self.message
+        )
 
     @property
     def wall_time(self) -> float:
@@ -294,7 +307,7 @@ class RecordedRun:
         for part in parts:
             name = f"{signal}.{part}"
             if name not in known:
-                one_of("signal", name, known)  # raises UnknownName, with the nearest name
+                one_of(message("results.signal", "signal"), name, known)  # raises UnknownName, with the nearest name
             indices.append(known[name])
         return np.take(self.values, indices, axis=1)
 
