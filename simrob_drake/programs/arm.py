@@ -30,6 +30,7 @@ from simrob_drake.programs.recorded import STATION, RecordedStation
 from simrob_drake.programs.stages import check_takes_time
 from simrob_drake.programs.time_optimal import Motors
 from simrob_drake.programs.timeline import following
+from simrob_drake.results.record.run import MoveSpan
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult, joined
 from simrob_drake.stations.config import StationConfig
@@ -335,12 +336,13 @@ class Workcell(RecordedStation):
         config, state, entries = self.config, self.state, list(self.tape.entries)
         try:
             with following(self, loaded.grid, loaded.changes):
-                runs = self._perform(loaded, file)
+                runs, spans = self._perform(loaded, file)
         except BaseException:
             self._change(config)
             self.state, self.tape.entries = state, entries
             raise
-        return joined(runs, begun=(config, state), left=self.config, program=loaded.on(STATION).text())
+        text = loaded.on(STATION).text()
+        return joined(runs, begun=(config, state), left=self.config, program=text, move_spans=spans)
 
     def rehearse(self, program: Program, file: str = "") -> tuple[int, float]:
         """Look whether arms can do a program, as far as that can be known without running it.
@@ -374,17 +376,26 @@ class Workcell(RecordedStation):
             fallen |= {name for name in self.config.free_pieces if name in move.pieces()}
         return len(program.moves), whole
 
-    def _perform(self, program: Program, file: str) -> list[SimulationResult]:
-        """Do move after move, and return the runs; one that does not go to its end is the last."""
+    def _perform(self, program: Program, file: str) -> tuple[list[SimulationResult], list[MoveSpan]]:
+        """Do the moves of a program one after the other, up to one whose run does not go to its end.
+
+        Returns:
+            the runs, and when each move began and ended.
+        """
         runs: list[SimulationResult] = []
+        spans: list[MoveSpan] = []
+        now = 0.0
         for number, move in enumerate(program.moves):
             with naming(move_name(number, len(program.moves), file)):
                 run = move.perform(self, program.robot, self.run_plans)
+            begin = now
             if run is not None:
+                now = begin + run.stop_time
                 runs.append(run.numbered(number))
-                if run.ending != "completed":
-                    break
-        return runs
+            spans.append(MoveSpan(index=number, begin=begin, end=now))
+            if run is not None and run.ending != "completed":
+                break
+        return runs, spans
 
     def run_plans(self, plans: list[Plan], duration: float | None) -> SimulationResult:
         """Run planned moves of a list, as :meth:`run` does, for a duration [s] if there is one."""

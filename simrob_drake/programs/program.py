@@ -21,8 +21,8 @@ from simrob_drake.parts.controllers import loops_of
 from simrob_drake.parts.controllers.postures import Cell, Pace, Sequencer
 from simrob_drake.programs.geometry import CellRobot
 from simrob_drake.programs.moves.joints import JointMove
-from simrob_drake.programs.moves.kinds import KINDS, AnyMove, check_move
-from simrob_drake.programs.moves.move import Move
+from simrob_drake.programs.moves.kinds import AnyMove, check_move
+from simrob_drake.programs.moves.move import Move, move_name, reference_name
 from simrob_drake.programs.timeline import Change
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.located import located_changes
@@ -241,11 +241,10 @@ class Program(Strict):
     @classmethod
     def of_content(cls, content: dict[str, Any], source: Path | str) -> "Program":
         """Return the program of a mapping, likewise; errors call it as ``source`` says."""
-        for key in ("moves", "references"):
-            entries = content.get(key)
-            for number, entry in enumerate(entries if isinstance(entries, list) else []):
-                kinds = {JointMove.key: JointMove} if key == "references" else KINDS
-                check_move(entry, f"{source}: {key}[{number}]", kinds)
+        for index, entry in enumerate(_entries(content, "moves")):
+            check_move(entry, move_name(index, len(content["moves"]), str(source)))
+        for index, entry in enumerate(_entries(content, "references")):
+            check_move(entry, reference_name(index, str(source)), {JointMove.key: JointMove})
         return validated(cls, content, source)
 
     def _place(self, index: int, last: int) -> int:
@@ -264,6 +263,12 @@ class Program(Strict):
                 "index", index, known if last >= 0 else message("programs.no_move_yet", "of a move; there is none")
             )
         return place
+
+
+def _entries(content: Mapping[str, Any], key: str) -> list[Any]:
+    """Entries of a list in a program's file. Empty if the key is missing, or holds something else than a list."""
+    entries = content.get(key)
+    return entries if isinstance(entries, list) else []
 
 
 def _check_moves(*moves: object) -> None:

@@ -224,19 +224,22 @@ def _make_config(
     Raises:
         InvalidConfig: an entry is invalid; the error names ``where`` and the key.
     """
-    # An override may change one axis, such as servo.kp.joint_1, where the content has one number for all axes. Write
-    # the number for each axis first. The names of the axes are known only after the other overrides, which may
-    # choose another robot.
-    keys_of_axes = [key for key in overrides if _is_below_number(content, key.split("."))]
+    # An override may change one axis, such as servo.kp.joint_1, where the content, or another override, has one number
+    # for all axes. The names of the axes are known only after the other overrides, which may choose another robot.
+    keys_of_axes = [key for key in overrides if _is_below_number(content, overrides, key.split("."))]
+    axes: dict[str, Sequence[str]] = {}
+    others = {key: value for key, value in overrides.items() if key not in keys_of_axes}
     if keys_of_axes:
-        others = {key: value for key, value in overrides.items() if key not in keys_of_axes}
         before = _make_config(deepcopy(content), others, where, allow_code, mesh_path, warns=False)
         axes = {name: robot.axes for name, robot in resolve(before).robots.items()}
-        _write_by_axis(content, keys_of_axes, axes)
 
     losses = KeyLosses(counts_defaults=not is_complete)  # collects warnings about keys that are dropped
     paths = {key: key.split(".") for key in overrides}
-    for key in sorted(overrides, key=lambda key: _rank(paths[key])):
+    for key in sorted(others, key=lambda key: _rank(paths[key])):
+        _override(content, paths[key], overrides[key], where, losses)
+    # Write the number for each axis before single axes get their own.
+    _write_by_axis(content, keys_of_axes, axes)
+    for key in keys_of_axes:
         _override(content, paths[key], overrides[key], where, losses)
     content = located(content, Path.cwd())  # relative paths in overrides start at the current folder
     content = _with_robots_section(content, where)
@@ -504,11 +507,18 @@ def _drop_former_robot(section: Content, origin: str, value: Any) -> None:
         del section["initial_deg"]
 
 
-def _is_below_number(content: Content, path: list[str]) -> bool:
-    """Whether a path leads into a number, as ``servo.kp.joint_1`` does if ``servo.kp`` is one number for all axes."""
+def _is_below_number(content: Content, overrides: Mapping[str, Any], path: list[str]) -> bool:
+    """Whether a path leads into a number, as ``servo.kp.joint_1`` does if ``servo.kp`` is one number for all axes.
+
+    Args:
+        content: content of the station's file.
+        overrides: new values by dotted key, which replace those of the content.
+        path: path of keys to the value of one axis.
+    """
     node: Any = content
     for key in path[:-1]:
         node = node.get(key) if isinstance(node, dict) else None
+    node = overrides.get(".".join(path[:-1]), node)
     return isinstance(node, (int, float)) and not isinstance(node, bool)
 
 
@@ -525,12 +535,12 @@ def _write_by_axis(content: Content, keys: list[str], axes: Mapping[str, Sequenc
         *path, number_key, axis = dotted_key.split(".")
         robot = path[1] if path[:1] == ["robots"] else ONLY_ROBOT
         names = axes.get(robot, ())
-        section = content
+        section: Any = content
         for key in path:
-            section = section[key]
-        number = section[number_key]
+            section = section.get(key) if isinstance(section, dict) else None
+        number = section.get(number_key) if isinstance(section, dict) else None
         if not isinstance(number, (int, float)):
-            continue  # replaced already, for another axis
+            continue  # replaced already: for another axis, or by another override of the section
         if axis in names:
             section[number_key] = dict.fromkeys(names, number)
         elif axis.isdecimal():

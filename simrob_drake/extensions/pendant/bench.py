@@ -37,12 +37,19 @@ from simrob_drake.stations.resolve import resolve
 
 
 class Checkpoint(NamedTuple):
-    """Where a station can be gone back to: how it was when something began to be run."""
+    """State of the station when a program was begun, to which it can be put back.
+
+    Attributes:
+        time: when the program began, since the start of the station [s].
+        config: the station then.
+        state: its state then.
+        program: the program that was begun.
+    """
 
     time: float
     config: StationConfig
     state: State | None
-    run: Callable[[], SimulationResult]
+    program: Program
 
 
 _ROWS = 2400  # of a run that are told when it has ended
@@ -106,14 +113,14 @@ class Bench:
         self.restart()
         self._new_line(checked.grid or GRID, checked.changes)
         self.cell.timeline.check(self.cell.config)
-        return self._begin(lambda: perform(self.cell, checked))
+        return self._begin(checked)
 
     def do(self, moves: Sequence[dict[str, Any]]) -> dict[str, Any]:
         """Run moves, as a program's file has them, from where the station is or what is shown."""
         program = validated(Program, {"moves": list(moves)}, "the moves")
         program = program.model_copy(update={"robot": self._robot or None})
         self._settle()
-        return self._begin(lambda: perform(self.cell, program))
+        return self._begin(program)
 
     def jog(self, targets_deg: dict[str, float], duration: float | None = None) -> dict[str, Any]:
         """Move the arm's axes from where its reference is; a newer jog takes its place."""
@@ -124,7 +131,7 @@ class Bench:
         if self.pacer.at is None:
             raise InvalidParameter("resume", "asked for in the present", "asked for after going back")
         place, time = self._back_to(self.pacer.at)
-        return self._begin(place.run, until=time)
+        return self._begin(place.program, until=time)
 
     # At any time
 
@@ -224,12 +231,16 @@ class Bench:
         own = self.cell.robot(name)
         return dict(zip(own.axes, (self.cell.position(name) / own.model.user_units).tolist(), strict=True))
 
-    def torque_limits(self) -> list[float]:
-        """Tell what the drives of the taught robot can do [N·m or N], axis by axis, with what was changed since."""
-        cell, name = self.cell, self._robot
+    def torque_limits(self, robot: str | None = None) -> list[float]:
+        """Return the torque limits of a robot's servos [N·m or N], one each axis, with what was changed since.
+
+        Args:
+            robot: name of the robot; the taught one unless given.
+        """
+        cell, name = self.cell, robot or self._robot
         changed = cell.timeline.settings()
-        robot = resolve(cell.timeline.station(cell.config, GRID)).robots[name] if changed else cell.robot(name)
-        limits: list[float] = robot.gains.torque_limit.tolist()
+        now = resolve(cell.timeline.station(cell.config, GRID)).robots[name] if changed else cell.robot(name)
+        limits: list[float] = now.gains.torque_limit.tolist()
         return limits
 
     def ghosts(self, postures: Sequence[dict[str, float]], good: Sequence[bool], marked: int | None = None) -> None:
@@ -298,10 +309,18 @@ class Bench:
         Timeline(GRID, [change]).check(self.cell.config)
         self.pacer.requests.append(change)
 
-    def _begin(self, doing: Callable[[], SimulationResult], *, until: float = 0.0) -> dict[str, Any]:
-        """Run something from where the station is, and again whenever it is gone back to and on from there."""
+    def _begin(self, program: Program, *, until: float = 0.0) -> dict[str, Any]:
+        """Run a program from where the station is, and again whenever it is gone back to and on from there.
+
+        Args:
+            program: the program.
+            until: up to when the run is the same as one that was shown before [s].
+
+        Returns:
+            how the run ended, as the page is told of it.
+        """
         cell, line = self.cell, self.cell.timeline
-        self._checkpoints.append(Checkpoint(line.now, cell.config, cell.state, doing))
+        self._checkpoints.append(Checkpoint(line.now, cell.config, cell.state, program))
         one = False
         while True:
             begun = line.now
@@ -309,13 +328,13 @@ class Bench:
             try:
                 with warnings.catch_warnings():
                     warnings.showwarning = lambda message, *_, **__: self._inbox.tell("warned", text=str(message))
-                    result = doing()
+                    result = perform(cell, program)
                 break
             except Rewound as asked:
                 assert self.pacer.at is not None
                 one = asked.one
                 place, until = self._back_to(self.pacer.at)
-                doing = place.run
+                program = place.program
                 self._checkpoints.append(place)
             finally:
                 self.pacer.end()
@@ -334,7 +353,7 @@ class Bench:
             "begun": begun,
             "time": line.now,
             "reached": max(line.now, round(self.pacer.now, 9)),
-            "parts": [part.stop_time for part in result.parts],
+            "moves": _moves_of(program, result, begun),
         }
         signals = self._signals(result, begun)
         self._inbox.tell("ended", **ended, positions=self.pacer.last, signals=signals)
@@ -378,7 +397,7 @@ class Bench:
             self._checkpoints.append(place)
             self.pacer.begin(line, until=until, stops=True)
             try:
-                place.run()
+                perform(self.cell, place.program)
             finally:
                 self.pacer.end()
         self._fell = False
@@ -386,3 +405,17 @@ class Bench:
 
     def _new_line(self, grid: float, changes: Sequence[Change] = ()) -> None:
         self.cell.timeline = self.pacer.line = Timeline(grid, changes)
+
+
+def _moves_of(program: Program, result: SimulationResult, begun: float) -> list[dict[str, Any]]:
+    """List the moves of a program that were begun in a run: each ``{entry, begin, end}``.
+
+    Args:
+        program: the program.
+        result: its run, which knows when each move began and ended.
+        begun: when the run began, since the start of the station [s]. So do the times of the list count.
+    """
+    return [
+        {"entry": program.moves[span.index].entry(), "begin": begun + span.begin, "end": begun + span.end}
+        for span in result.move_spans
+    ]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field, create_model
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter, SimrobError
 from simrob_drake.base.extension import check_usable, classes_of_extensions, register_core_names
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
@@ -99,6 +99,15 @@ def gaits_of(robot: str | RobotModel, *, steps: bool) -> dict[str, Gait]:
         if kind.steps == steps:
             found |= getattr(gaits, kind.section)
     return found
+
+
+def has_gait(model: RobotModel, kind: type[Gait], name: str) -> bool:
+    """Check whether a robot has a gait of a kind, by its name in the robot's `gaits.yaml`."""
+    try:
+        gaits = load_gaits(model)
+    except SimrobError:  # a robot without such a file
+        return False
+    return name in getattr(gaits, kind.section)
 
 
 def carries(model: RobotModel, worn: str | None, made: str | None) -> bool:

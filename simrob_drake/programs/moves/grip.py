@@ -73,6 +73,21 @@ class FingerMove(Move):
     robot: str | None = None
     """Whose; that of the program unless given."""
 
+    @classmethod
+    def possible_keys(cls, config: StationConfig, robot: str, model: RobotModel) -> frozenset[str] | None:
+        """Find the keys that fingers can be given.
+
+        A kinematic station has no forces, and fingers whose shapes do not meet have no width.
+        """
+        if not model.fingers:
+            return None
+        keys = set(cls.model_fields)
+        if stroke_of(model) is None:
+            keys -= {"width", "force"}
+        if not config.engine.moves_by_forces:
+            keys -= {"force"}
+        return frozenset(keys)
+
     def plan(self, planning: Planning) -> Plan:
         """Return the fingers' move, planned; other axes stay; raises InvalidParameter: no fingers, or no such width."""
         robot, row = planning.model, planning.start.copy()

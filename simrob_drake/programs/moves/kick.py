@@ -12,11 +12,13 @@ from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Number, Positive
 from simrob_drake.programs.gaits.biped import Kick
 from simrob_drake.programs.gaits.motion import JointMotion
+from simrob_drake.programs.gaits.registry import has_gait
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.legged_gait import perform, planned_gait
 from simrob_drake.programs.moves.move import Move, NameOf, Outlook, Stage, naming
 from simrob_drake.results.result import SimulationResult
+from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
 
@@ -36,6 +38,11 @@ class KickMove(Move):
     """Of the foot when it meets the ball [m/s]; the gait's own unless given."""
     gait: str = Kick.usual
     """One of the kicks of the robot's `gaits.yaml`."""
+
+    @classmethod
+    def possible_keys(cls, config: StationConfig, robot: str, model: RobotModel) -> frozenset[str] | None:
+        """Find the keys; None for a robot without the usual kick in its `gaits.yaml`."""
+        return frozenset(cls.model_fields) if has_gait(model, Kick, Kick.usual) else None
 
     def caption(self, *, robots: bool = False) -> str:
         """Return which ball."""

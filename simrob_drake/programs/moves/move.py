@@ -21,12 +21,14 @@ from pydantic_core import CoreSchema
 
 from simrob_drake.base.arguments import LONGEST, SHORTEST, plain
 from simrob_drake.base.errors import InvalidParameter, SimrobError
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Strict, validated
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.stateful_station import StatefulStation
+from simrob_drake.results.record.run import move_title
 from simrob_drake.results.result import SimulationResult
+from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import StationConfig
 
 Kind = TypeVar("Kind", bound="Move")
@@ -144,6 +146,22 @@ class Move(Strict):
         # Such a key may have no value: a kick without a ball swings the foot through the air.
         return [piece for key in keys if (piece := getattr(self, key))]
 
+    @classmethod
+    def possible_keys(cls, config: StationConfig, robot: str, model: RobotModel) -> frozenset[str] | None:
+        """Find out whether a robot of a station can do moves of this kind, and which keys of them it can be given.
+
+        A kind that not every robot can do overrides this. Forms for moves offer nothing else.
+
+        Args:
+            config: the station.
+            robot: name of the robot in the station.
+            model: model of the robot.
+
+        Returns:
+            the keys; None if the robot can do no move of this kind.
+        """
+        return frozenset(cls.model_fields)
+
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
         """Do it with arms of a station, and return what ``run`` gives, which runs plans; None if it takes no time.
 
@@ -215,15 +233,28 @@ def checked(kind: type[Kind], /, **content: Any) -> Kind:
         raise InvalidParameter(key, finding["input"], _EXPECTED.get(key, otherwise)) from problem
 
 
-def move_name(number: int, count: int, file: str = "") -> str:
-    """Return what messages call a move of a program that has so many, and may stand in a file."""
+def move_name(index: int, count: int, file: str = "") -> str:
+    """Name of a move in messages, which count moves from 1.
+
+    Args:
+        index: index of the move in its program, from 0.
+        count: how many moves the program has. A single one needs no number.
+        file: file of the program, which is part of the name; empty if the program has none.
+    """
     if file:
-        return message("programs.moves_of_file", "{file}: moves[{number}]", file=file, number=number)
-    return (
-        message("programs.move_number", "move {number}", number=number)
-        if count > 1
-        else message("programs.the_move", "the move")
-    )
+        return compound("{file}: {move}", file=file, move=move_title(index))
+    return move_title(index) if count > 1 else message("programs.the_move", "the move")
+
+
+def reference_name(index: int, file: str = "") -> str:
+    """Name of a reference of a program in messages, which count from 1 as they do for moves.
+
+    Args:
+        index: index of the reference in its program, from 0.
+        file: file of the program, which is part of the name; empty if the program has none.
+    """
+    reference = message("programs.reference_number", "reference {number}", number=index + 1)
+    return compound("{file}: {reference}", file=file, reference=reference) if file else reference
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import ConfigDict, Field
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter, SimrobError
 from simrob_drake.base.frames import finite
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Boolean, Duration, Number
@@ -18,6 +18,7 @@ from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.legged_gait import perform, planned_gait, taught_arms
 from simrob_drake.programs.moves.move import MOST_AMPLITUDE, MOST_STEPS, Move, NameOf, Outlook, Stage, checked, naming
 from simrob_drake.results.result import SimulationResult
+from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import check_parts, resolve
 from simrob_drake.walking.commands import Commanded
@@ -107,6 +108,15 @@ class GoMove(Move):
     """How long [s]; it does not stop at its end, so that another `go` can follow in the middle of a step."""
     strict: Boolean = False
     """Refuse what the legs cannot follow."""
+
+    @classmethod
+    def possible_keys(cls, config: StationConfig, robot: str, model: RobotModel) -> frozenset[str] | None:
+        """Find the keys; None for a robot without a walk by commands, or on a kinematic station."""
+        try:
+            cls().station(config, robot)
+        except SimrobError:
+            return None
+        return frozenset(cls.model_fields)
 
     @classmethod
     def at(cls, ahead: float, sideways: float, turn: float, *, duration: float, strict: bool) -> "GoMove":

@@ -11,7 +11,7 @@ from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.yaml_files import parse_yaml
 from simrob_drake.extensions.pendant.form import Field, as_text, as_value, move_fields
 from simrob_drake.extensions.pendant.move_labels import FormFields, labels_of
-from simrob_drake.extensions.pendant.pages.elements import KEYS, NumberField, icon_button, set_label
+from simrob_drake.extensions.pendant.pages.elements import NumberField, icon_button, page_keys, set_keys, set_label
 from simrob_drake.extensions.pendant.pages.joints import axis_field
 from simrob_drake.extensions.pendant.pages.words import MILLI, Content, Phrases, Words
 from simrob_drake.extensions.pendant.session import Session
@@ -25,7 +25,6 @@ SPEED, _FASTEST = 200.0, 5000.0
 AXES, ORIGIN = "axes", "origin"
 """What a form asks for by fields of its own; see :mod:`simrob_drake.extensions.pendant.move_labels`."""
 _AT_ORIGIN = [0.0] * 6
-_TAKEN = "TASXRPDEF"  # letters that press something else with Alt, in the page or in browsers
 
 Read = Callable[[], dict[str, Any] | None]
 """Gives what a form holds, as a program's file has it; None where a field is wrong, which then says so."""
@@ -39,22 +38,23 @@ class _Refused(Exception):
 def offers(session: Session, phrases: Phrases, choices: Content, kinds: list[type[Move]]) -> None:
     """Build a form and a button for each of some kinds of moves that ask for nothing that there is not.
 
-    ``choices`` is what there is to choose among, by the words of their forms.
+    ``choices`` is what there is to choose among, by the words of their forms, and under ``moves`` what the robot can
+    do: the keys that it can be given, by the key of the move.
     """
-    letters = list(_TAKEN)
+    possible = choices["moves"]
     for kind in kinds:
         form = labels_of(kind).form
-        if AXES in form.values() or not form or not all(_there(choices, form)):
+        is_taught_elsewhere = AXES in form.values() or not form
+        if is_taught_elsewhere or kind.key not in possible or not all(_there(choices, form)):
             continue
         with ui.row().classes("w-full items-start gap-2").props("role=group") as row:
             set_label(row, phrases.title(kind))
             read = move_form(phrases, choices, kind, {})
             button = ui.button(phrases.title(kind), on_click=partial(_try, session, read)).props("no-caps")
-        letter = next((one for one in button.text.upper() if one.isascii() and one not in letters), " ")
-        if letter.isalpha():
-            letters.append(letter)
-            button.props[KEYS] = f"Alt+{letter}"
-            button.tooltip(button.props[KEYS])
+        letter = page_keys().free_letter(button.text)
+        if letter:
+            set_keys(button, f"Alt+{letter}")
+            button.tooltip(f"Alt+{letter}")
 
 
 def choices_of(session: Session, robot: Content) -> dict[str, Any]:
@@ -116,7 +116,10 @@ def _entry(kind: type[Move], content: dict[str, Any]) -> dict[str, Any]:
 def move_form(phrases: Phrases, choices: Content, kind: type[Move], content: Content) -> Read:
     """Build the form that a kind of move declares; ``content`` is what it holds at first."""
     with ui.row().classes("items-start gap-2"):
-        own_fields = move_fields(kind, labels_of(kind).form, content)
+        asked = labels_of(kind).form
+        possible = choices["moves"].get(kind.key, ())
+        keys = [key for key in asked if key in possible or key in content]
+        own_fields = move_fields(kind, keys, content)
         fields = {field.key: _asked(phrases, choices, kind, field) for field in own_fields}
 
     def read() -> dict[str, Any] | None:

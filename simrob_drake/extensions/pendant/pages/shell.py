@@ -10,7 +10,14 @@ from nicegui.language import Language
 from simrob_drake.base.errors import SimrobError, shortened
 from simrob_drake.base.extension import usable_objects
 from simrob_drake.extensions.pendant.pages import arm, gallery, legs, station, view
-from simrob_drake.extensions.pendant.pages.elements import KEYS, allow, follow, icon_button, set_label, shortcuts
+from simrob_drake.extensions.pendant.pages.elements import (
+    allow,
+    follow,
+    icon_button,
+    set_keys,
+    set_label,
+    shortcuts,
+)
 from simrob_drake.extensions.pendant.pages.move_list import ProgramTimeline
 from simrob_drake.extensions.pendant.pages.tour import Lessons
 from simrob_drake.extensions.pendant.pages.words import Words, languages, words
@@ -184,7 +191,7 @@ def _tabs(session: Session, t: Words, language: str) -> None:
     with ui.tabs().classes("w-full") as tabs:
         heads = {name: ui.tab(name, label=panel.title(language)) for name, panel in panels.items()}
         for number, head in enumerate(heads.values(), 1):
-            head.props[KEYS] = f"Alt+{number}"
+            set_keys(head, f"Alt+{number}")
     with ui.tab_panels(tabs, value=_ALWAYS, animated=False, keep_alive=True).classes("w-full pendant-panels"):
         for name, panel in panels.items():
             with ui.tab_panel(name):

@@ -158,7 +158,7 @@ class Phrases:
             for key, value in content.items()
             if f"{{{'what' if key == first else key}}}" not in phrase
         ]
-        words = phrase.format(**{**said, "what": said.get(first, "")})
+        words = phrase.format(**{**said, "what": said.get(first, "")}).strip()
         return f"{words} ({', '.join(filter(None, rest))})" if any(rest) else words
 
     def title(self, kind: type[Move]) -> str:
