@@ -114,8 +114,10 @@ def _check(scheduler: str, found: Any) -> None:
         off = [name for name, version in here.items() if one["packages"][name] != version]
         if off:
             absent = message("tuning.not_at_all", "not at all")
-        has = join_texts(compound("{name} {version}", name=name, version=one["packages"][name] or absent) for name in off)
-        due = ", ".join(f"{name} {here[name]}" for name in off)
+            has = join_texts(
+                compound("{name} {version}", name=name, version=one["packages"][name] or absent) for name in off
+            )
+            due = ", ".join(f"{name} {here[name]}" for name in off)
             raise SimrobError(
                 message(
                     "tuning.other_versions",
