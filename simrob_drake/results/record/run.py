@@ -344,7 +344,7 @@ def move_title(index: int) -> Message:
     Args:
         index: index of the move in the program, from 0.
     """
-    return message("results.move", "move {number}", number=index + 1)
+    return message("results.move_number", "move {number}", number=index + 1)
 
 
 def begins_of(*runs: RecordedRun) -> Vector:
