@@ -526,8 +526,9 @@ def _missed_targets(misses: Sequence[float]) -> Message:
     if len(misses) == 1:
         return message("results.missed_target", "One target missed, by {distance}", distance=distance)
     count = count_in_words(len(misses))
-    template = "{count} targets missed, by up to {distance}"
-    return message("results.missed_targets", template, count=count, distance=distance)
+    return message(
+        "results.missed_targets", "{count} targets missed, by up to {distance}", count=count, distance=distance
+    )
 
 
 def join_verdicts(verdicts: Sequence[Verdict], durations: Sequence[float], names: Sequence[str] = ()) -> Verdict:

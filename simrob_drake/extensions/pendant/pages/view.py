@@ -156,7 +156,7 @@ def build_bar(session: Session, t: Words) -> None:
 
     def tell() -> None:
         notice = session.message
-        message.text = t(f"notice.{notice.key}", **notice.fills) if notice.key else t.of_engine(str(notice))
+        message.text = t(f"notice.{notice.key}", **notice.fills) if notice.key else t.render(str(notice))
         message.classes(add="pendant-wrong" if notice.wrong else "", remove="" if notice.wrong else "pendant-wrong")
 
     follow(session, phase, "phase", "program", "description")
