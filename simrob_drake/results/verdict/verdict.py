@@ -18,6 +18,7 @@ from simrob_drake.base.errors import one_of
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import Message, compound, join_texts, message
 from simrob_drake.base.remarks import Remark, Remedy, Severity, worst_severity
+from simrob_drake.results.html import html_of_remarks
 from simrob_drake.results.record.run import move_title
 from simrob_drake.results.verdict.remedies import MakeRemedy
 from simrob_drake.results.verdict.severity import VIOLATION, severity_of
@@ -503,9 +504,7 @@ class Verdict:
 
     def _repr_html_(self) -> str:
         """The sentence, the warnings with their remedies, and the table of criteria, as a notebook shows them."""
-        from simrob_drake.results.html import html_of_verdict  # only notebooks need it
-
-        return html_of_verdict(self)
+        return html_of_remarks(self.sentence, self.remarks, [self.headings, *self.cells])
 
     def summary(self) -> dict[str, Any]:
         """Content for ``summary.json``."""
