@@ -14,7 +14,7 @@ from simrob_drake.stations.config import StationConfig
 SPEED_SHARE = 0.5
 """Share of an axis' speed limit that a suggested move uses."""
 LAG = math.radians(2.0)
-"""Largest lag of an axis behind its reference at the end of the move [rad]; the verdict's default bound is 3 degrees."""
+"""Largest lag of an axis behind its reference at the end of the move [rad]. The verdict allows 3 degrees."""
 SLIDING_LAG = 0.002
 """The same for an axis that slides [m]."""
 ROUNDING = 0.1
