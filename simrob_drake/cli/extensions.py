@@ -11,7 +11,7 @@ from rich.text import Text
 
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.extension import (
-    FOLDERS,
+    MODELS,
     POINTS,
     Extension,
     InstalledExtension,
@@ -21,6 +21,7 @@ from simrob_drake.base.extension import (
     installed_extensions,
 )
 from simrob_drake.base.files import hidden_models
+from simrob_drake.base.messages import message
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.other_files import read_descriptions
 from simrob_drake.cli.screen import console, table
@@ -40,6 +41,7 @@ _REGISTRIES = {
     "engines": "simrob_drake.stations.solver_config",
     "importers": "simrob_drake.importer.importer",
     "exporters": "simrob_drake.programs.exporter",
+    "messages": "simrob_drake.base.extension",
 }
 """Modules that register the core's names at the extension points. They are imported only if an extension uses them."""
 
@@ -90,7 +92,7 @@ def _problems(entry: InstalledExtension, *, is_thorough: bool) -> list[str]:
 
 def _shadowed_names(extension: Extension) -> list[str]:
     """Find the names of an extension that mean something else, since the core has them. One sentence for each."""
-    # The core registers its names when its module is imported. It has no names for folders, which are not in
+    # The core registers its names when its module is imported. It has no names for folders of models, which are not in
     # _REGISTRIES.
     problems = []
     for point, described in POINTS.items():
@@ -99,7 +101,13 @@ def _shadowed_names(extension: Extension) -> list[str]:
             import_module(_REGISTRIES[point])
             shadowed = sorted(core_names(point) & set(names))
             problems += [
-                f"the {described} {name!r} is one of simrob-drake already; choose another name" for name in shadowed
+                message(
+                    "cli.name_of_core",
+                    "the {described} {name} is one of simrob-drake already; choose another name",
+                    described=described,
+                    name=repr(name),
+                )
+                for name in shadowed
             ]
     return problems
 
@@ -107,11 +115,19 @@ def _shadowed_names(extension: Extension) -> list[str]:
 def _hidden_models(entry: InstalledExtension) -> list[str]:
     """Find the robots, pieces and stations of an extension that nobody can use, since others have their names."""
     problems = []
-    for point in FOLDERS:
+    for point in MODELS:
         for addition in entry.additions_at(point):
             folder = addition_path(addition)
             hidden = hidden_models(point, folder) if folder is not None and folder.is_dir() else []
-            problems += [f"{model!r} of its {point} is hidden by another one of this name" for model in hidden]
+            problems += [
+                message(
+                    "cli.hidden_model",
+                    "{model} of its {point} is hidden by another one of this name",
+                    model=repr(model),
+                    point=point,
+                )
+                for model in hidden
+            ]
     return problems
 
 

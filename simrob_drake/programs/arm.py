@@ -12,6 +12,7 @@ import numpy.typing as npt
 from simrob_drake.base.arguments import instance
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import PoseLike
+from simrob_drake.base.messages import message
 from simrob_drake.kinematics.registry import SolverLike
 from simrob_drake.programs.geometry import ArmGeometry
 from simrob_drake.programs.moves.joints import JointMove, move_of
@@ -29,6 +30,7 @@ from simrob_drake.programs.recorded import STATION, RecordedStation
 from simrob_drake.programs.stages import check_takes_time
 from simrob_drake.programs.time_optimal import Motors
 from simrob_drake.programs.timeline import following
+from simrob_drake.results.record.run import MoveSpan
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult, joined
 from simrob_drake.stations.config import StationConfig
@@ -121,9 +123,17 @@ class Arm(ArmGeometry):
         self.references: list[JointMove] = []
         model = self.cell.model.robots[self.name].model
         if model.base != "fixed":
-            raise InvalidParameter("robot", model.name, "one on a fixed base; LeggedRobot programs those with legs")
+            raise InvalidParameter(
+                "robot",
+                model.name,
+                message("programs.robot_on_fixed_base", "one on a fixed base; LeggedRobot programs those with legs"),
+            )
         if not self.cell.model.robots[self.name].tcp:
-            raise InvalidParameter("robot", model.name, "one with a tool frame, under tools: in its robot.yaml")
+            raise InvalidParameter(
+                "robot",
+                model.name,
+                message("programs.robot_with_tool", "one with a tool frame, under tools: in its robot.yaml"),
+            )
         if tool is not None:
             self.tool(tool)
         _ = self.chain  # of joints that can be followed
@@ -263,7 +273,10 @@ class Arm(ArmGeometry):
         if automatic is False:
             return self.cell.simulate(config, duration=duration, strict=strict)
         if duration is not None:
-            raise Unsuitable("duration", "an automatic robot takes the time of its own references")
+            raise Unsuitable(
+                "duration",
+                message("programs.automatic_robot_times", "an automatic robot takes the time of its own references"),
+            )
         other = Workcell(self.cell.config if config is None else config)
         other.progress, other.strict = self.cell.progress, self.cell.strict or strict
         return run_cells(Arm(other, self.name), self.references, pace_of(automatic))
@@ -310,7 +323,12 @@ class Workcell(RecordedStation):
             InvalidConfig: a damaged file.
             SimrobError: what the arms cannot do; names the move.
         """
-        instance(program, "program", (Program, Path, str), "a Program, or the YAML file of one")
+        instance(
+            program,
+            "program",
+            (Program, Path, str),
+            message("programs.a_program_or_yaml", "a Program, or the YAML file of one"),
+        )
         loaded, file = (program, "") if isinstance(program, Program) else (Program.load(program), str(program))
         trial = Workcell(self.config)
         trial.state = self.state
@@ -318,12 +336,13 @@ class Workcell(RecordedStation):
         config, state, entries = self.config, self.state, list(self.tape.entries)
         try:
             with following(self, loaded.grid, loaded.changes):
-                runs = self._perform(loaded, file)
+                runs, spans = self._perform(loaded, file)
         except BaseException:
             self._change(config)
             self.state, self.tape.entries = state, entries
             raise
-        return joined(runs, begun=(config, state), left=self.config, program=loaded.on(STATION).text())
+        text = loaded.on(STATION).text()
+        return joined(runs, begun=(config, state), left=self.config, program=text, move_spans=spans)
 
     def rehearse(self, program: Program, file: str = "") -> tuple[int, float]:
         """Look whether arms can do a program, as far as that can be known without running it.
@@ -343,7 +362,11 @@ class Workcell(RecordedStation):
             InvalidParameter: a program without a move that takes time.
             SimrobError: what cannot be done; names the move.
         """
-        check_takes_time(program.moves, file or "the program", "one with moves, such as move_abs_j")
+        check_takes_time(
+            program.moves,
+            file or message("programs.the_program", "the program"),
+            message("programs.program_with_moves", "one with moves, such as move_abs_j"),
+        )
         fallen, whole = set[str](), 0.0
         for number, move in enumerate(program.moves):
             if isinstance(move, PlayMove) or not fallen.isdisjoint(move.pieces()):
@@ -353,17 +376,26 @@ class Workcell(RecordedStation):
             fallen |= {name for name in self.config.free_pieces if name in move.pieces()}
         return len(program.moves), whole
 
-    def _perform(self, program: Program, file: str) -> list[SimulationResult]:
-        """Do move after move, and return the runs; one that does not go to its end is the last."""
+    def _perform(self, program: Program, file: str) -> tuple[list[SimulationResult], list[MoveSpan]]:
+        """Do the moves of a program one after the other, up to one whose run does not go to its end.
+
+        Returns:
+            the runs, and when each move began and ended.
+        """
         runs: list[SimulationResult] = []
+        spans: list[MoveSpan] = []
+        now = 0.0
         for number, move in enumerate(program.moves):
             with naming(move_name(number, len(program.moves), file)):
                 run = move.perform(self, program.robot, self.run_plans)
+            begin = now
             if run is not None:
+                now = begin + run.stop_time
                 runs.append(run.numbered(number))
-                if run.ending != "completed":
-                    break
-        return runs
+            spans.append(MoveSpan(index=number, begin=begin, end=now))
+            if run is not None and run.ending != "completed":
+                break
+        return runs, spans
 
     def run_plans(self, plans: list[Plan], duration: float | None) -> SimulationResult:
         """Run planned moves of a list, as :meth:`run` does, for a duration [s] if there is one."""

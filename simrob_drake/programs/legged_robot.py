@@ -7,20 +7,29 @@ from typing import Any, Literal
 from simrob_drake.base.arguments import instance, truth
 from simrob_drake.base.errors import InvalidParameter, counted
 from simrob_drake.base.frames import PoseLike, as_transform, pose_from_transform
+from simrob_drake.base.messages import message
 from simrob_drake.parts.resolved import WORLD
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.moves.get_up import GetUpMove
 from simrob_drake.programs.moves.joints import move_of, targets_on
 from simrob_drake.programs.moves.kinds import ActMove, AttachMove, GoMove, JointMove, ReleaseMove, WalkMove, move_from
-from simrob_drake.programs.moves.move import MOVE_TIME, Move, Stage, checked
+from simrob_drake.programs.moves.move import MOVE_TIME, Move, checked
 from simrob_drake.programs.moves.walk import GO_TIME
 from simrob_drake.programs.program import Program
-from simrob_drake.programs.stages import Snapshot, check_program, joint_reference, leg_moves, stages_of, step_moves
+from simrob_drake.programs.stages import (
+    ProgramStage,
+    Snapshot,
+    check_program,
+    joint_reference,
+    leg_moves,
+    stages_of,
+    step_moves,
+)
 from simrob_drake.programs.stages import stages_of_program as program_stages
 from simrob_drake.programs.stateful_station import GOES_ON
 from simrob_drake.programs.timeline import following
-from simrob_drake.results.record.run import fallen
+from simrob_drake.results.record.run import MoveSpan, fallen
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult, joined
 from simrob_drake.simulation import ReferenceLike
@@ -42,6 +51,7 @@ class LeggedRobot(LeggedGeometry):
     Attributes of :class:`LeggedGeometry`, and:
         program: the moves and cells that are stored.
         runs: what the last move or program was made of, in order.
+        move_spans: when each move of it began and ended, since the start of the first run.
     """
 
     def __init__(self, station: "Workcell | StationLike", robot: str | None = None) -> None:
@@ -59,6 +69,7 @@ class LeggedRobot(LeggedGeometry):
         self.program = Program()
         self._start = self.cell.config
         self.runs: list[SimulationResult] = []
+        self.move_spans: list[MoveSpan] = []
         self._past: list[Snapshot] = []
 
     def _described(self) -> list[str]:
@@ -219,7 +230,12 @@ class LeggedRobot(LeggedGeometry):
         Raises:
             SimrobError: a program without moves, a damaged file, or as :meth:`test_move`, naming the move.
         """
-        instance(program, "program", (Program, Path, str), "a Program, or the YAML file of one")
+        instance(
+            program,
+            "program",
+            (Program, Path, str),
+            message("programs.a_program_or_yaml", "a Program, or the YAML file of one"),
+        )
         loaded = program if isinstance(program, Program) else Program.load(program)
         file = "" if loaded is program else str(program)
         with following(self.cell, loaded.grid, loaded.changes):
@@ -233,7 +249,9 @@ class LeggedRobot(LeggedGeometry):
         Raises:
             SimrobError: as :meth:`run`; or a program with a walk, an act or a piece.
         """
-        return joint_reference(self, leg_moves(instance(program, "program", Program, "a Program")))
+        return joint_reference(
+            self, leg_moves(instance(program, "program", Program, message("programs.a_program", "a Program")))
+        )
 
     def simulate(self, *, automatic: bool | Mapping[str, Any] | None = None, strict: bool = False) -> SimulationResult:
         """Run all that is stored from the start (Sim); the robot goes on from its end.
@@ -266,7 +284,7 @@ class LeggedRobot(LeggedGeometry):
         Nothing moves. Arguments and errors are those of :meth:`test_move`; ``duration`` is that of the way there.
         """
         cell = move_of(target_deg, duration)
-        targets_on(self.model, cell.target_deg, "the reference", cell.duration)
+        targets_on(self.model, cell.target_deg, message("programs.the_reference", "the reference"), cell.duration)
         self._remember()
         self.program = self.program.with_reference(cell)
 
@@ -310,7 +328,11 @@ class LeggedRobot(LeggedGeometry):
     def undo(self) -> None:
         """Take back the last thing that was done, a test, a run or a change of the program: robot and program."""
         if not self._past:
-            raise InvalidParameter("undo", "asked for before anything was done", "called after a move or a change")
+            raise InvalidParameter(
+                "undo",
+                message("programs.asked_before_moves", "asked for before anything was done"),
+                message("programs.called_after_move", "called after a move or a change"),
+            )
         self._restore(self._past.pop())
 
     def save(self, file: Path | str) -> Path:
@@ -327,7 +349,7 @@ class LeggedRobot(LeggedGeometry):
 
     def result(self) -> SimulationResult:
         """Return :attr:`runs` as one result; see :func:`~simrob_drake.results.result.joined`."""
-        return joined(self.runs)
+        return joined(self.runs, move_spans=self.move_spans)
 
     def film(self, file: Path | str, *, frames: int | Literal["events"] = 7) -> Path:
         """Write :attr:`runs`, one after the other, as one film; see :meth:`SimulationResult.film`."""
@@ -348,15 +370,21 @@ class LeggedRobot(LeggedGeometry):
         return self._perform(stages_of(self, moves, self.cell.config), store=moves if truth(store, "store") else ())
 
     def _perform(
-        self, stages: Sequence[Stage], *, store: Sequence[Move] = (), from_start: bool = False
+        self, stages: Sequence[ProgramStage], *, store: Sequence[Move] = (), from_start: bool = False
     ) -> list[SimulationResult]:
         """Do stage after stage, and return the runs; what goes wrong leaves robot and program as they were."""
-        snapshot, runs = self._snapshot(), list[SimulationResult]()
+        snapshot = self._snapshot()
+        runs: list[SimulationResult] = []
+        spans: list[MoveSpan] = []
+        now = 0.0
         try:
             if from_start:
                 self._back_to_start()
             for stage in stages:
-                result = stage(self)
+                result = stage.run(self)
+                end = now if result is None else now + result.stop_time
+                spans += stage.spans(now, end)
+                now = end
                 if result is not None:
                     runs.append(result)
                     if result.ending != "completed":
@@ -364,7 +392,9 @@ class LeggedRobot(LeggedGeometry):
         except BaseException:
             self._restore(snapshot)
             raise
-        self.runs = runs or self.runs
+        if runs:
+            self.runs = runs
+            self.move_spans = spans
         if runs and (runs[-1].ending not in GOES_ON or fallen(runs[-1]) is not None):
             self._restore(snapshot)
             return runs

@@ -12,15 +12,17 @@ import numpy as np
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.blocks.references import sequence
 from simrob_drake.programs.gaits.registry import carries, first_gait, gaits_of
 from simrob_drake.programs.gaits.sequences import Posing
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.moves.joints import JointMove, move_of, targets_on
 from simrob_drake.programs.moves.kinds import leg_kinds
-from simrob_drake.programs.moves.move import Move, Outlook, Stage, checked, move_name, naming
+from simrob_drake.programs.moves.move import Move, Outlook, Stage, checked, move_name, naming, reference_name
 from simrob_drake.programs.moves.walk import WalkMove
 from simrob_drake.programs.program import Program, run_cells
+from simrob_drake.results.record.run import MoveSpan, move_title
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import RobotModel
@@ -40,32 +42,79 @@ class Snapshot:
     now: float
 
 
-def stages_of(robot: LeggedGeometry, moves: Sequence[Move], station: StationConfig, file: str = "") -> list[Stage]:
-    """Cut a robot's checked moves into stages, from a station on; raises SimrobError: the move, and its file."""
-    stages, outlook, joint_moves = list[Stage](), Outlook(station), list[JointMove]()
+@dataclass(frozen=True)
+class ProgramStage:
+    """A part of a program that is one run, or takes no time.
+
+    Attributes:
+        run: runs the stage.
+        first: index of its first move in the program.
+        durations: how long its moves take [s], one each. That of a single move is known only when the stage has run,
+            and is 0 before; the references of an automatic program have none.
+    """
+
+    run: Stage
+    first: int = 0
+    durations: Sequence[float] = ()
+
+    def spans(self, begin: float, end: float) -> list[MoveSpan]:
+        """Find when each move of the stage began and ended, of a run from ``begin`` to ``end`` [s].
+
+        Moves that were not begun, because the run was ended before, are left out.
+        """
+        spans: list[MoveSpan] = []
+        last = len(self.durations) - 1
+        now = begin
+        for number, duration in enumerate(self.durations):
+            # The last move lasts to the end of the run, which can be longer than the moves: it ends on the grid.
+            move_end = end if number == last else min(now + duration, end)
+            spans.append(MoveSpan(index=self.first + number, begin=now, end=move_end))
+            now = move_end
+            if number < last and now >= end:
+                break
+        return spans
+
+
+def stages_of(
+    robot: LeggedGeometry, moves: Sequence[Move], station: StationConfig, file: str = ""
+) -> list[ProgramStage]:
+    """Cut a robot's checked moves into stages, from a station on.
+
+    Moves of joints that follow each other are one stage, each other move is one.
+
+    Raises:
+        SimrobError: a move that cannot be done; names the move, and its file.
+    """
+    outlook = Outlook(station)
+    stages: list[ProgramStage] = []
+    joint_moves: list[JointMove] = []  # of the stage that goes on; empty after another move
     for number, move in enumerate(moves):
         name = move_name(number, len(moves), file)
         with naming("" if isinstance(move, JointMove) or (len(moves) == 1 and not file) else name):
             stage = move.stage(robot, outlook, name)
         if not isinstance(move, JointMove):
             joint_moves = []
-            stages.append(stage)
-        elif joint_moves:  # it goes on with the run of those before it
-            joint_moves.append(move)
-        else:
-            joint_moves = [move]
-            stages.append(partial(_move_joints, moves=joint_moves))
+            stages.append(ProgramStage(stage, first=number, durations=(0.0,)))
+            continue
+        if joint_moves:
+            stages.pop()  # it is made anew with one move more
+        joint_moves = [*joint_moves, move]
+        first = number + 1 - len(joint_moves)
+        durations = [joint_move.duration for joint_move in joint_moves]
+        stages.append(ProgramStage(partial(_move_joints, moves=joint_moves), first=first, durations=durations))
     return stages
 
 
-def stages_of_program(robot: LeggedGeometry, program: Program, station: StationConfig, file: str = "") -> list[Stage]:
+def stages_of_program(
+    robot: LeggedGeometry, program: Program, station: StationConfig, file: str = ""
+) -> list[ProgramStage]:
     """Cut a program into stages as :func:`stages_of` does; the references of an automatic one are a single stage.
 
     Raises InvalidParameter: a program that does nothing; SimrobError: as :func:`stages_of`.
     """
     _check_references(robot, program, file)
     if program.automatic:
-        return [partial(run_cells, cells=program.references, pace=program.automatic)]
+        return [ProgramStage(partial(run_cells, cells=program.references, pace=program.automatic))]
     check_takes_time(program.moves)
     return stages_of(robot, leg_moves(program, file), station, file)
 
@@ -74,7 +123,9 @@ def leg_moves(program: Program, file: str = "") -> tuple[Move, ...]:
     """Return the moves of a program for a robot with legs; raises InvalidParameter: one for arms."""
     for number, move in enumerate(program.moves):
         if not move.of_legs:
-            expected = f"one of {', '.join(leg_kinds())}: the others are for arms"
+            expected = message(
+                "programs.one_of_leg_kinds", "one of {kinds}: the others are for arms", kinds=", ".join(leg_kinds())
+            )
             raise InvalidParameter(move_name(number, len(program.moves), file), move.key, expected)
     return program.moves
 
@@ -86,11 +137,13 @@ def check_program(robot: LeggedGeometry, program: Program, station: StationConfi
 
 
 def check_takes_time(
-    moves: Sequence[Move], name: str = "the program", expected: str = "one with moves: add_move() stores them"
+    moves: Sequence[Move],
+    name: str = message("programs.the_program", "the program"),
+    expected: str = message("programs.moves_stored", "one with moves: add_move() stores them"),
 ) -> None:
     """Check that a program to be run does something that takes time; raises InvalidParameter: it does not."""
     if not any(move.takes_time for move in moves):
-        state = "without a move that takes time" if moves else "empty"
+        state = message("programs.without_taking_time", "without a move that takes time") if moves else "empty"
         raise InvalidParameter(name, state, expected)
 
 
@@ -104,7 +157,11 @@ def joint_reference(robot: LeggedGeometry, moves: Sequence[Move]) -> tuple[Refer
     joint_moves = list[JointMove]()
     for number, move in enumerate(moves):
         if not isinstance(move, JointMove):
-            raise InvalidParameter(f"move {number}", move.key, "a move of joints, to be run with other robots'")
+            raise InvalidParameter(
+                move_title(number),
+                move.key,
+                message("programs.move_with_other_robots", "a move of joints, to be run with other robots'"),
+            )
         joint_moves.append(move)
     times, postures = postures_of(robot.model, joint_moves, robot.reference)
     if robot.cell.config.engine.moves_by_forces:
@@ -135,7 +192,9 @@ def step_moves(model: RobotModel, feet: str | None, move_time: float | None = No
     gaits, without a gait for the feet that it wears, or a time that is not positive.
     """
     if model.feet is None:
-        raise InvalidParameter("robot", model.name, "one with legs: step() is for legged robots")
+        raise InvalidParameter(
+            "robot", model.name, message("programs.robot_with_legs", "one with legs: step() is for legged robots")
+        )
     own = gaits_of(model, steps=False).get(SEQUENCE)
     if isinstance(own, Posing) and carries(model, feet, own.made_for(model)):
         return _moves_of(model, own, move_time)
@@ -160,7 +219,7 @@ def _moves_of(model: RobotModel, own: Posing, move_time: float | None) -> list[M
 
 def _check_references(robot: LeggedGeometry, program: Program, file: str) -> None:
     for number, cell in enumerate(program.references):
-        targets_on(robot.model, cell.target_deg, f"{file}: references[{number}]" if file else f"reference {number}")
+        targets_on(robot.model, cell.target_deg, reference_name(number, file))
 
 
 def _move_joints(robot: LeggedGeometry, moves: Sequence[Move]) -> SimulationResult:

@@ -17,7 +17,8 @@ def perform(cell: Workcell, program: Program, file: str = "") -> SimulationResul
         return cell.perform(source)
     robot, begun = LeggedRobot(cell, program.robot), (cell.config, cell.state)
     robot.run(source)
-    return joined(robot.runs, begun=begun, left=cell.config, program=program.on(STATION).text())
+    text = program.on(STATION).text()
+    return joined(robot.runs, begun=begun, left=cell.config, program=text, move_spans=robot.move_spans)
 
 
 def carried_program(config: StationConfig) -> Program | None:

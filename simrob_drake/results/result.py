@@ -18,13 +18,16 @@ import numpy as np
 from simrob_drake.base.arguments import as_path, truth
 from simrob_drake.base.errors import InvalidParameter, VerdictError, shortened
 from simrob_drake.base.folders import check_ending
+from simrob_drake.base.remarks import Remark
 from simrob_drake.results.files import default_folder, save_result
+from simrob_drake.results.html import html_of_verdict, html_table
 from simrob_drake.results.plots.formats import PlotFormat
 from simrob_drake.results.record.run import DIVERGED, FAILED, RecordedRun
 from simrob_drake.results.record.summary import summary_of
 from simrob_drake.results.verdict.judge import verdict_of
 from simrob_drake.results.verdict.moves import judge_move
-from simrob_drake.results.verdict.verdict import Verdict, join_verdicts
+from simrob_drake.results.verdict.severity import severity_of_end
+from simrob_drake.results.verdict.verdict import Verdict, join_verdicts, with_move_names
 
 if TYPE_CHECKING:
     from simrob_drake.results.footage import Footage
@@ -35,8 +38,9 @@ from typing import TypeVar
 from pydrake.multibody.plant import MultibodyPlant
 
 from simrob_drake.base.frames import XYZ_QUATERNION_NAMES, Vector, xyz_quaternion_from_transform
+from simrob_drake.base.messages import compound, message
 from simrob_drake.parts.station_plant import StationPlant
-from simrob_drake.results.record.run import begins_of
+from simrob_drake.results.record.run import MoveSpan, begins_of
 from simrob_drake.results.record.state import State, free_joint, joints_of
 from simrob_drake.results.record.touch import Event
 from simrob_drake.stations.config import StationConfig
@@ -71,16 +75,6 @@ def table_of(result: RecordedRun) -> list[list[str]]:
     return table
 
 
-def html_table(lines: Sequence[Sequence[str]]) -> str:
-    """Return lines of cells, headings first, as a table of HTML."""
-
-    def line(cells: Sequence[str], kind: str) -> str:
-        return f"<tr>{''.join(f'<{kind}>{escape(cell)}</{kind}>' for cell in cells)}</tr>"
-
-    head, *body = lines
-    return f"<table>{line(head, 'th')}{''.join(line(cells, 'td') for cells in body)}</table>"
-
-
 @dataclass(frozen=True)
 class SimulationResult(RecordedRun):
     """A run, and what can be made of it. One exists however the run ended.
@@ -92,7 +86,17 @@ class SimulationResult(RecordedRun):
     def verdict(self) -> Verdict:
         """What was asked of the run against what became of it; see ``verdict:`` in a station's file."""
         if self.runs:
-            whole = join_verdicts([part.verdict for part in self.runs], [part.stop_time for part in self.runs])
+            whole = join_verdicts(
+                [part.verdict for part in self.runs],
+                [part.stop_time for part in self.runs],
+                [part.place for part in self.runs],
+            )
+            whole = replace(
+                with_move_names(whole, self.move_spans),
+                ended=self.end_in_words,
+                severity_of_end=severity_of_end(self),
+                doubts=tuple(self.solver_warnings),
+            )
         else:
             whole = verdict_of(self)
         return replace(whole, moves=(*(judge_move(self, move) for move in self.moves), *whole.moves))
@@ -109,19 +113,26 @@ class SimulationResult(RecordedRun):
         """Why the result may be wrong, or other than was asked, though the run went to its end, in words."""
         return [*self.solver_warnings, *self.verdict.warnings]
 
+    @property
+    def remarks(self) -> list[Remark]:
+        """Remarks about the run with severity and remedy: the sentence of its verdict, then one for each warning."""
+        return self.verdict.remarks
+
     def __repr__(self) -> str:
-        """Return three lines: how the run ended, how much of it there is, and what became of what was asked."""
+        """Three lines: how the run ended, how much of it there is, and what missed its bound."""
         samples = f"{len(self.times)} samples of {len(self.names)} columns to {self.stop_time:.4g} s"
-        judged = shortened("; ".join(self.warnings) or str(self.verdict), _WIDTH)
-        return f"{self.config.name}: {self.message}\n{samples}, {self.pace}\n{judged}"
+        judgement = shortened("; ".join(self.warnings) or self.verdict.judgement, _WIDTH)
+        return f"{self.config.name}: {self.message}\n{samples}, {self.pace}\n{judgement}"
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows: these lines, a film strip and where all ended."""
+        """What a notebook shows: how the run ended, its verdict, a film strip, and where all joints ended."""
         from simrob_drake.results.animation.pictures import film_strip  # which takes its time to load
 
         strip = b64encode(film_strip(self)).decode()
+        end_and_size = repr(self).splitlines()[:2]
         return (
-            f"<p>{'<br>'.join(escape(repr(self)).splitlines())}</p>"
+            f"<p>{'<br>'.join(map(escape, end_and_size))}</p>"
+            f"{html_of_verdict(self.verdict, with_end=False)}"
             f'<img alt="film strip" style="max-width: 100%" src="data:image/png;base64,{strip}">'
             f"{html_table(table_of(self))}"
         )
@@ -177,7 +188,9 @@ class SimulationResult(RecordedRun):
         if truth(strict, "strict"):
             wrong = [self.message] if self.ending in (DIVERGED, FAILED) else self.warnings
             if wrong:
-                raise VerdictError(f"{self.config.name}: {'; '.join(wrong)}", self)
+                raise VerdictError(
+                    compound("{station}: {problems}", station=self.config.name, problems="; ".join(wrong)), self
+                )
         return self
 
     def summary(self) -> dict[str, Any]:
@@ -195,21 +208,28 @@ def joined(
     begun: tuple[StationConfig, State | None] | None = None,
     left: StationConfig | None = None,
     program: str = "",
+    move_spans: Sequence[MoveSpan] = (),
 ) -> Run:
     """Return runs that follow each other, each begun where the one before ended, as one result.
 
     Its signals are those that all runs have, and ``piece.<piece>`` for each piece that changes hands; where one run
     ends and the next begins stands what the next one says. Its recording shows contact forces if it is a single run.
     ``begun`` are station and state before it all, those of the first run unless given; ``left`` the station as the last
-    one left it. Raises InvalidParameter: no run, or runs of stations with other robots or pieces.
+    one left it; ``move_spans`` tell when each move of the program began and ended.
+
+    Raises InvalidParameter: no run, or runs of stations with other robots or pieces.
     """
     if not runs:
-        raise InvalidParameter("runs", "empty", "some: what was run last")
+        raise InvalidParameter("runs", "empty", message("results.what_was_run_last", "some: what was run last"))
     station, start = (runs[0].config, runs[0].start) if begun is None else begun
     last, stations = runs[-1], [*(run.config for run in runs), *([left] if left else [])]
     for key in ("robots", "pieces"):
         if any(set(getattr(station, key)) != set(getattr(stations[0], key)) for station in stations):
-            raise InvalidParameter("runs", f"of stations with other {key}", "of one station")
+            raise InvalidParameter(
+                "runs",
+                message("results.stations_with_other", "of stations with other {key}", key=key),
+                message("results.one_station", "of one station"),
+            )
     begins = begins_of(*runs).round(12)  # so that sums of decimals are decimals
     wandering = [name for name in stations[0].pieces if len({_hung(station, name) for station in stations}) > 1]
     config = last.config.model_copy(update={"duration": float(begins[-1])})
@@ -252,10 +272,12 @@ def joined(
         solver_warnings=list(dict.fromkeys(warning for run in runs for warning in run.solver_warnings)),
         contacts_at=last.contacts_at if len(runs) == 1 and not wandering else None,
         did="",
+        place="",
         moves=(),
         runs=tuple(runs),
         begun=station,
         marks=tuple(marks),
+        move_spans=tuple(move_spans),
         program=program,
     )
     return _with_signals(whole, kept, wandering)
@@ -323,7 +345,22 @@ def _carried(run: RecordedRun, pieces: Sequence[str], rows: Vector) -> _Position
 
 def _message(last: RecordedRun, count: int, begin: float) -> str:
     if last.ending == "completed":
-        return f"ran to its end at {begin + last.stop_time:.6g} s, in {count} run{'s' if count > 1 else ''}"
+        return message(
+            "results.ran_to_its_end",
+            "ran to its end at {time:.6g} s, in {count} {count:run|runs}",
+            time=begin + last.stop_time,
+            count=count,
+        )
     if last.runs:  # it was cut where something happened
         return _message(last.runs[-1], count, begin + last.stop_time - last.runs[-1].stop_time)
-    return f"{last.message} of the last of {count} runs, which began at {begin:.4g} s" if count > 1 else last.message
+    return (
+        message(
+            "results.ending_of_last_run",
+            "{ending} of the last of {count} runs, which began at {begin:.4g} s",
+            ending=last.message,
+            count=count,
+            begin=begin,
+        )
+        if count > 1
+        else last.message
+    )

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel
 
+from simrob_drake.base.messages import message
 from simrob_drake.parts import controllers, couplings, forces, monitors, references, sensors
 from simrob_drake.parts.kinds import Kinds
 from simrob_drake.stations.solver_config import SOLVERS
@@ -98,8 +99,16 @@ class KeyLosses:
         if lost:
             where = ".".join(path)
             self.texts.append(
-                f"{where}.kind is {kind} in place of {old_kind}: {where} begins from the defaults of {kind}, "
-                f"without what was given for {old_kind} ({', '.join(lost)}); set {where}.<key> for the new kind"
+                message(
+                    "stations.change_of_kind",
+                    "{where}.kind is {kind} in place of {old_kind}: {where} begins from the defaults of "
+                    "{kind}, without what was given for {old_kind} ({lost}); set {where}.<key> for the "
+                    "new kind",
+                    where=where,
+                    kind=kind,
+                    old_kind=old_kind,
+                    lost=", ".join(lost),
+                )
             )
 
     def warn(self) -> None:
@@ -134,7 +143,8 @@ def _class_of(path: list[str], kind: str) -> type[BaseModel] | None:
 def settings_with(settings: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     """Combine earlier settings of a station with later ones, which replace them.
 
-    A change of a section's kind drops the earlier settings of that section, which were made for its old kind.
+    A change of a section's kind drops the earlier settings of that section, which were made for its old kind. A new
+    number for all axes, such as ``servo.kp``, drops earlier numbers of single axes, such as ``servo.kp.joint_2``.
 
     Args:
         settings: earlier settings, by dotted key such as ``reference.duration``.
@@ -142,6 +152,10 @@ def settings_with(settings: Mapping[str, Any], changes: Mapping[str, Any]) -> di
     """
     kept = dict(settings)
     for key, value in changes.items():
+        if isinstance(value, (int, float)):
+            for earlier_key in settings:
+                if earlier_key.startswith(f"{key}.") and earlier_key not in changes:
+                    kept.pop(earlier_key, None)
         change = _change_of_kind(key, value)
         # A setting that repeats the kind of the earlier settings drops nothing.
         if change is None or kept.get(f"{change.section}.{_KIND}") == change.kind:

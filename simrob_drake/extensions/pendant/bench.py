@@ -13,6 +13,7 @@ import numpy as np
 
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import validated
 from simrob_drake.extensions.pendant import arm_questions
 from simrob_drake.extensions.pendant.describe import description
@@ -37,12 +38,19 @@ from simrob_drake.stations.resolve import resolve
 
 
 class Checkpoint(NamedTuple):
-    """Where a station can be gone back to: how it was when something began to be run."""
+    """State of the station when a program was begun, to which it can be put back.
+
+    Attributes:
+        time: when the program began, since the start of the station [s].
+        config: the station then.
+        state: its state then.
+        program: the program that was begun.
+    """
 
     time: float
     config: StationConfig
     state: State | None
-    run: Callable[[], SimulationResult]
+    program: Program
 
 
 _ROWS = 2400  # of a run that are told when it has ended
@@ -106,14 +114,14 @@ class Bench:
         self.restart()
         self._new_line(checked.grid or GRID, checked.changes)
         self.cell.timeline.check(self.cell.config)
-        return self._begin(lambda: perform(self.cell, checked))
+        return self._begin(checked)
 
     def do(self, moves: Sequence[dict[str, Any]]) -> dict[str, Any]:
         """Run moves, as a program's file has them, from where the station is or what is shown."""
-        program = validated(Program, {"moves": list(moves)}, "the moves")
+        program = validated(Program, {"moves": list(moves)}, message("pendant.the_moves", "the moves"))
         program = program.model_copy(update={"robot": self._robot or None})
         self._settle()
-        return self._begin(lambda: perform(self.cell, program))
+        return self._begin(program)
 
     def jog(self, targets_deg: dict[str, float], duration: float | None = None) -> dict[str, Any]:
         """Move the arm's axes from where its reference is; a newer jog takes its place."""
@@ -122,9 +130,13 @@ class Bench:
     def resume(self) -> dict[str, Any]:
         """Go on from the moment that is shown, as what was run there went on."""
         if self.pacer.at is None:
-            raise InvalidParameter("resume", "asked for in the present", "asked for after going back")
+            raise InvalidParameter(
+                "resume",
+                message("pendant.asked_in_present", "asked for in the present"),
+                message("pendant.asked_after_going_back", "asked for after going back"),
+            )
         place, time = self._back_to(self.pacer.at)
-        return self._begin(place.run, until=time)
+        return self._begin(place.program, until=time)
 
     # At any time
 
@@ -167,7 +179,11 @@ class Bench:
         if positions is not None:
             self._view.show(positions)
         elif not before:
-            raise InvalidParameter("time", f"{time:g} s", "a time that was run, not too long ago")
+            raise InvalidParameter(
+                "time",
+                compound("{time:g} s", time=time),
+                message("pendant.time_that_was_run", "a time that was run, not too long ago"),
+            )
         elif steps(before[-1].time) == number:
             self._view.draw(before[-1].config, before[-1].state)
         if before:
@@ -177,7 +193,11 @@ class Bench:
     def look(self, positions: Vector | None) -> None:
         """Show positions of the plant, of a run that is over; the station stays where it is."""
         if positions is None or not self._fits(positions):
-            raise InvalidParameter("run", "a moment that is not kept", "one of the station as it is now")
+            raise InvalidParameter(
+                "run",
+                message("pendant.moment_not_kept", "a moment that is not kept"),
+                message("pendant.moment_of_station", "one of the station as it is now"),
+            )
         self._view.show(positions)
 
     def compare(self, positions: Vector | None) -> None:
@@ -192,12 +212,14 @@ class Bench:
 
     def push(self, force: Sequence[float], at: str | None = None, duration: float = 0.1) -> None:
         """Push with a force [N] for a time [s], from the next tick on."""
-        push = validated(PushNow, {"at": at, "force": list(force), "duration": duration}, "the push")
+        push = validated(
+            PushNow, {"at": at, "force": list(force), "duration": duration}, message("pendant.the_push", "the push")
+        )
         self._ask(Change(time=0.0, push=push))
 
     def drag(self, at: str, point: Sequence[float], target: Sequence[float] | None) -> None:
         """Pull a point of a body, in its own frame, to a place in the world, or let it go."""
-        one_of("body", at, self._bodies)
+        one_of(message("pendant.body", "body"), at, self._bodies)
         if at in self.cell.config.pieces:  # forces on pieces count from their tool centre point
             model = self.cell.model
             point = model.pose(model.piece_frame(at)).inverse() @ model.pose(model.piece_origin(at)) @ np.array(point)
@@ -214,7 +236,7 @@ class Bench:
 
     def watch(self, signals: Sequence[str]) -> None:
         """Tell the values of these outputs of the station at each tick."""
-        self.pacer.watched = [one_of("signal", name, self._columns) for name in signals]
+        self.pacer.watched = [one_of(message("pendant.signal", "signal"), name, self._columns) for name in signals]
 
     # Questions
 
@@ -224,12 +246,16 @@ class Bench:
         own = self.cell.robot(name)
         return dict(zip(own.axes, (self.cell.position(name) / own.model.user_units).tolist(), strict=True))
 
-    def torque_limits(self) -> list[float]:
-        """Tell what the drives of the taught robot can do [N·m or N], axis by axis, with what was changed since."""
-        cell, name = self.cell, self._robot
+    def torque_limits(self, robot: str | None = None) -> list[float]:
+        """Return the torque limits of a robot's servos [N·m or N], one each axis, with what was changed since.
+
+        Args:
+            robot: name of the robot; the taught one unless given.
+        """
+        cell, name = self.cell, robot or self._robot
         changed = cell.timeline.settings()
-        robot = resolve(cell.timeline.station(cell.config, GRID)).robots[name] if changed else cell.robot(name)
-        limits: list[float] = robot.gains.torque_limit.tolist()
+        now = resolve(cell.timeline.station(cell.config, GRID)).robots[name] if changed else cell.robot(name)
+        limits: list[float] = now.gains.torque_limit.tolist()
         return limits
 
     def ghosts(self, postures: Sequence[dict[str, float]], good: Sequence[bool], marked: int | None = None) -> None:
@@ -262,7 +288,11 @@ class Bench:
     def save(self, what: str, file: str) -> str:
         """Write the last run: its ``signals``, a ``page`` that plays, or a ``strip`` of pictures."""
         if self._result is None:
-            raise InvalidParameter("the last run", "none yet", "one: simulate() runs what is stored")
+            raise InvalidParameter(
+                message("pendant.last_run", "the last run"),
+                message("pendant.none_yet", "none yet"),
+                message("pendant.run_what_is_stored", "one: simulate() runs what is stored"),
+            )
         if what == "signals":
             write_table(Path(file), self._result.names, self._result.times, self._result.values)
             return file
@@ -274,7 +304,11 @@ class Bench:
     def cell(self) -> Workcell:
         """The station; raises InvalidParameter: nothing was opened."""
         if self._cell is None:
-            raise InvalidParameter("station", "not opened", "one that was opened")
+            raise InvalidParameter(
+                "station",
+                message("pendant.not_opened", "not opened"),
+                message("pendant.one_that_was_opened", "one that was opened"),
+            )
         return self._cell
 
     def find(self, method: str) -> Callable[..., Any]:
@@ -294,14 +328,26 @@ class Bench:
 
     def _ask(self, change: Change) -> None:
         if not self.pacer.runs:
-            raise InvalidParameter("change", "asked for while nothing runs", "asked for while something does")
+            raise InvalidParameter(
+                "change",
+                message("pendant.asked_while_nothing_runs", "asked for while nothing runs"),
+                message("pendant.asked_while_something_runs", "asked for while something does"),
+            )
         Timeline(GRID, [change]).check(self.cell.config)
         self.pacer.requests.append(change)
 
-    def _begin(self, doing: Callable[[], SimulationResult], *, until: float = 0.0) -> dict[str, Any]:
-        """Run something from where the station is, and again whenever it is gone back to and on from there."""
+    def _begin(self, program: Program, *, until: float = 0.0) -> dict[str, Any]:
+        """Run a program from where the station is, and again whenever it is gone back to and on from there.
+
+        Args:
+            program: the program.
+            until: up to when the run is the same as one that was shown before [s].
+
+        Returns:
+            how the run ended, as the page is told of it.
+        """
         cell, line = self.cell, self.cell.timeline
-        self._checkpoints.append(Checkpoint(line.now, cell.config, cell.state, doing))
+        self._checkpoints.append(Checkpoint(line.now, cell.config, cell.state, program))
         one = False
         while True:
             begun = line.now
@@ -309,13 +355,13 @@ class Bench:
             try:
                 with warnings.catch_warnings():
                     warnings.showwarning = lambda message, *_, **__: self._inbox.tell("warned", text=str(message))
-                    result = doing()
+                    result = perform(cell, program)
                 break
             except Rewound as asked:
                 assert self.pacer.at is not None
                 one = asked.one
                 place, until = self._back_to(self.pacer.at)
-                doing = place.run
+                program = place.program
                 self._checkpoints.append(place)
             finally:
                 self.pacer.end()
@@ -334,7 +380,7 @@ class Bench:
             "begun": begun,
             "time": line.now,
             "reached": max(line.now, round(self.pacer.now, 9)),
-            "parts": [part.stop_time for part in result.parts],
+            "moves": _moves_of(program, result, begun),
         }
         signals = self._signals(result, begun)
         self._inbox.tell("ended", **ended, positions=self.pacer.last, signals=signals)
@@ -378,7 +424,7 @@ class Bench:
             self._checkpoints.append(place)
             self.pacer.begin(line, until=until, stops=True)
             try:
-                place.run()
+                perform(self.cell, place.program)
             finally:
                 self.pacer.end()
         self._fell = False
@@ -386,3 +432,17 @@ class Bench:
 
     def _new_line(self, grid: float, changes: Sequence[Change] = ()) -> None:
         self.cell.timeline = self.pacer.line = Timeline(grid, changes)
+
+
+def _moves_of(program: Program, result: SimulationResult, begun: float) -> list[dict[str, Any]]:
+    """List the moves of a program that were begun in a run: each ``{entry, begin, end}``.
+
+    Args:
+        program: the program.
+        result: its run, which knows when each move began and ended.
+        begun: when the run began, since the start of the station [s]. So do the times of the list count.
+    """
+    return [
+        {"entry": program.moves[span.index].entry(), "begin": begun + span.begin, "end": begun + span.end}
+        for span in result.move_spans
+    ]

@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from simrob_drake.base.errors import SimrobError
 from simrob_drake.parts.controllers import loops_of
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.parts.targets import frame_names
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.gaits.registry import gaits_of
+from simrob_drake.programs.moves.kinds import KINDS
 from simrob_drake.programs.moves.walk import GoMove
 from simrob_drake.programs.stages import SEQUENCE
 from simrob_drake.results.block_diagram.graph import FOLDED
@@ -63,6 +63,7 @@ def _robot(cell: Workcell, config: StationConfig, name: str) -> dict[str, Any]:
         for axis, unit, low, high, at in zip(*columns, strict=True)
     ]
     legged = model.feet is not None
+    moves = _possible_moves(config, name, model)
     return {
         "model": model.name,
         "kind": kind_of(robot),
@@ -72,16 +73,30 @@ def _robot(cell: Workcell, config: StationConfig, name: str) -> dict[str, Any]:
         "gaits": list(gaits_of(model, steps=True)) if legged else [],
         "acts": [act for act in gaits_of(model, steps=False) if act != SEQUENCE] if legged else [],
         "pieces": [piece for piece, one in resolve(config).pieces.items() if one.carrier == name],
-        "drives": _drives(config, name, model) if legged else None,
+        "moves": moves,
+        "drives": _drives(model) if legged and GoMove.key in moves else None,
     }
 
 
-def _drives(config: StationConfig, name: str, model: RobotModel) -> dict[str, float] | None:
-    """Return how fast a robot can be driven [m/s, deg/s], and where it looks [deg]; None of one that cannot walk so."""
-    try:
-        GoMove().station(config, name)
-    except SimrobError:
-        return None
+def _possible_moves(config: StationConfig, name: str, model: RobotModel) -> dict[str, list[str]]:
+    """Find the kinds of moves that a robot can do, by their key, each with the keys that it can be given.
+
+    Args:
+        config: the station.
+        name: name of the robot in the station.
+        model: model of the robot.
+    """
+    found: dict[str, list[str]] = {}
+    for key, kind in KINDS.items():
+        suits = kind.of_arms if model.feet is None else kind.of_legs
+        keys = kind.possible_keys(config, name, model) if suits else None
+        if keys is not None:
+            found[key] = sorted(keys)
+    return found
+
+
+def _drives(model: RobotModel) -> dict[str, float]:
+    """Return how fast a robot that walks by commands can be driven [m/s, deg/s], and where it looks [deg]."""
     return {**load_walking(model).max_speed.model_dump(), "facing_deg": gaits_file(model).facing_deg}
 
 
@@ -100,7 +115,8 @@ _OUTPUT, _SERVO = "output ", "servo."
 _INPUTS = ("reference", "feedforward", "input ")  # blocks that ask something of a robot
 _PLANT = ("plant", "inverse_dynamics", "geometry_poses")
 
-_ALL = "*"
+ALL_AXES = "*"
+"""Axis of a block that stands for several joints."""
 
 
 @dataclass(frozen=True)
@@ -110,6 +126,7 @@ class BlockMeaning:
     keys: tuple[str, ...]  # sections and keys of the station, dotted; all that stands below them belongs to it
     signals: tuple[str, ...]  # outputs of the station
     axis: str = ""  # whose entry of them counts; empty where all do, ``*`` of the joints of a subsystem
+    robot: str = ""  # name of the robot to which it belongs, in a station with several robots
 
     def holds(self, key: str) -> bool:
         """Tell whether a key of the station makes this block."""
@@ -124,7 +141,7 @@ def block_meaning(block: str, content: Mapping[str, Any], signals: Sequence[str]
     """
     if block.startswith(FOLDED):  # it stands for more than the axis of the one in its name
         one = block_meaning(block.removeprefix(FOLDED), content, signals)
-        return replace(one, axis=one.axis and _ALL)
+        return replace(one, axis=one.axis and ALL_AXES)
     robots = content.get("robots", {})
     whose = next((robot for robot in robots if block.removeprefix(_OUTPUT).startswith(f"{robot}.")), "")
     local = block.replace(f"{whose}.", "", 1) if whose else block
@@ -144,7 +161,56 @@ def block_meaning(block: str, content: Mapping[str, Any], signals: Sequence[str]
     else:
         _, kinds = _RULES.get(local, ((), ("reference",) if local.startswith(_INPUTS) else ("torque",)))
         shown = tuple(f"{whose}.{kind}".lstrip(".") for kind in kinds)
-    return BlockMeaning(keys, tuple(signal for signal in signals if signal in shown), axis)
+    return BlockMeaning(keys, tuple(signal for signal in signals if signal in shown), robot=whose, axis=axis)
+
+
+def axis_setting(
+    meaning: BlockMeaning, key: str, value: float, content: Mapping[str, Any], axes: Sequence[str]
+) -> tuple[str, Any]:
+    """Find the setting that gives one joint its own value of a key that holds for all joints, such as ``servo.kp``.
+
+    Args:
+        meaning: the block of the joint.
+        key: dotted key of the station; a section of its own or, as ``servo``, one that several robots share.
+        value: the new value of the joint.
+        content: content of the station's file.
+        axes: names of the axes of the block's robot, in order.
+
+    Returns:
+        the dotted key to set, and its value. Of a section that robots share, the robot gets a copy with the new value,
+        since the others keep theirs.
+    """
+    section, _, name = key.rpartition(".")
+    present = value_of(content, key)
+    if meaning.robot and not section.startswith("robots."):
+        own = dict(content.get(section, {}))
+        values = {axis: axis_value(present, axis, axes) for axis in axes}
+        own[name] = {**values, meaning.axis: value}
+        return f"robots.{meaning.robot}.{section}", own
+    place = str(list(axes).index(meaning.axis)) if isinstance(present, (list, tuple)) else meaning.axis
+    return f"{key}.{place}", value
+
+
+def axis_value(value: Any, axis: str, axes: Sequence[str]) -> float | None:
+    """Find the value of one axis in a value for all axes: a number, a list in their order, or a mapping by axis.
+
+    Returns None if the axis has no value there, and so that of its robot's own file.
+    """
+    if isinstance(value, Mapping):
+        found = value.get(axis)
+    elif isinstance(value, (list, tuple)):
+        found = value[list(axes).index(axis)] if axis in axes else None
+    else:
+        found = value
+    return float(found) if isinstance(found, (int, float)) and not isinstance(found, bool) else None
+
+
+def value_of(content: Mapping[str, Any], key: str) -> Any:
+    """Look up a dotted key in the content of a station's file. Returns None if the content has no such key."""
+    node: Any = content
+    for part in key.split("."):
+        node = node.get(part) if isinstance(node, Mapping) else None
+    return node
 
 
 def wire_meaning(
@@ -158,7 +224,7 @@ def wire_meaning(
     if begin.axis or end.axis:  # what a joint is asked for goes in, and its torque comes out
         whose, kind = (begin, "torque") if begin.axis else (end, "position")
         own = tuple(signal for signal in whose.signals if signal.rpartition(".")[2] == kind)
-        return BlockMeaning((), own, whose.axis)
+        return BlockMeaning((), own, robot=whose.robot, axis=whose.axis)
     return BlockMeaning((), begin.signals or end.signals)
 
 

@@ -201,6 +201,7 @@ class TaughtRun:
         self.ended: deque[EndedRun] = deque(maxlen=_ENDED)
         self.shown: EndedRun | None = None
         self.compared: EndedRun | None = None
+        self._compared_by_itself: EndedRun | None = None  # by compare_last, not by the user
         self.at_start()
 
     def at_start(self, *, lost: bool = False) -> None:
@@ -213,6 +214,11 @@ class TaughtRun:
         """Take note that the robot stands where it was at a time [s], and is shown there."""
         self.time = self.start = time
         self.rewound, self.shown = False, None
+
+    def compare_last(self) -> None:
+        """Compare what comes next with the run that ended last, unless the user has chosen another one."""
+        if self.ended and self.compared in (None, self._compared_by_itself):
+            self.compared = self._compared_by_itself = self.ended[-1]
 
     @property
     def span(self) -> tuple[float, float]:

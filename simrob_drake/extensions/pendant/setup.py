@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from concurrent.futures import Future
 from typing import Any
 
+from simrob_drake.extensions.pendant.describe import value_of
 from simrob_drake.extensions.pendant.move_runner import MoveRunner
 from simrob_drake.extensions.pendant.program_book import ProgramBook
 from simrob_drake.extensions.pendant.run_client import RunClient
@@ -21,10 +22,7 @@ class Setup:
 
     def value(self, key: str) -> Any:
         """Return what the station has under a dotted key, settings counted in; None if nothing."""
-        node: Any = station_content(self._book.config)
-        for part in key.split("."):
-            node = node.get(part) if isinstance(node, dict) else None
-        return node
+        return value_of(station_content(self._book.config), key)
 
     def set(self, key: str, value: Any) -> bool:
         """Change a setting of the station and open the station anew.
@@ -75,6 +73,7 @@ class Setup:
         before, book.config = book.config, config
         book.record(book.history.present.replaced(settings=settings))
         taken = book.history.present
+        self._client.run.compare_last()
 
         def refused() -> None:
             if book.history.present is taken:

@@ -16,6 +16,7 @@ from pydantic import Field
 from simrob_drake.base.errors import InvalidConfig
 from simrob_drake.base.files import text_of
 from simrob_drake.base.folders import written_at_once
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Integer, Strict
 from simrob_drake.extensions.tuning.conclusion import START, THOUGHT, WON, conclusion, cost_columns
 from simrob_drake.extensions.tuning.doubts import KINDS, MOVES, UNKNOWN, doubts, moves
@@ -25,8 +26,8 @@ from simrob_drake.extensions.tuning.scene import Scene
 from simrob_drake.extensions.tuning.study import Parameters, Study, in_table, named
 from simrob_drake.extensions.tuning.study_folder import STUDY, winner_of
 from simrob_drake.results.colours import BAD, COLOURS, GOOD
+from simrob_drake.results.html import html_table
 from simrob_drake.results.plots.grid import style
-from simrob_drake.results.result import html_table
 
 PROVE, TABLE, PAGE = "prove.yaml", "prove.csv", "prove.html"
 _ASKED = re.compile(r"(^|\.)(reference|gait|program|commands)(\.|$)")  # keys that say what is asked
@@ -54,8 +55,9 @@ class Proof(Strict):
             return cls(station=place, parameters={WON: {}}, conditions=[{}], seeds=seeds)
         study = read_spec(folder, STUDY, Study).located(folder / STUDY)
         if study.proof is None:
-            expected = (
-                "is not there; a winner is proven under cases that its search has not seen: other moves, loads, floors"
+            expected = message(
+                "tuning.cases_of_proof",
+                "is not there; a winner is proven under cases that its search has not seen: other moves, loads, floors",
             )
             raise InvalidConfig(folder / STUDY, "proof", expected)
         conditions = [{**study.overrides, **case} for case in study.proof.every.values()]

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from pydantic import Field, create_model
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter, SimrobError
 from simrob_drake.base.extension import check_usable, classes_of_extensions, register_core_names
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Number, Strict, validated
 from simrob_drake.programs.gaits.biped import BipedWalk, Kick
 from simrob_drake.programs.gaits.climb import Climb
@@ -100,6 +101,15 @@ def gaits_of(robot: str | RobotModel, *, steps: bool) -> dict[str, Gait]:
     return found
 
 
+def has_gait(model: RobotModel, kind: type[Gait], name: str) -> bool:
+    """Check whether a robot has a gait of a kind, by its name in the robot's `gaits.yaml`."""
+    try:
+        gaits = load_gaits(model)
+    except SimrobError:  # a robot without such a file
+        return False
+    return name in getattr(gaits, kind.section)
+
+
 def carries(model: RobotModel, worn: str | None, made: str | None) -> bool:
     """Tell whether a gait that is made for one kind of feet carries on the kind that is worn: the same, or as large."""
     if worn == made or worn is None or made is None:
@@ -115,8 +125,14 @@ def first_gait(model: RobotModel, worn: str | None, known: Mapping[str, Gait]) -
         name for name in made if carries(model, worn, made[name])
     ]
     if not fitting:
-        kinds = ", ".join(dict.fromkeys(str(kind) for kind in made.values())) or "another robot"
-        raise InvalidParameter(f"feet of {model.name}", str(worn), f"some that it has a gait for: {kinds} (robot.feet)")
+        kinds = ", ".join(dict.fromkeys(str(kind) for kind in made.values())) or message(
+            "programs.another_robot", "another robot"
+        )
+        raise InvalidParameter(
+            message("programs.feet_of", "feet of {model}", model=model.name),
+            str(worn),
+            message("programs.feet_with_gait", "some that it has a gait for: {kinds} (robot.feet)", kinds=kinds),
+        )
     return fitting[0]
 
 

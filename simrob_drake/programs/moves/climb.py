@@ -9,14 +9,18 @@ from pydantic import ConfigDict
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Positive
 from simrob_drake.programs.gaits.biped import SIDES
 from simrob_drake.programs.gaits.climb import BallFootholds, Climb, Footholds, Places, SoleFootholds
+from simrob_drake.programs.gaits.registry import has_gait
 from simrob_drake.programs.gaits.walker import UP, Foot, Walker, rotations_about
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.legged_gait import perform, planned_gait
 from simrob_drake.programs.moves.move import Move, Outlook, Stage, naming
 from simrob_drake.results.result import SimulationResult, joined
+from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
 
 _FARTHEST = 100.0  # m
@@ -38,24 +42,39 @@ class ClimbMove(Move):
     gait: str = Climb.usual
     """One of the climbs of the robot's `gaits.yaml`."""
 
+    @classmethod
+    def possible_keys(cls, config: StationConfig, robot: str, model: RobotModel) -> frozenset[str] | None:
+        """Find the keys; None for a robot without the usual climb in its `gaits.yaml`, or on soles without edges."""
+        worn = config.robots[robot].feet
+        possible = has_gait(model, Climb, Climb.usual) and _has_edges(model, worn)
+        return frozenset(cls.model_fields) if possible else None
+
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Check that the robot can stride so on level ground, and return the stage that looks for footholds then."""
         own = self.model_extra or {}
         if self.distance > _FARTHEST:
-            raise InvalidParameter("distance", f"{self.distance:g} m", f"at most {_FARTHEST:g} m at once")
+            raise InvalidParameter(
+                "distance",
+                compound("{distance:g} m", distance=self.distance),
+                message("programs.farthest_climb", "at most {farthest:g} m at once", farthest=_FARTHEST),
+            )
         planned_gait(robot, self.gait, own, station=outlook.station)
         worn = robot.worn_feet
-        assert robot.model.feet is not None  # or it had no gait
-        if len(robot.model.feet.kind(worn).links) == len(SIDES) and not robot.model.feet.kind(worn).boxes:
-            expected = "soles with edges (boxes), which may stand over those of stairs: robot.feet"
-            raise InvalidParameter(f"feet of {robot.model.name}", str(worn), expected)
+        if not _has_edges(robot.model, worn):
+            expected = message(
+                "programs.soles_with_edges",
+                "soles with edges (boxes), which may stand over those of stairs: robot.feet",
+            )
+            raise InvalidParameter(
+                message("programs.feet_of", "feet of {model}", model=robot.model.name), str(worn), expected
+            )
         outlook.changed = True
 
         def go(robot: LeggedGeometry) -> SimulationResult | None:
             with naming(name):
                 path = ClimbPath.of(robot, Climb.of(Walker.of(robot.model), self.gait, own), self.distance)
                 for place, aim in path.foreseen(robot).items():
-                    with naming(f"{place:.2f} m ahead"):
+                    with naming(message("programs.place_ahead", "{place:.2f} m ahead", place=place)):
                         planned_gait(robot, self.gait, {**own, **aim}, bends=True)
             runs = list[SimulationResult]()
             while not (runs and runs[-1].ending != "completed") and (aim := path.aim(*path.seen(robot))):
@@ -65,6 +84,18 @@ class ClimbMove(Move):
             return replace(joined(runs), did=self.caption()) if runs else None
 
         return go
+
+
+def _has_edges(model: RobotModel, worn: str | None) -> bool:
+    """Check whether the feet of a robot can stand on steps: two soles need edges, balls of four feet do not.
+
+    Args:
+        model: the robot; it has feet.
+        worn: the kind of feet that it wears; None for its usual ones.
+    """
+    assert model.feet is not None  # or it had no gait
+    feet = model.feet.kind(worn)
+    return len(feet.links) != len(SIDES) or bool(feet.boxes)
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from typing import ClassVar
 
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.blocks.references import hold
 from simrob_drake.parts.controllers.get_up import STANDS, Attempts, GetUp
 from simrob_drake.parts.controllers.loop import LoopSection
@@ -10,6 +11,7 @@ from simrob_drake.programs.gaits.motion import short_steps, unwatched
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.moves.move import Move, Outlook, Stage
 from simrob_drake.results.result import SimulationResult
+from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import check_parts, resolve
 
@@ -28,6 +30,15 @@ class GetUpMove(Move):
 
     attempts: Attempts = 5
     """How often it tries."""
+
+    @classmethod
+    def possible_keys(cls, config: StationConfig, robot: str, model: RobotModel) -> frozenset[str] | None:
+        """Find the keys; None for a robot without postures to get up by, or on a kinematic station."""
+        try:
+            cls().station(config, robot)
+        except SimrobError:
+            return None
+        return frozenset(cls.model_fields)
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Check that the robot can, and return the stage in which it does."""

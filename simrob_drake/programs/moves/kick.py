@@ -8,14 +8,17 @@ import numpy as np
 from pydantic import ConfigDict
 
 from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Number, Positive
 from simrob_drake.programs.gaits.biped import Kick
 from simrob_drake.programs.gaits.motion import JointMotion
+from simrob_drake.programs.gaits.registry import has_gait
 from simrob_drake.programs.gaits.walker import Walker
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.legged_gait import perform, planned_gait
 from simrob_drake.programs.moves.move import Move, NameOf, Outlook, Stage, naming
 from simrob_drake.results.result import SimulationResult
+from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
 
@@ -35,6 +38,11 @@ class KickMove(Move):
     """Of the foot when it meets the ball [m/s]; the gait's own unless given."""
     gait: str = Kick.usual
     """One of the kicks of the robot's `gaits.yaml`."""
+
+    @classmethod
+    def possible_keys(cls, config: StationConfig, robot: str, model: RobotModel) -> frozenset[str] | None:
+        """Find the keys; None for a robot without the usual kick in its `gaits.yaml`."""
+        return frozenset(cls.model_fields) if has_gait(model, Kick, Kick.usual) else None
 
     def caption(self, *, robots: bool = False) -> str:
         """Return which ball."""
@@ -65,9 +73,18 @@ class KickMove(Move):
         worst = int((fastest / limits).argmax())
         if fastest[worst] > limits[worst]:
             raise InvalidParameter(
-                "speed of the kick", "the gait's" if self.speed is None else f"{self.speed:g} m/s",
-                f"slower: {robot.axes[worst]} would turn at {fastest[worst]:.2f} rad/s, and can at {limits[worst]:.2f}",
-            )  # fmt: skip
+                message("programs.speed_of_kick", "speed of the kick"),
+                message("programs.gaits_own", "the gait's")
+                if self.speed is None
+                else compound("{speed:g} m/s", speed=self.speed),
+                message(
+                    "programs.slower_kick",
+                    "slower: {axis} would turn at {speed:.2f} rad/s, and can at {limit:.2f}",
+                    axis=robot.axes[worst],
+                    speed=fastest[worst],
+                    limit=limits[worst],
+                ),
+            )
         return motion
 
     def aim(self, robot: LeggedGeometry) -> dict[str, Any]:
@@ -87,9 +104,11 @@ class KickMove(Move):
     def _radius(self, station: StationConfig) -> float:
         """Return the radius of the ball [m]."""
         name = str(self.ball)
-        one_of("piece", name, station.pieces)
+        one_of(message("base.piece", "piece"), name, station.pieces)
         piece = resolve(station).pieces[name]
         radii = [shape.sphere for shape in piece.model.shapes if shape.sphere is not None]
         if not piece.free or len(radii) != 1:
-            raise InvalidParameter("ball", name, "a free piece whose shape is a sphere")
+            raise InvalidParameter(
+                "ball", name, message("programs.a_free_sphere", "a free piece whose shape is a sphere")
+            )
         return radii[0]

@@ -7,8 +7,9 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import ConfigDict, Field
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter, SimrobError
 from simrob_drake.base.frames import finite
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Boolean, Duration, Number
 from simrob_drake.blocks.references import hold
 from simrob_drake.parts.controllers.walk import Walk
@@ -17,6 +18,7 @@ from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.legged_gait import perform, planned_gait, taught_arms
 from simrob_drake.programs.moves.move import MOST_AMPLITUDE, MOST_STEPS, Move, NameOf, Outlook, Stage, checked, naming
 from simrob_drake.results.result import SimulationResult
+from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import check_parts, resolve
 from simrob_drake.walking.commands import Commanded
@@ -108,11 +110,26 @@ class GoMove(Move):
     """Refuse what the legs cannot follow."""
 
     @classmethod
+    def possible_keys(cls, config: StationConfig, robot: str, model: RobotModel) -> frozenset[str] | None:
+        """Find the keys; None for a robot without a walk by commands, or on a kinematic station."""
+        try:
+            cls().station(config, robot)
+        except SimrobError:
+            return None
+        return frozenset(cls.model_fields)
+
+    @classmethod
     def at(cls, ahead: float, sideways: float, turn: float, *, duration: float, strict: bool) -> "GoMove":
         """Return a walk at speeds [m/s] and a turn [rad/s], from a user; raises InvalidParameter: no such numbers."""
         for name, value in (("ahead", ahead), ("sideways", sideways), ("turn", turn)):
             if finite(value).shape != ():
-                raise InvalidParameter(name, value, "a finite number [rad/s]" if name == "turn" else "one [m/s]")
+                raise InvalidParameter(
+                    name,
+                    value,
+                    message("programs.finite_turn", "a finite number [rad/s]")
+                    if name == "turn"
+                    else message("programs.one_speed", "one [m/s]"),
+                )
         content = {"ahead": ahead, "sideways": sideways, "turn_deg": math.degrees(turn)}
         return checked(cls, **content, duration=duration, strict=strict)
 

@@ -16,6 +16,7 @@ from pydrake.systems.framework import Context
 
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.frames import VELOCITY_NAMES, XYZ_QUATERNION_NAMES, Vector
+from simrob_drake.base.messages import Message, message
 from simrob_drake.base.signals import Panel, Signal
 from simrob_drake.blocks.references import Reference, Samples
 from simrob_drake.parts.resolved import named
@@ -81,8 +82,22 @@ class AskedMove:
     tool: Callable[[Vector], Vector]
     approaches: Callable[[Vector], Approaches]
     speed: float | None = None
-    place: str = "the move"
+    place: str = message("results.the_move", "the move")
     search: Vector = field(default_factory=lambda: np.zeros((0, 2, 3)))
+
+
+class MoveSpan(NamedTuple):
+    """The time that a move of a program took.
+
+    Attributes:
+        index: index of the move in its program, from 0.
+        begin: when the move began, since the start of the program [s].
+        end: when the move ended, or was ended by a monitor or the user, likewise [s].
+    """
+
+    index: int
+    begin: float
+    end: float
 
 
 @dataclass(frozen=True)
@@ -114,10 +129,13 @@ class RecordedRun:
         shortened: how often the solver tried a step again with a shorter length; None if all steps have one length.
         references: references that were passed to simulate(), by robot; they replace those of the configuration.
         did: what the run did, in a few words, such as ``move_l of left``.
+        place: name of the run's move in its program, such as ``move 3``; empty outside of programs.
         moves: planned moves of arms, all of which begin at the start of the run.
         runs: for a program, the runs that follow each other; see :func:`simrob_drake.results.result.joined`.
         begun: for a program, the station in which it began; None for a single run.
         marks: for a program, the time at which each of its runs ended or a piece was handed over [s], with a text.
+        move_spans: for a program, when each of its moves began and ended, in order. Several moves of joints can be one
+            run, so this is the only record of when each of them began. Moves that were not begun are left out.
         program: for a program, the YAML text that repeats it; empty if it cannot be written as YAML.
         commanded: names of walks that the user commanded during the run; their sections contain the commands.
     """
@@ -144,10 +162,12 @@ class RecordedRun:
     context: Callable[[], Context] | None = None
     shortened: int | None = None
     did: str = ""
+    place: str = ""
     moves: tuple[AskedMove, ...] = ()
     runs: tuple[Self, ...] = ()
     begun: StationConfig | None = None
     marks: tuple[tuple[float, str], ...] = ()
+    move_spans: tuple[MoveSpan, ...] = ()
     program: str = ""
     commanded: tuple[str, ...] = ()
 
@@ -157,7 +177,7 @@ class RecordedRun:
         Raises:
             UnknownName: there is no such column.
         """
-        return self.values[:, self._indices[one_of("signal", name, self._indices)]]
+        return self.values[:, self._indices[one_of(message("results.signal", "signal"), name, self._indices)]]
 
     def axes(self, signal: str, robot: str | None = None) -> Vector:
         """Signal of all axes of a robot, shape (m, n).
@@ -242,9 +262,18 @@ class RecordedRun:
                 found[name] = times
         return found
 
-    def numbered(self, number: int) -> Self:
-        """Copy the run, with its moves named after their index in a program (from 0), such as ``move 3``."""
-        return replace(self, moves=tuple(replace(move, place=f"move {number}") for move in self.moves))
+    def numbered(self, index: int) -> Self:
+        """Copy the run, with its moves named by their number in a program.
+
+        Args:
+            index: index of the move in the program, from 0. Its name counts from 1, see :func:`move_title`.
+        """
+        return self.at_place(move_title(index))
+
+    def at_place(self, place: str) -> Self:
+        """Copy the run, with its moves named by their place in a program, such as ``move 3``."""
+        moves = tuple(replace(move, place=place) for move in self.moves)
+        return replace(self, place=place, moves=moves)
 
     @property
     def parts(self) -> tuple[Self, ...]:
@@ -259,7 +288,13 @@ class RecordedRun:
     @property
     def end_in_words(self) -> str:
         """How the run ended, in words, with the name of the monitor if one ended it."""
-        return f"stopped by {self.stopped_by}: {self.message}" if self.ending == "monitor" else self.message
+        return (
+            message(
+                "results.stopped_by", "stopped by {monitor}: {reason}", monitor=self.stopped_by, reason=self.message
+            )
+            if self.ending == "monitor"
+            else self.message
+        )
 
     @property
     def wall_time(self) -> float:
@@ -294,13 +329,22 @@ class RecordedRun:
         for part in parts:
             name = f"{signal}.{part}"
             if name not in known:
-                one_of("signal", name, known)  # raises UnknownName, with the nearest name
+                one_of(message("results.signal", "signal"), name, known)  # raises UnknownName, with the nearest name
             indices.append(known[name])
         return np.take(self.values, indices, axis=1)
 
     def _robot(self, name: str | None) -> StationRobot:
         """Robot by its name, or the only robot if the name is None."""
         return self.plant.robots[named(name, list(self.plant.robots))]
+
+
+def move_title(index: int) -> Message:
+    """Name of a move of a program for users, who count from 1. Files and the API count from 0.
+
+    Args:
+        index: index of the move in the program, from 0.
+    """
+    return message("results.move_number", "move {number}", number=index + 1)
 
 
 def begins_of(*runs: RecordedRun) -> Vector:

@@ -56,7 +56,7 @@ class CountingRun:
             self.time = self.end if time is None else time
         how = {"ending": ending, "goes_on": goes_on, "message": ending, "verdict": "as asked", "warnings": []}
         where = {"begun": self.begun, "time": self.time, "reached": self.time if reached is None else reached}
-        self.tell({"news": "ended", **how, **where, "parts": [], "signals": {}})
+        self.tell({"news": "ended", **how, **where, "moves": [], "signals": {}})
         self.tell({"news": "phase", "phase": "idle"})
         if self.running is not None:
             self.running.set_result({"ending": ending})

@@ -7,7 +7,7 @@ import numpy as np
 from simrob_drake.extensions.pendant.pages.words import Notice
 from simrob_drake.extensions.pendant.run import TaughtRun
 from simrob_drake.programs.gaits.registry import gaits_of
-from simrob_drake.programs.moves.kinds import check_move
+from simrob_drake.programs.moves.kinds import KINDS, check_move
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.stages import SEQUENCE
 from simrob_drake.robots.catalog import load_robot
@@ -38,6 +38,7 @@ def described(name="humanoid"):
         "tools": list(model.tools),
         "gaits": gaits,
         "acts": acts,
+        "moves": {key: list(kind.model_fields) for key, kind in KINDS.items()},
     }
     signals = [
         {"name": name, "unit": "rad", "title": name, "columns": [f"q.{axis}" for axis in model.axes]}

@@ -2,13 +2,15 @@
 
 import re
 
+import numpy as np
 import pytest
 import yaml
 
 from simrob_drake.base.files import diagrams_root
-from simrob_drake.extensions.pendant.describe import BlockMeaning, block_meaning
+from simrob_drake.extensions.pendant.describe import BlockMeaning, axis_setting, axis_value, block_meaning
+from simrob_drake.stations.change_of_kind import settings_with
 from simrob_drake.stations.closed import closed_station
-from simrob_drake.stations.load import load_station, station_yaml
+from simrob_drake.stations.load import load_station, station_content, station_yaml
 from simrob_drake.stations.resolve import resolve
 
 _NODE = re.compile(r'<g class="node"><title>(.*?)</title>')
@@ -53,7 +55,7 @@ def test_a_joint_has_its_servo_and_its_curves():
 
 def test_of_several_robots_each_has_its_own():
     blocks = told("two_irb120")
-    assert blocks["left.servo.pd"] == BlockMeaning(("servo",), ("left.torque",))
+    assert blocks["left.servo.pd"] == BlockMeaning(("servo",), ("left.torque",), robot="left")
     assert blocks["right.poses"].keys[0] == "robots.right.base"
     assert blocks["left.reference_source"].keys == ("robots.left.reference",)
     assert told("belt_pick")["arm.reference_source"].keys == ("reference",)  # it has none of its own
@@ -76,3 +78,50 @@ def test_a_block_of_a_signal_flow_has_its_own_output():
     assert meaning == BlockMeaning(("controllers.law",), ("law.error",))
     whole = block_meaning("controller.law.torque", {"controllers": {"law": {}}}, ["law.error", "law.limit"])
     assert whole.signals == ("law.error", "law.limit")
+
+
+AXES = [f"joint_{number}" for number in range(1, 7)]
+
+
+def test_a_gain_of_one_joint_leaves_the_other_joints_theirs():
+    """The slider of a joint's block changed all joints."""
+    content = station_content(load_station("irb120_dynamic"))
+    meaning = block_meaning("joint_2.pd", content, ["position", "torque"])
+    key, value = axis_setting(meaning, "servo.kp", 1120.0, content, AXES)
+    assert (key, value) == ("servo.kp.joint_2", 1120.0)
+    gains = resolve(load_station("irb120_dynamic", {key: value})).robots["robot"].gains.kp
+    assert gains.tolist() == [1000, 1120, 1000, 1000, 1000, 1000]
+
+
+@pytest.mark.parametrize("earlier", [1500.0, {"joint_1": 1500.0}, [1500.0] * 6])
+def test_a_gain_of_one_joint_follows_an_earlier_change_of_all(earlier):
+    settings = {"servo.kp": earlier}
+    content = station_content(load_station("irb120_dynamic", settings))
+    meaning = block_meaning("joint_2.pd", content, ["position", "torque"])
+    key, value = axis_setting(meaning, "servo.kp", 1120.0, content, AXES)
+    later = settings_with(settings, {key: value})
+    gains = resolve(load_station("irb120_dynamic", later)).robots["robot"].gains.kp
+    assert gains[:2].tolist() == [1500, 1120]
+    back = settings_with(later, {"servo.kp": 900.0})
+    assert (resolve(load_station("irb120_dynamic", back)).robots["robot"].gains.kp == 900).all()
+
+
+def test_a_gain_of_one_joint_leaves_the_other_robot_its_own():
+    config = load_station("two_irb120", {"servo.realization": "per_joint"})
+    content = station_content(config)
+    meaning = block_meaning("left.joint_2.pd", content, ["left.position"])
+    assert (meaning.robot, meaning.axis) == ("left", "joint_2")
+    before = resolve(config).robots
+    key, value = axis_setting(meaning, "servo.kp", 1120.0, content, AXES)
+    after = resolve(load_station("two_irb120", {"servo.realization": "per_joint", key: value})).robots
+    changed = [AXES[place] for place in np.flatnonzero(after["left"].gains.kp != before["left"].gains.kp)]
+    assert changed == ["joint_2"]
+    assert (after["right"].gains.kp == before["right"].gains.kp).all()
+    assert (after["left"].gains.kd == before["left"].gains.kd).all()
+
+
+def test_a_value_of_an_axis_is_found_in_each_form():
+    for value in (7.0, {"joint_2": 7.0}, [1, 7, 1, 1, 1, 1]):
+        assert axis_value(value, "joint_2", AXES) == 7.0
+    assert axis_value({"joint_2": 7.0}, "joint_1", AXES) is None
+    assert axis_value(None, "joint_2", AXES) is None

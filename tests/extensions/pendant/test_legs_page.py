@@ -551,9 +551,11 @@ def test_plots_are_drawn_of_what_is_watched_and_no_longer_than_they_are_open():
         give(user, compared, 4)
         assert ("compare", 4) in session.calls
         await heard(0.5)
-        assert len(position.options["series"]) == 12
-        assert position.options["series"][6]["datasetIndex"] == 1
-        assert position.options["dataset"][1]["source"][1][:2] == pytest.approx([0.1, 30.0])
+        series, sources = position.options["series"], position.options["dataset"]
+        assert len(series) == 18, "six curves of the run, of its reference, and of the run before"
+        assert [one["datasetIndex"] for one in series] == [0] * 6 + [1] * 6 + [2] * 6
+        assert {one["lineStyle"]["type"] for one in series[6:12]} == {"dashed"}
+        assert sources[2]["source"][1][:2] == pytest.approx([0.1, 30.0])
         session.run.compared = None
         session.run.shown = session.run.ended[0]
         give(user, looked, 4)

@@ -520,3 +520,13 @@ def test_what_the_drives_can_do_is_told_as_it_was_changed_while_something_ran(te
     ]
     assert [axis["name"] for axis, one in zip(axes, told, strict=True) if one.reason == "limit"] == ["joint_2"]
     assert told[1].off > 2.0, "it has sunk"
+
+
+def test_a_run_reports_when_each_move_began_though_joint_moves_are_one_run(teach):
+    session, _ = teach("humanoid")
+    for angle in (30, 0):
+        heard(session, session.test({"left_elbow": angle}, 1.0))
+        session.add()
+    ended = heard(session, session.simulate())
+    assert [(move["begin"], move["end"]) for move in ended["moves"]] == [(0.0, 1.0), (1.0, 2.0)]
+    assert [move["entry"]["target_deg"] for move in ended["moves"]] == [{"left_elbow": 30.0}, {"left_elbow": 0.0}]

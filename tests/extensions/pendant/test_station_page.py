@@ -1,6 +1,7 @@
 """The station's page: blocks to choose, a form that refuses in the checker's words, what a check finds, what ended."""
 
 import asyncio
+import math
 import re
 from concurrent.futures import Future
 from contextlib import asynccontextmanager
@@ -26,7 +27,7 @@ from simrob_drake.stations.schema import station_schema
 SVG = station_svg(load_station("irb120_dynamic"), live=True)
 SIGNALS = [
     {"name": name, "unit": unit, "title": name, "columns": [f"{name}.joint_{axis}" for axis in range(1, 7)]}
-    for name, unit in (("position", "rad"), ("torque", "N·m"))
+    for name, unit in (("reference", "rad"), ("position", "rad"), ("torque", "N·m"))
 ]
 
 
@@ -42,7 +43,9 @@ class Station(StubSession):
     def __init__(self):
         super().__init__("irb120")
         self.drawn, self.watched, self.config = 0, {}, load_station(self.station)
-        self.description = {"robots": {"robot": {"kind": "arm"}}, "bodies": [], "signals": SIGNALS}
+        axes = [{"name": f"joint_{number}"} for number in range(1, 7)]
+        robots = {"robot": {"kind": "arm", "axes": axes}}
+        self.description = {"mode": "dynamic", "robots": robots, "bodies": [], "signals": SIGNALS}
 
     def schema(self):
         return station_schema()
@@ -143,7 +146,9 @@ def test_while_a_run_goes_on_a_change_is_that_of_the_run():
     on_page(scenario)
 
 
-def test_a_block_shows_its_signals_and_a_slider_for_its_gains():
+def test_a_block_of_a_joint_shows_its_signals_and_sliders_that_change_this_joint_alone():
+    """The slider of joint_2 changed all joints, and its plots had no reference, no limit and no time."""
+
     async def scenario(user, session):
         (picture,) = user.find(kind=ui.html).elements
         user.find(kind=ui.html).trigger("click", ["joint_2.pd", ""])
@@ -153,18 +158,22 @@ def test_a_block_shows_its_signals_and_a_slider_for_its_gains():
         await user.should_see("joint 2")  # the one curve that is drawn
         watched = sorted(map(str, session.watched.values()))
         assert watched == [
-            "['position', 'torque']",
-            "['position']",
+            "['position', 'reference', 'torque']",
+            "['position', 'reference']",
             "['torque']",
         ]  # those of the wires, and of the plots
         sliders = {one.props["aria-label"]: one for one in user.find(kind=ui.slider).elements}
-        assert set(sliders) == {"servo.kp", "servo.kd"}
+        assert set(sliders) == {"servo.kp.joint_2", "servo.kd.joint_2"}
+        await user.should_see("The sliders change joint_2 alone.")
         with user:
-            sliders["servo.kp"].value = 0.5
+            sliders["servo.kp.joint_2"].value = 0.5
         user.find(kind=ui.slider).trigger("change")
         await settled()
         await settled()
-        assert session.book.settings["servo.kp"] == pytest.approx(1000 * 10**0.5, rel=2e-3)  # three digits
+        gain = session.book.settings["servo.kp.joint_2"]
+        assert gain == pytest.approx(1000 * 10**0.5, rel=2e-3)  # three digits
+        gains = session.config.servo.kp
+        assert [gains[f"joint_{number}"] for number in (1, 2, 3)] == [1000, gain, 1000]
         assert session.drawn == 2  # at first, and after the change
 
     on_page(scenario)
@@ -196,6 +205,7 @@ def test_the_servos_fold_into_one_block_and_unfold():
         assert 'data-block="folded joint_2.pd" tabindex="0" role="button" aria-pressed="true"' in picture.content
         sliders = {one.props["aria-label"] for one in user.find(kind=ui.slider).elements}
         assert sliders == {"servo.kp", "servo.kd"}
+        await user.should_see("The sliders change all joints.")
         assert await press("unfold_more") == before
 
     on_page(scenario)
@@ -303,3 +313,27 @@ def test_a_picture_is_never_too_small_to_be_read():
 def test_both_languages_have_the_words():
     english, spanish = ({k for k in texts_of(name) if k.startswith("station.")} for name in ("en", "es"))
     assert english == spanish
+
+
+def test_plots_of_a_joint_have_its_reference_its_limit_and_the_moment_that_is_shown():
+    async def scenario(user, session):
+        times = (0.0, 0.5, 1.0)
+        for name, end in (("reference", 0.5), ("position", 0.4), ("torque", 90.0)):
+            session.run.history[name] = [(time, [0.0, end * time, 0.0, 0.0, 0.0, 0.0]) for time in times]
+        session.run.time = 0.5
+        user.find(kind=ui.html).trigger("click", ["joint_2.pd", ""])
+        await settled(0.8)
+        charts = {chart.props["aria-label"]: chart.options for chart in user.find(kind=ui.echart).elements}
+        position, torque = charts["position"], charts["torque"]
+        assert [one["lineStyle"]["type"] for one in position["series"]] == ["solid", "dashed"]
+        ends = [source["source"][-1] for source in position["dataset"]]
+        assert ends == [pytest.approx([1.0, math.degrees(0.4)]), pytest.approx([1.0, math.degrees(0.5)])]
+        assert torque["dataset"][1]["source"] == [[0.0, 200.0], [1.0, 200.0]]
+        assert torque["series"][1]["lineStyle"]["type"] == "dotted"
+        assert {plot["series"][0]["markLine"]["data"][0]["xAxis"] for plot in (position, torque)} == {0.5}
+        await user.should_see("joint 2 (± 200)")
+
+    session = Station()
+    session.phase = "idle"
+    session.client.ask = lambda method, **_: given([200.0] * 6 if method == "torque_limits" else None)
+    on_page(scenario, session)

@@ -8,7 +8,7 @@ from nicegui import ui
 
 from simrob_drake.extensions.pendant.move_labels import labels_of
 from simrob_drake.extensions.pendant.pages.arm_jogging import ArmState, Jogging
-from simrob_drake.extensions.pendant.pages.elements import KEYS, card, follow, icon_button, rebuild
+from simrob_drake.extensions.pendant.pages.elements import card, follow, icon_button, rebuild, set_keys
 from simrob_drake.extensions.pendant.pages.move_forms import choices_of, offers, speed_field
 from simrob_drake.extensions.pendant.pages.move_list import MoveList
 from simrob_drake.extensions.pendant.pages.words import (
@@ -130,7 +130,7 @@ def _build_program(session: Session, phrases: Phrases, robot: Mapping[str, Any],
         via, target, speed = _choice(t("arm.via")), _choice(t("arm.target")), speed_field(t)
         speed.field.classes("w-28")
         add = ui.button(t("arm.add_line"), icon="playlist_add").props("no-caps")
-        add.props[KEYS] = "Alt+A"
+        set_keys(add, "Alt+A")
 
     def goes_via() -> bool:
         return "via" in kinds[kind.value].model_fields
@@ -176,7 +176,7 @@ def build_teaching(session: Session, t: Words, place: ArmState) -> None:
         name.on("keydown.enter", teach)
         frame = ui.select({WORLD: t("arm.frame_world")}, value=WORLD, label=t("arm.goes_with"), with_input=True)
         frame.props("dense outlined options-dense").classes("grow").style("min-width: 8rem")
-        ui.button(t("arm.teach"), icon="add_location", on_click=teach).props("no-caps").props[KEYS] = "Alt+T"
+        set_keys(ui.button(t("arm.teach"), icon="add_location", on_click=teach).props("no-caps"), "Alt+T")
     place.subscribe(frames)
 
 

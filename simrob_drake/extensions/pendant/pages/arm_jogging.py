@@ -9,7 +9,7 @@ from typing import Any
 
 from nicegui import background_tasks, context, ui
 
-from simrob_drake.extensions.pendant.pages.elements import KEYS, Dial, NumberField, follow, set_label
+from simrob_drake.extensions.pendant.pages.elements import Dial, NumberField, follow, set_keys, set_label
 from simrob_drake.extensions.pendant.pages.joints import Marks, axis_dial
 from simrob_drake.extensions.pendant.pages.words import MILLI, Phrases, figure, frame_words, joint_words
 from simrob_drake.extensions.pendant.run import level_of
@@ -34,8 +34,8 @@ class Jogging:
         self._at: list[float] = []  # pose in the base
         self._middle = self._at
         with ui.tabs().props("dense align=left").classes("w-full") as kinds:
-            ui.tab("joints", label=self._t("arm.joints")).props[KEYS] = "Alt+J"
-            ui.tab("tool", label=self._t("arm.tool_centre")).props[KEYS] = "Alt+K"
+            set_keys(ui.tab("joints", label=self._t("arm.joints")), "Alt+J")
+            set_keys(ui.tab("tool", label=self._t("arm.tool_centre")), "Alt+K")
         with ui.tab_panels(kinds, value="joints", animated=False).classes("w-full bg-transparent"):
             with ui.tab_panel("joints").classes("p-0 gap-1"):
                 self._joints = {axis["name"]: self._joint(phrases, axis) for axis in axes}

@@ -4,8 +4,9 @@ import asyncio
 from collections.abc import Callable
 from math import inf, isfinite
 from typing import Any
+from weakref import WeakKeyDictionary
 
-from nicegui import ElementFilter, context, core, ui
+from nicegui import Client, ElementFilter, context, core, ui
 
 from simrob_drake.extensions.pendant.pages.words import Words, figure
 
@@ -176,17 +177,84 @@ def allow(button: ui.button, why_not: str) -> None:
 
 
 KEYS = "aria-keyshortcuts"
+"""Property of an element with the keys that press it. :func:`set_keys` gives it."""
+_BROWSER_LETTERS = "DEF"
+"""Letters that browsers take with Alt: the address bar, and menus."""
+
+
+class KeyTable:
+    """The shortcuts of a page: each combination of keys presses one element."""
+
+    def __init__(self) -> None:
+        """Make an empty table."""
+        self._elements: dict[str, ui.element] = {}
+
+    def is_free(self, keys: str) -> bool:
+        """Check whether no element of the page has these keys. An element that was deleted has none any more."""
+        element = self._elements.get(keys)
+        return element is None or element.is_deleted
+
+    def add(self, keys: str, element: ui.element) -> None:
+        """Give keys to an element.
+
+        Args:
+            keys: such as ``Space``, ``Control+Z`` or ``Alt+G``, as :mod:`page.js` spells them.
+            element: the element that the keys press.
+
+        Raises:
+            ValueError: another element of the page has these keys.
+        """
+        if not self.is_free(keys):
+            owner = _name_of(self._elements[keys])
+            raise ValueError(f"the keys {keys} of {_name_of(element)!r} press {owner!r} already")
+        self._elements[keys] = element
+        element.props[KEYS] = keys
+
+    def free_letter(self, text: str) -> str:
+        """Find the first letter of a text that is free with Alt. Returns an empty text if there is none."""
+        letters = (letter for letter in text.upper() if letter.isascii() and letter.isalpha())
+        free = (letter for letter in letters if letter not in _BROWSER_LETTERS and self.is_free(f"Alt+{letter}"))
+        return next(free, "")
+
+
+_key_tables: WeakKeyDictionary[Client, KeyTable] = WeakKeyDictionary()
+
+
+def page_keys() -> KeyTable:
+    """Return the shortcuts of the present page."""
+    return _key_tables.setdefault(context.client, KeyTable())
+
+
+def set_keys(element: ui.element, keys: str) -> None:
+    """Give keys to an element of the present page.
+
+    Raises:
+        ValueError: another element of the page has these keys.
+    """
+    page_keys().add(keys, element)
+
+
+def _name_of(element: ui.element) -> str:
+    """Return the name by which users know an element."""
+    return str(element.props.get("aria-label") or element.props.get("label") or getattr(element, "text", ""))
 
 
 def icon_button(icon: str, text: str, on_click: Callable[[], Any] | None = None, *, keys: str = "") -> ui.button:
-    """Make a button that shows an icon, and tells in words what it does.
+    """Make a button that shows an icon.
 
-    ``keys`` press it, such as ``Space`` or ``Control+Z``; any button may have them, in :data:`KEYS`.
+    Args:
+        icon: name of the icon. Each icon of the page has one meaning.
+        text: what the button does; shown as a tooltip, and read by screen readers.
+        on_click: callback for a click.
+        keys: keys that press the button, such as ``Space`` or ``Control+Z``.
+
+    Raises:
+        ValueError: another element of the page has these keys.
     """
     button = ui.button(icon=icon, on_click=on_click).props("flat round dense")
     set_label(button, text)
     if keys:
-        button.props[KEYS] = keys
+        set_keys(button, keys)
     with button:
         ui.tooltip(f"{text} ({keys})" if keys else text)
     return button
@@ -200,8 +268,8 @@ def set_label(element: ui.element, text: str) -> None:
 
 def shortcuts() -> list[tuple[str, str]]:
     """Return all keys of the present page, and what they do."""
-    found = [element.props for element in ElementFilter(local_scope=False, only_visible=True) if KEYS in element.props]
-    return [(props[KEYS], props.get("aria-label") or props.get("label", "")) for props in found]
+    found = [element for element in ElementFilter(local_scope=False, only_visible=True) if KEYS in element.props]
+    return [(element.props[KEYS], _name_of(element)) for element in found]
 
 
 _PAUSE = 0.05  # from one look at the session to the next [s]

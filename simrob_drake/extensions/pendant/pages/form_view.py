@@ -1,7 +1,8 @@
 """Fields of a station on a page: each with its help below, and in its place what is wrong with what was typed."""
 
 from collections.abc import Awaitable, Callable, Sequence
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 from nicegui import ui
 
@@ -110,7 +111,7 @@ class FormView:
             try:
                 box.error = await self._give(field.key, as_value(field, text)) or None
             except SimrobError as problem:
-                box.error = str(problem)
+                box.error = self._t.render(str(problem))
 
         def update(new: Field) -> None:
             text = as_text(new.value)
@@ -142,7 +143,7 @@ class FormView:
                 try:
                     entry = as_value(Field(f"{field.key}.{name.value}", "value", default={}), keys.value or "")
                 except SimrobError as problem:
-                    keys.error = str(problem)
+                    keys.error = self._t.render(str(problem))
                     return
                 chosen = {"kind": kind.value} if kind.value else {}
                 whole = {**chosen, **entry} if isinstance(entry, dict) else entry
@@ -158,19 +159,43 @@ _DECADES = 1.0  # that a slider goes to each side of the present figure
 _DIGITS = 3
 
 
-def tuners(fields: Sequence[Field], give: Give) -> None:
-    """Build a slider for each figure that can be tuned; it acts when it is let go of, or by the arrow keys."""
-    for field in fields:
-        value = field.value
-        if field.key.rpartition(".")[2] in _TUNED and isinstance(value, (int, float)) and value > 0:
-            _tuner(field, float(value), give)
+class Tuning(NamedTuple):
+    """A number with a slider.
+
+    Attributes:
+        name: what the slider is called: the dotted key that it changes.
+        value: the present value.
+        unit: unit of the value.
+        give: takes a new value, and returns what is wrong with it; an empty text if it was taken.
+    """
+
+    name: str
+    value: float
+    unit: str
+    give: Callable[[float], Awaitable[str]]
 
 
-def _tuner(field: Field, value: float, give: Give) -> None:
+def tunings(fields: Sequence[Field], give: Give) -> list[Tuning]:
+    """Make a slider for each field with one positive number that is worth tuning."""
+    return [
+        Tuning(field.key, float(field.value), field.unit, partial(give, field.key))
+        for field in fields
+        if is_tuned(field.key) and isinstance(field.value, (int, float)) and field.value > 0
+    ]
+
+
+def is_tuned(key: str) -> bool:
+    """Check whether a key has a slider if its value is one number, such as ``servo.kp``."""
+    return key.rpartition(".")[2] in _TUNED
+
+
+def build_tuner(tuning: Tuning) -> None:
+    """Build the slider of a number. It acts when it is released, or by the arrow keys."""
+    value, give = tuning.value, tuning.give
     with ui.row().classes("w-full items-center no-wrap gap-3"):
-        ui.label(field.key).classes("text-sm w-32 shrink-0")
+        ui.label(tuning.name).classes("text-sm w-32 shrink-0").style("overflow-wrap: anywhere")
         slider = ui.slider(min=-_DECADES, max=_DECADES, step=0.01, value=0.0)
-        slider.classes("grow").props(f'aria-label="{field.key}"')
+        slider.classes("grow").props(f'aria-label="{tuning.name}"')
         label = ui.label().classes("text-sm w-36 shrink-0")
     wrong = ui.label().classes("text-xs text-negative")
 
@@ -178,10 +203,10 @@ def _tuner(field: Field, value: float, give: Give) -> None:
         return float(f"{value * 10 ** (slider.value or 0.0):.{_DIGITS}g}")
 
     def show() -> None:
-        label.text = f"{now():g} {field.unit}"
+        label.text = f"{now():g} {tuning.unit}"
 
     async def turned() -> None:
-        wrong.text = await give(field.key, now())
+        wrong.text = await give(now())
 
     slider.on_value_change(show)
     slider.on("change", turned, args=[])

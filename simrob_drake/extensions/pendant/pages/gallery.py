@@ -10,7 +10,7 @@ from nicegui.events import MultiUploadEventArguments
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.files import robot_files
 from simrob_drake.extensions.pendant.own_files import MOST
-from simrob_drake.extensions.pendant.pages.elements import KEYS, follow, set_label
+from simrob_drake.extensions.pendant.pages.elements import follow, set_keys, set_label
 from simrob_drake.extensions.pendant.pages.words import Words, matches
 from simrob_drake.extensions.pendant.session import Session
 from simrob_drake.robots.catalog import load_robot, robot_names
@@ -44,7 +44,7 @@ def build(session: Session, t: Words, load: Callable[[str], object], take: Calla
         own = ui.button(t("shell.own_files"), icon="upload_file").props("outline no-caps")
         own.on("click", js_handler=f"() => getElement({uploads.id}).$refs.qRef.pickFiles()")
         ui.label(t("shell.own_files_help")).classes("text-sm opacity-70")
-    ui.button(t("shell.robots"), icon="apps", on_click=dialog.open).props("flat dense no-caps").props[KEYS] = "Alt+G"
+    set_keys(ui.button(t("shell.robots"), icon="apps", on_click=dialog.open).props("flat dense no-caps"), "Alt+G")
 
     entries = [*pictures.items(), *names.items()]
 

@@ -105,7 +105,7 @@ class _Row:
         self.dial = axis_dial(phrases, axis, words, about=" · ".join((*self.called[2:], self.name)), moved=self._moved)
         self.dial.number.field.on("keydown.enter", entered)
         with self.dial.row:
-            self._back = icon_button("undo", f"{phrases.t('legs.take_back')}: {words}", self._take_back)
+            self._back = icon_button("backspace", f"{phrases.t('legs.take_back')}: {words}", self._take_back)
         self.settle(None)
 
     @property

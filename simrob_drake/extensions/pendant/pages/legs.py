@@ -10,7 +10,6 @@ from nicegui import ui
 
 from simrob_drake.extensions.pendant.pages import plots
 from simrob_drake.extensions.pendant.pages.elements import (
-    KEYS,
     allow,
     card,
     folded,
@@ -18,6 +17,7 @@ from simrob_drake.extensions.pendant.pages.elements import (
     icon_button,
     numbered,
     rebuild,
+    set_keys,
     set_label,
 )
 from simrob_drake.extensions.pendant.pages.joints import Joints, Marks, shown_at
@@ -193,6 +193,6 @@ def _button(text: str, on_click: Callable[[], object], number: int = 0, keys: st
     """Build a button; ``number`` is its place in the order of use, ``keys`` press it."""
     button = ui.button(numbered(text, number), on_click=on_click).props("no-caps")
     if keys:
-        button.props[KEYS] = keys
+        set_keys(button, keys)
         button.tooltip(keys)
     return button

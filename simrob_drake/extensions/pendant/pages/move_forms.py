@@ -11,7 +11,7 @@ from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.yaml_files import parse_yaml
 from simrob_drake.extensions.pendant.form import Field, as_text, as_value, move_fields
 from simrob_drake.extensions.pendant.move_labels import FormFields, labels_of
-from simrob_drake.extensions.pendant.pages.elements import KEYS, NumberField, icon_button, set_label
+from simrob_drake.extensions.pendant.pages.elements import NumberField, icon_button, page_keys, set_keys, set_label
 from simrob_drake.extensions.pendant.pages.joints import axis_field
 from simrob_drake.extensions.pendant.pages.words import MILLI, Content, Phrases, Words
 from simrob_drake.extensions.pendant.session import Session
@@ -25,7 +25,6 @@ SPEED, _FASTEST = 200.0, 5000.0
 AXES, ORIGIN = "axes", "origin"
 """What a form asks for by fields of its own; see :mod:`simrob_drake.extensions.pendant.move_labels`."""
 _AT_ORIGIN = [0.0] * 6
-_TAKEN = "TASXRPDEF"  # letters that press something else with Alt, in the page or in browsers
 
 Read = Callable[[], dict[str, Any] | None]
 """Gives what a form holds, as a program's file has it; None where a field is wrong, which then says so."""
@@ -39,22 +38,23 @@ class _Refused(Exception):
 def offers(session: Session, phrases: Phrases, choices: Content, kinds: list[type[Move]]) -> None:
     """Build a form and a button for each of some kinds of moves that ask for nothing that there is not.
 
-    ``choices`` is what there is to choose among, by the words of their forms.
+    ``choices`` is what there is to choose among, by the words of their forms, and under ``moves`` what the robot can
+    do: the keys that it can be given, by the key of the move.
     """
-    letters = list(_TAKEN)
+    possible = choices["moves"]
     for kind in kinds:
         form = labels_of(kind).form
-        if AXES in form.values() or not form or not all(_there(choices, form)):
+        is_taught_elsewhere = AXES in form.values() or not form
+        if is_taught_elsewhere or kind.key not in possible or not all(_there(choices, form)):
             continue
         with ui.row().classes("w-full items-start gap-2").props("role=group") as row:
             set_label(row, phrases.title(kind))
             read = move_form(phrases, choices, kind, {})
             button = ui.button(phrases.title(kind), on_click=partial(_try, session, read)).props("no-caps")
-        letter = next((one for one in button.text.upper() if one.isascii() and one not in letters), " ")
-        if letter.isalpha():
-            letters.append(letter)
-            button.props[KEYS] = f"Alt+{letter}"
-            button.tooltip(button.props[KEYS])
+        letter = page_keys().free_letter(button.text)
+        if letter:
+            set_keys(button, f"Alt+{letter}")
+            button.tooltip(f"Alt+{letter}")
 
 
 def choices_of(session: Session, robot: Content) -> dict[str, Any]:
@@ -79,10 +79,10 @@ def stored_form(phrases: Phrases, choices: Content, move: Content) -> Read:
     if kind is not None and issubclass(kind, ArmMotion):
         return _motion_form(phrases, kind, content_of(kind, move))
     if kind is None or not labels_of(kind).form:
-        return yaml_form(phrases.t("legs.as_yaml"), move)
+        return yaml_form(phrases.t, phrases.t("legs.as_yaml"), move)
     content, form = content_of(kind, move), labels_of(kind).form
     asked = move_form(phrases, choices, kind, {key: content[key] for key in form if key in content})
-    rest = yaml_form(phrases.t("legs.further"), {key: content[key] for key in content if key not in form})
+    rest = yaml_form(phrases.t, phrases.t("legs.further"), {key: content[key] for key in content if key not in form})
 
     def read() -> dict[str, Any] | None:
         entry, further = asked(), rest()
@@ -116,7 +116,10 @@ def _entry(kind: type[Move], content: dict[str, Any]) -> dict[str, Any]:
 def move_form(phrases: Phrases, choices: Content, kind: type[Move], content: Content) -> Read:
     """Build the form that a kind of move declares; ``content`` is what it holds at first."""
     with ui.row().classes("items-start gap-2"):
-        own_fields = move_fields(kind, labels_of(kind).form, content)
+        asked = labels_of(kind).form
+        possible = choices["moves"].get(kind.key, ())
+        keys = [key for key in asked if key in possible or key in content]
+        own_fields = move_fields(kind, keys, content)
         fields = {field.key: _asked(phrases, choices, kind, field) for field in own_fields}
 
     def read() -> dict[str, Any] | None:
@@ -147,7 +150,9 @@ def _asked(phrases: Phrases, choices: Content, kind: type[Move], field: Field) -
     if field.kind == "switch":
         box = ui.checkbox(label, value=bool(value))
         return lambda: box.value
-    return _number(phrases.t, label, field, value, optional=optional) if field.kind == "number" else _text(label, field)
+    if field.kind == "number":
+        return _number(phrases.t, label, field, value, optional=optional)
+    return _text(phrases.t, label, field)
 
 
 def _chosen(phrases: Phrases, label: str, names: list[str], value: Any, *, optional: bool) -> _Get:
@@ -175,14 +180,14 @@ def _number(t: Words, label: str, field: Field, value: Any, *, optional: bool) -
     return get
 
 
-def _text(label: str, field: Field) -> _Get:
+def _text(t: Words, label: str, field: Field) -> _Get:
     box = ui.input(label, value=as_text(field.value)).props("dense outlined")
 
     def get() -> Any:
         try:
             return as_value(field, box.value or "")
         except SimrobError as problem:
-            box.error = str(problem)
+            box.error = t.render(str(problem))
             raise _Refused from problem
 
     return get
@@ -198,7 +203,7 @@ def speed_field(t: Words, value: float | None = SPEED) -> NumberField:
     return NumberField(t, t("fields.speed"), value, low=1.0, high=_FASTEST, unit=" mm/s", step=10)
 
 
-def yaml_form(label: str, content: Content) -> Read:
+def yaml_form(t: Words, label: str, content: Content) -> Read:
     """Build a form for something as a file has it."""
     held = as_text(content).removeprefix("{").removesuffix("}")
     field = ui.input(label, value=held).props("outlined").classes("w-full")
@@ -207,7 +212,7 @@ def yaml_form(label: str, content: Content) -> Read:
         try:
             read = parse_yaml("{" + field.value + "}", label)
         except SimrobError as problem:
-            field.error = str(problem)
+            field.error = t.render(str(problem))
             return None
         return read if isinstance(read, dict) else None
 

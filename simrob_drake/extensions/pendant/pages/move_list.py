@@ -1,12 +1,12 @@
 """The stored moves as a list: run one by one, edited, put in another order, deleted; and the changes of the run."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
 from nicegui import context, ui
 
-from simrob_drake.extensions.pendant.pages.elements import KEYS, follow, icon_button, set_label
+from simrob_drake.extensions.pendant.pages.elements import follow, icon_button, set_keys, set_label
 from simrob_drake.extensions.pendant.pages.move_forms import Read, choices_of, stored_form, yaml_form
 from simrob_drake.extensions.pendant.pages.words import Content, Phrases, Words, figure
 from simrob_drake.extensions.pendant.session import Session
@@ -34,7 +34,7 @@ class MoveList:
         }
         if self._stepped:
             self._build_steps()
-            acts = {"arrow_right": (t("arm.next"), self._go), "play_arrow": (t("arm.run_line"), self._run), **acts}
+            acts = {"arrow_right": (t("arm.next"), self._go), "play_circle": (t("arm.run_line"), self._run), **acts}
         acts |= {"edit": (t("legs.edit"), self._edit_move), "delete": (t("legs.delete"), session.book.remove)}
         self._moves = _Lines(acts)
         self._nothing = ui.label(t("arm.no_lines" if self._stepped else "legs.no_moves")).classes("opacity-70")
@@ -48,7 +48,7 @@ class MoveList:
         with ui.row().classes("w-full items-center gap-2 pt-2"):
             play = ui.button(t("arm.play"), icon="play_arrow", on_click=self._session.simulate)
             step = ui.button(t("arm.step"), icon="skip_next", on_click=lambda: self._run(self._next))
-            step.props[KEYS] = "Alt+S"
+            set_keys(step, "Alt+S")
         self._runs = [button.props("no-caps outline") for button in (play, step)]
 
     def _show(self) -> None:
@@ -59,7 +59,7 @@ class MoveList:
         self._changes.show([self._phrases.change(change, program.grid or GRID) for change in program.changes])
         if self._stepped:
             idle = session.phase == "idle"
-            for button in (*self._runs, *self._moves.buttons("play_arrow")):
+            for button in (*self._runs, *self._moves.buttons("play_circle")):
                 button.set_enabled(idle and bool(program.moves))
             self._go(self._next)
 
@@ -102,7 +102,7 @@ class MoveList:
                 if content is not None and store(content):
                     dialog.close()
                 elif content is not None:
-                    wrong.text = t.of_engine(str(self._session.message))
+                    wrong.text = t.render(str(self._session.message))
 
             with ui.row():
                 ui.button(t("legs.save"), on_click=save).props("no-caps")
@@ -144,27 +144,46 @@ class _Lines:
         self._rows.append((row, label, buttons))
 
 
-_UNKNOWN = 1.0  # s that a block stands for whose move takes nobody knows how long
+_UNKNOWN = 1.0  # width of a block whose move has no known duration yet, as if it took this long [s]
 
 
-def lengths(moves: Sequence[Move], ending: dict[str, Any] | None, ran: Sequence[Move]) -> list[float | None]:
-    """Return how long moves take [s], by how a run of the moves ``ran`` ended; None of those that are not known yet."""
-    parts = iter(ending["parts"] if ending is not None and list(ran) == list(moves) else ())
-    return [next(parts, getattr(move, "duration", None)) if move.takes_time else 0.0 for move in moves]
+def durations_of(moves: Sequence[Move], ran: Sequence[Mapping[str, Any]]) -> list[float | None]:
+    """Find how long the moves of a program take.
+
+    Args:
+        moves: the moves.
+        ran: moves that the last run of a program did, each ``{entry, begin, end}``, as the run reports them. They
+            count up to the first one that differs from the program's.
+
+    Returns:
+        the duration of each move [s]: as it was run, else as it is asked for; None if neither is known.
+    """
+    entries = [move.entry() for move in moves]
+    known = [done["entry"] for done in ran]
+    same = next((count for count in range(min(len(known), len(moves)), 0, -1) if known[:count] == entries[:count]), 0)
+    run_durations = [done["end"] - done["begin"] for done in ran[:same]]
+    asked_durations = [getattr(move, "duration", None) if move.takes_time else 0.0 for move in moves[same:]]
+    return [*run_durations, *asked_durations]
 
 
-def place_of(time: float, long: Sequence[float | None]) -> tuple[int, float] | None:
-    """Return in which move a program is at a time [s], and which part of it is done; None behind the last.
+def position_in(time: float, durations: Sequence[float | None]) -> tuple[int, float] | None:
+    """Find the move in which a program is at a time.
 
-    In a move of unknown length it is at the beginning, for as long as nothing else is known.
+    Args:
+        time: time since the start of the program [s].
+        durations: durations of the moves [s]; None if a duration is not known yet.
+
+    Returns:
+        index of the move, and the share of its duration that has passed, 0 in a move of unknown duration. None if all
+        moves have ended.
     """
     begin = 0.0
-    for number, length in enumerate(long):
-        if length is None:
-            return number, 0.0
-        if time < begin + length:
-            return number, (time - begin) / length
-        begin += length
+    for index, duration in enumerate(durations):
+        if duration is None:
+            return index, 0.0
+        if time < begin + duration:
+            return index, (time - begin) / duration
+        begin += duration
     return None
 
 
@@ -179,8 +198,9 @@ class ProgramTimeline:
         """Build it; it follows the session."""
         self._session, self._t = session, t
         self._blocks: list[ui.element] = []
-        self._long: list[float | None] = []
-        self._heard, self._ran = session.run.ending, list[Move]()
+        self._durations: list[float | None] = []
+        self._ran: Sequence[Mapping[str, Any]] = ()  # moves of the last run of a program
+        self._heard: dict[str, Any] | None = None
         self._now: ui.element | None = None
         self._place = ui.element("div").classes("pendant-timeline pendant-more").props("aria-hidden=true")
         for event in ("dragstart", "dragover"):
@@ -195,7 +215,9 @@ class ProgramTimeline:
         robots = self._session.description.get("robots", {})
         phrases = Phrases(self._t, robots.get(self._session.book.robot, {}).get("axes", ()))
         moves = self._session.book.program.moves
-        self._long, self._now, self._blocks = lengths(moves, self._heard, self._ran), None, []
+        self._durations = durations_of(moves, self._ran)
+        self._now = None
+        self._blocks = []
         self._place.clear()
         self._place.set_visibility(bool(moves))
         with self._place:
@@ -204,14 +226,14 @@ class ProgramTimeline:
         self._show_head()
 
     def _block(self, number: int, text: str) -> None:
-        length = self._long[number]
-        caption = f"{number + 1}. {text}" + (f" · {figure(length)} s" if length else "")
+        duration = self._durations[number]
+        caption = f"{number + 1}. {text}" + (f" · {figure(duration)} s" if duration else "")
         with ui.element("div").classes("pendant-block").props(f"draggable=true data-move={number}") as block:
             ui.label(caption)
             if (asked := getattr(self._session.book.program.moves[number], "duration", None)) is not None:
                 ui.element("span").classes("pendant-edge").props(f"data-long={asked}")
         block.props["title"] = caption
-        block.style(f"flex-grow: {_UNKNOWN if length is None else length:.3f}")
+        block.style(f"flex-grow: {_UNKNOWN if duration is None else duration:.3f}")
         block.on("click", lambda: self._show_begin(number))
         self._blocks.append(block)
 
@@ -227,22 +249,23 @@ class ProgramTimeline:
 
     def _show_begin(self, number: int) -> None:
         """Show the moment in which a move began, if it is known and was run."""
-        before = self._long[:number]
-        begin = sum(length for length in before if length is not None)
+        before = self._durations[:number]
+        begin = sum(duration for duration in before if duration is not None)
         if None not in before and self._session.run.kind == "program" and begin <= self._session.run.reach:
             self._session.rewind(begin)
 
     def _follow(self) -> None:
         session = self._session
         if session.run.ending is not self._heard and session.run.kind == "program" and session.phase == "idle":
-            self._heard, self._ran = session.run.ending, list(session.book.program.moves)
+            self._heard = session.run.ending
+            self._ran = () if self._heard is None else self._heard["moves"]
             self._build()
         self._show_head()
 
     def _show_head(self) -> None:
         """Show where the run is in the block that it is in."""
         run = self._session.run
-        at = place_of(run.time, self._long) if run.kind == "program" else None
+        at = position_in(run.time, self._durations) if run.kind == "program" else None
         now = self._blocks[at[0]] if at is not None else None
         if self._now is not None and self._now is not now:
             self._now.classes(remove="now")

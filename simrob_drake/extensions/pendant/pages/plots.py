@@ -1,14 +1,17 @@
 """Live plots: the last values of a run's signals as curves, in degrees where they are angles."""
 
+from __future__ import annotations
+
+from asyncio import wrap_future
 from collections.abc import Collection, Iterable, Mapping, Reversible, Sequence
 from itertools import takewhile
 from math import pi
-from typing import Any
+from typing import Any, NamedTuple
 
-from nicegui import context, ui
+from nicegui import background_tasks, context, ui
 
 from simrob_drake.extensions.pendant.pages.elements import follow
-from simrob_drake.extensions.pendant.pages.words import Phrases, Words
+from simrob_drake.extensions.pendant.pages.words import Phrases, Words, figure
 from simrob_drake.extensions.pendant.run import EndedRun
 from simrob_drake.extensions.pendant.session import Session
 from simrob_drake.results.colours import looks
@@ -23,7 +26,13 @@ _LINES: dict[str, Any] = {"-": "solid", "--": "dashed", "-.": [6, 3, 1, 3], ":":
 AS_SHOWN = {"rad": ("°", 180 / pi), "rad/s": ("°/s", 180 / pi), "rad/s²": ("°/s²", 180 / pi)}
 """Units that are shown in others, and how many of these one is."""
 Row = tuple[float, Any]  # a time [s], and the value of a signal then
-_FAINT = 1.0, 0.4  # of a run, and of one that is compared with it
+_FAINT = 0.4  # opacity of the curves of a run that is compared
+_CURSOR = "#d5001c"  # colour of the line at the moment that is shown, as in the timeline of moves
+_TORQUE = "torque"  # signal whose limits are shown
+_REFERENCES = {"position": "reference", "velocity": "reference_velocity"}
+"""Signals that others should follow, by the name of the other."""
+_SHOWN_LIMIT = 0.1
+"""Share of its limit that a curve reaches where the limit is drawn. A limit farther away would flatten the curve."""
 _FIRST = ("position", "torque")  # signals that are shown at first
 
 
@@ -73,9 +82,9 @@ def scope(session: Session, t: Words, signal: str, *, only: str | Collection[str
 
     It begins with ``only`` these columns or their axes, with some where none is of these.
     """
-    element = _Scope(session, t, signal, only).element
-    watch(session, [signal], element)
-    return element
+    plot = _Scope(session, t, signal, only)
+    watch(session, plot.signals, plot.element)
+    return plot.element
 
 
 def watch(session: Session, signals: Sequence[str], element: ui.element) -> None:
@@ -92,13 +101,21 @@ def watch(session: Session, signals: Sequence[str], element: ui.element) -> None
 
 
 class _Scope:
-    """The plot of one signal, and the choice of its curves."""
+    """The plot of one signal, and the choice of its curves.
+
+    A plot of positions shows the reference, too, one of torques the limits; a vertical line is at the moment that is
+    shown.
+    """
 
     def __init__(self, session: Session, t: Words, signal: str, only: str | Collection[str]) -> None:
-        self._session, self._name = session, signal
-        about = next(one for one in session.description["signals"] if one["name"] == signal)
+        self._session, self._t, self._name = session, t, signal
+        signals = {one["name"]: one for one in session.description["signals"]}
+        about = signals[signal]
+        self._columns: list[str] = about["columns"]
+        self._reference = signals.get(reference_of(signal), {"name": "", "columns": []})
         title, chosen = _title(t, about), {only} if isinstance(only, str) else set(only)
         unit, self._factor = AS_SHOWN.get(about["unit"], (about["unit"], 1.0))
+        self._limits: list[float] = []  # of each column; empty for signals without limits
         self._drawn: object = None
         names = dict(enumerate(map(Phrases(t, ()).axis, short(about["columns"]))))
         columns = enumerate(about["columns"])
@@ -113,41 +130,120 @@ class _Scope:
             self._chart = ui.echart({}, renderer="svg").classes("w-full h-56 simrob-plot")
             self._chart.props(f'role=img aria-label="{title}"')
             ui.timer(_PAUSE, self._look)
+            if signal.rpartition(".")[2] == _TORQUE and session.description.get("mode") == "dynamic":
+                follow(session, self._ask_limits, "program", "description", "phase")
         self._choice.on_value_change(self._choose)
         self._choose()
 
+    @property
+    def signals(self) -> list[str]:
+        """Signals of which the plot needs the values."""
+        return [name for name in (self._name, self._reference["name"]) if name]
+
+    def _ask_limits(self) -> None:
+        """Ask for the limits of the torques, which change with the settings, also while a run goes on."""
+        if self._session.phase in ("idle", "running", "paused"):
+            background_tasks.create(self._asked_limits())
+
+    async def _asked_limits(self) -> None:
+        whose = self._name.rpartition(".")[0]
+        limits = await wrap_future(self._session.client.ask("torque_limits", robot=whose or None))
+        if isinstance(limits, list) and limits != self._limits and not self.element.is_deleted:
+            self._limits = limits
+            self._choose()
+
     def _choose(self) -> None:
-        """Tell which curves are chosen, and draw these from now on."""
+        """Take the curves that are chosen, name them in the legend, and draw them from now on."""
         chosen = self._choice.value
         self._choice.props["display-value"] = f"{len(chosen)} / {len(self._choice.options)}"
         self._legend.clear()
         with self._legend:
             for column in chosen:
-                with ui.row().classes("items-center gap-1 no-wrap"):
-                    colour, line = _style(column)
-                    kind = "dashed" if line == "-." else _LINES[line]
-                    ui.element("span").style(f"width: 1.4em; border-top: 3px {kind} {colour}")
-                    ui.label(self._choice.options[column])
+                colour, line = _style(column)
+                limit = f" (± {figure(self._limits[column])})" if self._limits else ""
+                _legend_entry(colour, "dashed" if line == "-." else _LINES[line], self._choice.options[column] + limit)
+            if self._reference["name"]:
+                _legend_entry("currentColor", "dashed", Phrases(self._t, ()).name("reference"))
+            if self._limits:
+                _legend_entry("currentColor", "dotted", self._t("plots.limit"))
         self._drawn = None
 
     def _look(self) -> None:
-        """Draw what has come since the last look."""
-        ring = self._session.run.history_of(self._name)
-        other = self._session.run.compared
-        seen = (len(ring), ring[0][0], ring[-1], other) if ring else (other,)
+        """Draw the plot anew if there are new values, or another moment is shown."""
+        run = self._session.run
+        ring = run.history_of(self._name)
+        other = run.compared
+        cursor = run.time if ring else None
+        seen = (len(ring), ring[0][0], ring[-1], other, cursor) if ring else (other,)
         if seen == self._drawn:
             return
         self._drawn = seen
         chosen: list[int] = sorted(self._choice.value)
+        styles = [_style(column) for column in chosen]
         names = [self._choice.options[column] for column in chosen]
-        histories = [ring, *([other.history(self._name)] if other else [])]
-        sources = [self._rows(history, chosen) for history in histories]
-        self._chart.props["options"] = _picture(names, [_style(column) for column in chosen], sources)
+        rows = self._rows(ring, chosen)
+        layers = [Layer(names, styles, rows)]
+        if self._reference["name"]:
+            layers.append(self._reference_layer(chosen, names))
+        if other is not None:
+            layers.append(Layer(names, styles, self._rows(other.history(self._name), chosen), opacity=_FAINT))
+        if self._limits and rows:
+            layers.append(self._limit_layer(chosen, rows))
+        self._chart.props["options"] = _picture(layers, cursor)
 
     def _rows(self, history: Iterable[Row], chosen: Sequence[int]) -> list[list[float]]:
-        """Return times of a history and the chosen columns of its values, as they are drawn."""
-        rows = thinned(list(history), _POINTS)
+        """Return times of a history and the chosen columns of its values, as they are drawn.
+
+        Values of another width, of a run in which the signal had other columns, are left out.
+        """
+        rows = thinned([row for row in history if len(as_list(row[1])) == len(self._columns)], _POINTS)
         return [[time, *(as_list(value)[i] * self._factor for i in chosen)] for time, value in rows]
+
+    def _reference_layer(self, chosen: Sequence[int], names: Sequence[str]) -> Layer:
+        """Curves of the reference of the chosen columns, dashed; columns of an axis belong together."""
+        places = {column.rpartition(".")[2]: place for place, column in enumerate(self._reference["columns"])}
+        own = [(places.get(self._columns[number].rpartition(".")[2]), number) for number in chosen]
+        known = [(place, number) for place, number in own if place is not None]
+        history = self._session.run.history_of(self._reference["name"])
+        rows = [
+            [time, *(as_list(value)[place] * self._factor for place, _ in known)]
+            for time, value in thinned(list(history), _POINTS)
+        ]
+        styles = [(_style(number)[0], "--") for _, number in known]
+        called = [name for name, (place, _) in zip(names, own, strict=True) if place is not None]
+        return Layer(called, styles, rows)
+
+    def _limit_layer(self, chosen: Sequence[int], rows: Sequence[Sequence[float]]) -> Layer:
+        """Horizontal lines at the limits of the chosen columns, dotted, on the sides to which the curves go.
+
+        Limits far beyond a curve are left out, since they would flatten it; the legend names all of them.
+        """
+        ends = rows[0][0], rows[-1][0]
+        lines: list[float] = []
+        styles: list[tuple[str, str]] = []
+        for place, column in enumerate(chosen, 1):
+            limit = self._limits[column] * self._factor
+            values = [row[place] for row in rows]
+            for side in (-1.0, 1.0):
+                if max(side * value for value in values) >= _SHOWN_LIMIT * limit:
+                    lines.append(side * limit)
+                    styles.append((_style(column)[0], ":"))
+        return Layer([self._t("plots.limit")] * len(lines), styles, [[time, *lines] for time in ends])
+
+
+def reference_of(signal: str) -> str:
+    """Name of the signal that a signal should follow, such as ``reference`` for ``position``; empty if there is none.
+
+    A robot's name before a dot is kept.
+    """
+    whose, dot, name = signal.rpartition(".")
+    return f"{whose}{dot}{_REFERENCES[name]}" if name in _REFERENCES else ""
+
+
+def _legend_entry(colour: str, line: str, text: str) -> None:
+    with ui.row().classes("items-center gap-1 no-wrap"):
+        ui.element("span").style(f"width: 1.4em; border-top: 3px {line} {colour}")
+        ui.label(text)
 
 
 def _title(t: Words, signal: Mapping[str, Any]) -> str:
@@ -186,33 +282,59 @@ def thinned(rows: list[Row], count: int) -> list[Row]:
     return [rows[round(number * (len(rows) - 1) / (count - 1))] for number in range(count)]
 
 
-def _picture(
-    names: Sequence[str], shown: Sequence[tuple[str, str]], sources: Sequence[Sequence[Sequence[float]]]
-) -> dict[str, Any]:
-    """Return what ECharts draws: a curve for each column of the rows behind the first, which is the time [s].
+class Layer(NamedTuple):
+    """Curves that are drawn in the same way.
 
-    The second of the sources is of a run that is compared: its curves are faint.
+    Attributes:
+        names: what the curves are called.
+        styles: colour and kind of line of each curve, as :func:`simrob_drake.results.colours.looks` gives them.
+        rows: time [s] and the value of each curve, at each moment.
+        opacity: of the curves, 0 to 1.
+    """
+
+    names: Sequence[str]
+    styles: Sequence[tuple[str, str]]
+    rows: Sequence[Sequence[float]]
+    opacity: float = 1.0
+
+
+def _picture(layers: Sequence[Layer], cursor: float | None) -> dict[str, Any]:
+    """Make the options with which ECharts draws a plot.
+
+    Args:
+        layers: the curves.
+        cursor: time at which a vertical line stands [s]; None for no line.
     """
     faint = {"splitLine": {"lineStyle": {"color": "#8884"}}, "axisLine": {"lineStyle": {"color": "#888"}}}
     ends = {"axisLabel": {"showMinLabel": False, "showMaxLabel": False, "hideOverlap": True}}
-    name = {"name": "t [s]", "nameLocation": "middle", "nameGap": 22}
-    look = {"type": "line", "showSymbol": False, "silent": True}
+    time_axis = {"name": "t [s]", "nameLocation": "middle", "nameGap": 22}
+    series = [
+        {
+            "type": "line",
+            "showSymbol": False,
+            "silent": True,
+            "name": name,
+            "datasetIndex": index,
+            "color": colour,
+            "encode": {"x": 0, "y": column + 1},
+            "lineStyle": {"type": _LINES[line], "opacity": layer.opacity},
+        }
+        for index, layer in enumerate(layers)
+        for column, (name, (colour, line)) in enumerate(zip(layer.names, layer.styles, strict=True))
+    ]
+    if series and cursor is not None:
+        series[0]["markLine"] = {
+            "silent": True,
+            "symbol": "none",
+            "label": {"show": False},
+            "lineStyle": {"color": _CURSOR, "type": "solid"},
+            "data": [{"xAxis": cursor}],
+        }
     return {
         "animation": False,
         "grid": {"left": 56, "right": 12, "top": 12, "bottom": 40},
-        "xAxis": {"type": "value", "min": "dataMin", "max": "dataMax", **name, **faint, **ends},
+        "xAxis": {"type": "value", "min": "dataMin", "max": "dataMax", **time_axis, **faint, **ends},
         "yAxis": {"type": "value", "scale": True, **faint},
-        "dataset": [{"source": source} for source in sources],
-        "series": [
-            {
-                **look,
-                "name": name,
-                "datasetIndex": index,
-                "color": colour,
-                "encode": {"x": 0, "y": row + 1},
-                "lineStyle": {"type": _LINES[line], "opacity": _FAINT[index]},
-            }
-            for index in range(len(sources))
-            for row, (name, (colour, line)) in enumerate(zip(names, shown, strict=True))
-        ],
+        "dataset": [{"source": list(layer.rows)} for layer in layers],
+        "series": series,
     }

@@ -9,8 +9,16 @@ from nicegui.language import Language
 
 from simrob_drake.base.errors import SimrobError, shortened
 from simrob_drake.base.extension import usable_objects
+from simrob_drake.base.messages import compound
 from simrob_drake.extensions.pendant.pages import arm, gallery, legs, station, view
-from simrob_drake.extensions.pendant.pages.elements import KEYS, allow, follow, icon_button, set_label, shortcuts
+from simrob_drake.extensions.pendant.pages.elements import (
+    allow,
+    follow,
+    icon_button,
+    set_keys,
+    set_label,
+    shortcuts,
+)
 from simrob_drake.extensions.pendant.pages.move_list import ProgramTimeline
 from simrob_drake.extensions.pendant.pages.tour import Lessons
 from simrob_drake.extensions.pendant.pages.words import Words, languages, words
@@ -83,7 +91,7 @@ def _open(t: Words, load: Callable[[], bool]) -> None:
             for client in list(Client.instances.values()):
                 client.run_javascript("location.reload()")
     except SimrobError as problem:
-        ui.notify(t.of_engine(str(problem)), type="negative", close_button=True, timeout=0)
+        ui.notify(t.render(str(problem)), type="negative", close_button=True, timeout=0)
 
 
 def _loaded(session: Session, t: Words, load: Callable[[str, str], None]) -> None:
@@ -184,7 +192,7 @@ def _tabs(session: Session, t: Words, language: str) -> None:
     with ui.tabs().classes("w-full") as tabs:
         heads = {name: ui.tab(name, label=panel.title(language)) for name, panel in panels.items()}
         for number, head in enumerate(heads.values(), 1):
-            head.props[KEYS] = f"Alt+{number}"
+            set_keys(head, f"Alt+{number}")
     with ui.tab_panels(tabs, value=_ALWAYS, animated=False, keep_alive=True).classes("w-full pendant-panels"):
         for name, panel in panels.items():
             with ui.tab_panel(name):
@@ -236,5 +244,5 @@ def _build_panel(name: str, panel: PendantPanel, session: Session, t: Words) -> 
     try:
         panel.build(session, t)
     except Exception as problem:  # code of somebody else must not take the page away
-        reason = shortened(f"{type(problem).__name__}: {problem}", 300)
+        reason = shortened(compound("{name}: {problem}", name=type(problem).__name__, problem=problem), 300)
         ui.label(t("shell.broken_panel", reason=reason)).props("role=alert")

@@ -7,11 +7,18 @@ from typing import Any
 
 from nicegui import background_tasks, context, ui
 
-from simrob_drake.extensions.pendant.describe import BlockMeaning, block_meaning, wire_meaning
+from simrob_drake.extensions.pendant.describe import (
+    ALL_AXES,
+    BlockMeaning,
+    axis_setting,
+    axis_value,
+    block_meaning,
+    wire_meaning,
+)
 from simrob_drake.extensions.pendant.form import Field, as_text, form_fields
 from simrob_drake.extensions.pendant.pages.block_picture import BlockPicture
 from simrob_drake.extensions.pendant.pages.elements import card, follow
-from simrob_drake.extensions.pendant.pages.form_view import FormView, tuners
+from simrob_drake.extensions.pendant.pages.form_view import FormView, Tuning, build_tuner, is_tuned, tunings
 from simrob_drake.extensions.pendant.pages.plots import AS_SHOWN, POSE, as_list, at, scope, watch
 from simrob_drake.extensions.pendant.pages.words import Phrases, Words
 from simrob_drake.extensions.pendant.session import Session
@@ -79,7 +86,7 @@ class _Page:
             done = session.setup.unset(key)  # which may have brought it
         else:
             done = session.setup.set(key, value)
-        return "" if done else self._t.of_engine(str(session.message))
+        return "" if done else self._t.render(str(session.message))
 
     def _refresh(self) -> None:
         """Show the station as it is now."""
@@ -116,7 +123,7 @@ class _Page:
 
     async def _ask_for_picture(self) -> None:
         picture = await asyncio.wrap_future(self._session.setup.picture(self._picture.folded))
-        self._wrong_picture.text = "" if picture else self._t.of_engine(str(self._session.message))
+        self._wrong_picture.text = "" if picture else self._t.render(str(self._session.message))
         if picture:
             self._picture.show(picture)
             self._watch_wires()
@@ -163,7 +170,11 @@ class _Page:
     def _made_by(self, key: str) -> list[str]:
         """Return the blocks that a key makes: those that show it, where some do."""
         labels, name = self._picture.labels, key.rpartition(".")[2]
-        holding = [block for block in labels if self._meaning(block).holds(key)]
+        meanings = {block: self._meaning(block) for block in labels}
+        holding = [block for block, meaning in meanings.items() if meaning.holds(key)]
+        of_axis = [block for block in holding if meanings[block].axis == name]
+        if of_axis:  # a key such as servo.kp.joint_2
+            holding, name = of_axis, key.split(".")[-2]
         return [block for block in holding if name in re.findall(r"\w+", labels[block])] or holding
 
     def _show_wire(self, number: str) -> None:
@@ -183,7 +194,7 @@ class _Page:
 
     def _show_findings(self, findings: Sequence[Mapping[str, str]]) -> None:
         """Show the warnings, and behind them, folded, what is in order."""
-        own = self._t.of_engine
+        own = self._t.render
         findings = [{**one, "subject": own(one["subject"]), "text": own(one["text"])} for one in findings]
         fine = [finding for finding in findings if finding["level"] != "warning"]
         for finding in findings:
@@ -237,7 +248,7 @@ class _Page:
         self._changed.clear()
         with self._changed:
             for key, value in self._session.book.settings.items():
-                chip = ui.chip(f"{key}: {as_text(value) or '–'}", removable=True, icon="edit")
+                chip = ui.chip(f"{key}: {as_text(value) or '–'}", removable=True, icon="tune")
                 chip.on_value_change(lambda key=key: self._session.setup.unset(key))
 
     def _show_stops(self) -> None:
@@ -264,7 +275,7 @@ class _Page:
             return
         self._heard = ending
         if ending["ending"] not in ("completed", "stopped"):
-            line = f"{ending['time']:.2f} s: {self._t.of_engine(ending['message'])}"
+            line = f"{ending['time']:.2f} s: {self._t.render(ending['message'])}"
             self._endings = [line, *self._endings][:_MOST_ENDINGS]
             self._show_stops()
 
@@ -283,9 +294,40 @@ class _Page:
                 if any(map(meaning.holds, change.set or ())):
                     ui.label(Phrases(self._t, ()).change(change, grid)).classes("text-sm block-change")
             self._scopes(meaning)
-            tuners(fields, self._give)
+            self._tuners(meaning, fields)
             with ui.expansion(self._t("station.parameters"), value=len(fields) <= _FEW).classes("w-full"):
                 FormView(self._t, self._give).show(fields)
+
+    def _tuners(self, meaning: BlockMeaning, fields: Sequence[Field]) -> None:
+        """Build the sliders of a block: those of a joint change this joint alone, and say so."""
+        t, axes = self._t, self._axes_of(meaning.robot)
+        if meaning.axis in axes:
+            sliders = [tuning for field in fields if (tuning := self._axis_tuning(meaning, field, axes)) is not None]
+            note = t("station.tunes_one", axis=meaning.axis)
+        else:
+            sliders = tunings(fields, self._give)
+            note = t("station.tunes_all") if meaning.axis == ALL_AXES else ""
+        if sliders and note:
+            ui.label(note).classes("text-sm")
+        for tuning in sliders:
+            build_tuner(tuning)
+
+    def _axis_tuning(self, meaning: BlockMeaning, field: Field, axes: Sequence[str]) -> Tuning | None:
+        """Make the slider with which a field of a joint's block changes this joint. Returns None if it has none."""
+        value = axis_value(field.value, meaning.axis, axes)
+        if not is_tuned(field.key) or value is None or value <= 0:
+            return None
+
+        async def give(new: float) -> str:
+            return await self._give(*axis_setting(meaning, field.key, new, self._content, axes))
+
+        return Tuning(f"{field.key}.{meaning.axis}", value, field.unit, give)
+
+    def _axes_of(self, robot: str) -> list[str]:
+        """Names of the axes of a robot of the station, or of its only robot if none is named."""
+        robots = self._session.description.get("robots", {})
+        found = robots.get(robot or next(iter(robots), ""), {})
+        return [axis["name"] for axis in found.get("axes", ())]
 
 
 def in_brief(value: Sequence[float], about: Mapping[str, Any], axis: str = "") -> str:

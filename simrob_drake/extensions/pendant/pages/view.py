@@ -120,7 +120,7 @@ def build_bar(session: Session, t: Words) -> None:
         set_label(bar, t("run.bar"))
         start = icon_button("skip_previous", t("run.start"), lambda: session.rewind(0.0), keys="Home")
         play = icon_button("play_arrow", t("run.play"), lambda: _play(session), keys="Space")
-        tick = icon_button("redo", t("run.tick"), lambda: _tick(session), keys=".")
+        tick = icon_button("keyboard_tab", t("run.tick"), lambda: _tick(session), keys=".")
         stop = icon_button("stop", t("run.stop"), session.stop, keys="Shift+S")
         scrubber = ui.slider(min=0.0, max=1.0, step=0.05)
         scrubber.on("update:model-value", lambda event: session.rewind(float(event.args)), throttle=0.1)
@@ -156,7 +156,7 @@ def build_bar(session: Session, t: Words) -> None:
 
     def tell() -> None:
         notice = session.message
-        message.text = t(f"notice.{notice.key}", **notice.fills) if notice.key else t.of_engine(str(notice))
+        message.text = t(f"notice.{notice.key}", **notice.fills) if notice.key else t.render(str(notice))
         message.classes(add="pendant-wrong" if notice.wrong else "", remove="" if notice.wrong else "pendant-wrong")
 
     follow(session, phase, "phase", "program", "description")

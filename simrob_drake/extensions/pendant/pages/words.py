@@ -1,6 +1,5 @@
 """The words of the pages, in each language one file beside; and axes, moves, poses and changes of a program in them."""
 
-import re
 import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from simrob_drake.base.errors import one_of
+from simrob_drake.base.messages import in_language, message
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.extensions.pendant.form import as_text
 from simrob_drake.extensions.pendant.move_labels import labels_of
@@ -24,7 +24,7 @@ _BETWEEN = "."
 
 @dataclass(frozen=True)
 class Words:
-    """What the pages call ``t``: a text by its key, ``section.name``; and what the engine says, in the language.
+    """What the pages call ``t``: a text by its key, ``section.name``; and messages in the language.
 
     Attributes:
         language: the language, such as ``en``.
@@ -32,22 +32,15 @@ class Words:
 
     language: str
     _texts: dict[str, str]
-    _sentences: tuple[tuple[re.Pattern[str], str], ...]
 
     def __call__(self, key: str, **values: object) -> str:
-        """Return a text with figures put in where it has their names in braces."""
-        return self._texts[key].format(**values) if values else self._texts[key]
+        """Return a text with values, such as figures and messages, in place of their names in braces."""
+        shown = {name: self.render(value) if isinstance(value, str) else value for name, value in values.items()}
+        return self._texts[key].format(**shown) if values else self._texts[key]
 
-    def of_engine(self, text: str) -> str:
-        """Return what the engine says in English, line by line, in the language; what it does not know as it is."""
-        return "\n".join(map(self._said, text.split("\n"))) if self._sentences else text
-
-    def _said(self, line: str) -> str:
-        """Return a line in the words of the first sentence that it is, and so its parts, which are shorter."""
-        for pattern, sentence in self._sentences:
-            if (found := pattern.fullmatch(line)) is not None:
-                return sentence.format(**{name: self._said(part) for name, part in found.groupdict().items()})
-        return line
+    def render(self, text: str) -> str:
+        """Render a message in the language. Other texts, such as names, are returned as they are."""
+        return in_language(text, self.language)
 
 
 def languages() -> list[str]:
@@ -57,16 +50,8 @@ def languages() -> list[str]:
 
 def words(language: str) -> Words:
     """Return the words of a language; raises UnknownName: there is no such language."""
-    return Words(language, texts_of(one_of("language", language, languages())), _sentences_of(language))
-
-
-@cache
-def _sentences_of(language: str) -> tuple[tuple[re.Pattern[str], str], ...]:
-    """Return the sentences of the engine that a language has words for, with patterns of them in English."""
-    file = _FOLDER / "engine" / f"{language}.yaml"
-    known = read_yaml(file) if file.is_file() else {}
-    parts = re.compile(r"\\{(\w+)\\}")
-    return tuple((re.compile(parts.sub(r"(?P<\1>.+?)", re.escape(english))), own) for english, own in known.items())
+    known = one_of(message("pendant.language", "language"), language, languages())
+    return Words(language, texts_of(known))
 
 
 @cache
@@ -158,7 +143,7 @@ class Phrases:
             for key, value in content.items()
             if f"{{{'what' if key == first else key}}}" not in phrase
         ]
-        words = phrase.format(**{**said, "what": said.get(first, "")})
+        words = phrase.format(**{**said, "what": said.get(first, "")}).strip()
         return f"{words} ({', '.join(filter(None, rest))})" if any(rest) else words
 
     def title(self, kind: type[Move]) -> str:
