@@ -16,7 +16,7 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.sections import validated
 from simrob_drake.extensions.pendant import arm_questions
 from simrob_drake.extensions.pendant.describe import description
-from simrob_drake.extensions.pendant.handles import handles, reached
+from simrob_drake.extensions.pendant.handles import NO_HANDLES, handles, reached
 from simrob_drake.extensions.pendant.run_pacer import Inbox, Rewound, RunPacer
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.program import Program
@@ -84,6 +84,7 @@ class Bench:
     ) -> dict[str, Any]:
         """Take a station, by name or file, with settings, and tell what it is."""
         config = load_station(station, settings, allow_code=allow_code)
+        self._tell_view("handles", [NO_HANDLES])  # those of the station before are not where the new ones will be
         self._cell = cell = Workcell(config)
         self._robot = "" if not config.robots else cell.robot_name(robot or next(iter(config.robots)))
         self._start = config

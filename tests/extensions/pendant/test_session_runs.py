@@ -227,8 +227,18 @@ def test_an_arm_is_jogged_taught_and_plays(teach):
     assert kinds == ["move_abs_j", "move_l", "tool", "move_j"]
     assert heard(session, session.arm.jog_tool([0, 0, 5, 0, 0, 0])) is None
     assert "out of reach" in str(session.message)
+    shown = []
+    forget = session.listen_to_view(lambda subject, commands: shown.append(commands) if subject == "ghosts" else None)
     assert heard(session, session.arm.branches())
     assert session.arm.ghosts
+    for step in (0, 1, -1):  # one ghost at a time, and none before the first
+        heard(session, session.arm.show_branch((session.arm.shown_ghost or 0) + step))
+        paths = {command["path"].split("/")[3] for command in shown[-1] if command["type"] == "copy"}
+        assert paths == {"0"}
+    assert session.arm.shown_ghost == 0
+    heard(session, session.arm.show_branch(-1))
+    assert session.arm.shown_ghost == 0
+    forget()
     assert session.setup.set("gravity", 3.7)
     while session.phase != "idle":
         session.hear(0.1)

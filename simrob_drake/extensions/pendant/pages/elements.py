@@ -326,6 +326,12 @@ def rebuild(session: Any, state: Callable[[], Any], build: Callable[[], object],
     return show
 
 
+def own_tab_panels() -> ui.tab_panels | None:
+    """Find the tab panels of which the present place is a part. Returns None on a page without tabs."""
+    parents = context.slot.parent.ancestors(include_self=True)
+    return next((parent for parent in parents if isinstance(parent, ui.tab_panels)), None)
+
+
 def card(title: str, number: int = 0, about: str = "") -> ui.column:
     """Make a part of a page with a heading; ``number`` is its place in the order of use."""
     with ui.column().classes("pendant-plate w-full min-w-0 gap-2 p-3").props("role=group") as found:
