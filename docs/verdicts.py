@@ -5,7 +5,7 @@ from typing import Any
 
 from simrob_drake import SimulationResult, load_station, station_names
 from simrob_drake.programs.whole_program import run_whole
-from simrob_drake.results.verdict.verdict import in_words
+from simrob_drake.results.verdict.words import in_words
 
 DOCS = Path(__file__).parent
 COLUMNS = {
@@ -16,7 +16,7 @@ COLUMNS = {
     "speed_share": "speed",
     "penetration": "penetration",
     "foot_slip": "slip",
-    "shortened_steps": "shortened steps",
+    "shortened_steps": "solver retries",
 }
 """The measures that are shown, and their headings."""
 HEADING = """# Verdicts

@@ -17,6 +17,7 @@ from pydrake.multibody.tree import Frame, JacobianWrtVariable, Joint, MultibodyF
 
 from simrob_drake.base.errors import InvalidParameter, one_of, quoted
 from simrob_drake.base.frames import Vector, finite
+from simrob_drake.base.messages import message
 from simrob_drake.importer.named_robots import read_robot
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel
@@ -85,10 +86,18 @@ class Dynamics:
         """
         model = robot if isinstance(robot, RobotModel) else read_robot(robot)
         if tool is not None:
-            one_of(f"tool of {model.name}", tool, model.tools)
+            one_of(message("base.tool_of", "tool of {model}", model=model.name), tool, model.tools)
         if model.links_without_inertia:
             lacking = ", ".join(model.links_without_inertia)
-            raise InvalidParameter("robot", model.name, f"one whose moving links have inertia; {lacking} have none")
+            raise InvalidParameter(
+                "robot",
+                model.name,
+                message(
+                    "dynamics.links_with_inertia",
+                    "one whose moving links have inertia; {lacking} have none",
+                    lacking=lacking,
+                ),
+            )
         plant, _ = held_robot(model)
         joints = [plant.GetJointByName(axis.joint) for axis in model.axes.values()]
         name = next(iter(model.tools), None) if tool is None else tool
@@ -150,7 +159,7 @@ class Dynamics:
         It is the product of the Jacobian's singular values, sqrt(det(J J')) of an arm with six axes or more; of the
         tool's ``translation`` or ``rotation`` alone, too. Zero is a singularity.
         """
-        rows = _PARTS[one_of("part", part, _PARTS)]
+        rows = _PARTS[one_of(message("dynamics.part", "part"), part, _PARTS)]
         values = np.linalg.svd(self.jacobian(q)[..., rows, :], compute_uv=False).prod(axis=-1)
         return values if np.ndim(values) else float(values)
 
@@ -187,12 +196,26 @@ class Dynamics:
         rows = finite(q)
         count = len(self.axes)
         if not rows.size or rows.ndim not in (1, 2) or rows.shape[-1] != count:
-            raise InvalidParameter("q", quoted(q), f"{count} finite numbers, or rows of as many, one an axis")
+            raise InvalidParameter(
+                "q",
+                quoted(q),
+                message(
+                    "base.finite_numbers_for_axes",
+                    "{count} finite numbers, or rows of as many, one an axis",
+                    count=count,
+                ),
+            )
         spread = []
         for name, values in others.items():
             found = finite(values)
             if found.shape not in ((), (count,), rows.shape):
-                raise InvalidParameter(name, quoted(values), f"a finite number, or as many as q has: {rows.shape}")
+                raise InvalidParameter(
+                    name,
+                    quoted(values),
+                    message(
+                        "dynamics.number_or_as_many", "a finite number, or as many as q has: {shape}", shape=rows.shape
+                    ),
+                )
             spread.append(np.broadcast_to(found, np.atleast_2d(rows).shape))
         results = []
         for posture, *arguments in zip(np.atleast_2d(rows), *spread, strict=True):
@@ -241,5 +264,9 @@ class Dynamics:
     @property
     def _tcp(self) -> Frame:
         if self._tool is None:
-            raise InvalidParameter("robot", self.name, "one with a tool frame, under tools: in its robot.yaml")
+            raise InvalidParameter(
+                "robot",
+                self.name,
+                message("dynamics.robot_with_tool", "one with a tool frame, under tools: in its robot.yaml"),
+            )
         return self._tool

@@ -93,9 +93,9 @@ def test_check_says_what_a_program_takes(capsys):
 
 MISTAKES = {
     "no station": (["run"], {"station": None}, "station: missing: the name or the file of the station"),
-    "no robot": (["check"], {"moves": [{"move_l": [0, 0, 1]}]}, "p.yaml: moves[0]: robot is not named"),
+    "no robot": (["check"], {"moves": [{"move_l": [0, 0, 1]}]}, "p.yaml: move 1: robot is not named"),
     "legs": (["run"], {"station": "humanoid_dynamic", "moves": [{"move_l": [0, 0, 1]}]}, "one on a fixed base"),
-    "out of reach": (["check"], {"moves": [PICK[0], {"move_l": {"targets": [9, 0, 0], "robot": "left"}}]}, "moves[1]:"),
+    "out of reach": (["check"], {"moves": [PICK[0], {"move_l": {"targets": [9, 0, 0], "robot": "left"}}]}, "move 2:"),
     "frames": (["run", "--frames", "one"], {}, 'must be a number of at least 2, or "events"'),
     "a duration": (["run", "--duration", "2"], {}, "--duration: a program has its own duration"),
     "an import": (["check", "--estimate-inertia"], {}, "--estimate-inertia: this is a program"),

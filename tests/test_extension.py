@@ -14,6 +14,7 @@ import pytest
 
 from simrob_drake import simulate
 from simrob_drake.base import extension as extensions
+from simrob_drake.base import messages
 from simrob_drake.base.errors import InvalidConfig
 from simrob_drake.base.extension import (
     BrokenExtension,
@@ -536,3 +537,20 @@ def test_descriptions_of_files_that_cannot_be_read_disturb_nothing(install, tmp_
     assert "warmth: unknown key" in capsys.readouterr().err
     assert run_command(["extensions", "--check"]) == 2
     assert problem in " ".join(capsys.readouterr().out.split())
+
+
+def test_an_extension_has_messages_in_other_languages(install, tmp_path, capsys):
+    messages._catalogue_file.cache_clear()
+    install("warm-kit", "core='>=0', messages={'warm': 'warm_kit:languages', 'robots': 'warm_kit:languages'}")
+    folder = tmp_path / "warm_kit" / "languages"
+    folder.mkdir()
+    (folder / "es.yaml").write_text("warm.too_hot: demasiado caliente ({celsius:.1f} °C)")
+    hot = messages.message("warm.too_hot", "too hot ({celsius:.1f} deg C)", celsius=80.25)
+    assert messages.in_language(hot, "es") == "demasiado caliente (80,2 °C)"
+    assert "robots" not in additions("messages")  # ids of the core are the core's
+    assert run_command(["extensions", "--check"]) == 2
+    assert "folder of messages 'robots' is one of simrob-drake already" in " ".join(capsys.readouterr().out.split())
+    install("hot-kit", "core='>=0', messages={'warm': 'hot_kit:languages'}")
+    left_out = next(found for found in installed_extensions() if found.name == "warm_kit")
+    assert left_out.problem == "the folder of messages 'warm' is also one of package hot-kit, extension hot_kit"
+    messages._catalogue_file.cache_clear()

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from simrob_drake.base.errors import InvalidParameter, SimrobError, quoted
+from simrob_drake.base.messages import message
 
 Kind = TypeVar("Kind")
 
@@ -28,22 +29,37 @@ def drake_asserts() -> Iterator[None]:
         place, found, condition = str(problem).partition(" in ")
         if not (found and place.startswith("Failure at")):
             raise
-        raise DrakeRefused(f"Drake cannot do that: {condition}") from problem
+        raise DrakeRefused(
+            message("base.drake_refuses", "Drake cannot do that: {condition}", condition=condition)
+        ) from problem
 
 
 def number(value: object, name: str) -> float:
     """Return a number; raises InvalidParameter: anything else, what is not finite too."""
-    return _between(value, name, -1e308, 1e308, "a number")
+    return _between(value, name, -1e308, 1e308, message("base.a_number", "a number"))
 
 
 def positive(value: object, name: str, unit: str) -> float:
     """Return a positive number; raises InvalidParameter: anything else."""
-    return _between(value, name, 1e-308, 1e308, f"a positive number [{unit}]")
+    return _between(
+        value, name, 1e-308, 1e308, message("base.a_positive_number", "a positive number [{unit}]", unit=unit)
+    )
 
 
 def seconds(value: object, name: str = "duration") -> float:
     """Return a duration [s]; raises InvalidParameter: not positive, too small or too large for one."""
-    return _between(value, name, SHORTEST, LONGEST, f"a positive time [s], {SHORTEST:g} to {LONGEST:g}")
+    return _between(
+        value,
+        name,
+        SHORTEST,
+        LONGEST,
+        message(
+            "base.a_positive_time",
+            "a positive time [s], {shortest:g} to {longest:g}",
+            shortest=SHORTEST,
+            longest=LONGEST,
+        ),
+    )
 
 
 def _between(value: object, name: str, least: float, most: float, expected: str) -> float:
@@ -57,13 +73,17 @@ def _between(value: object, name: str, least: float, most: float, expected: str)
 def whole(value: object, name: str, least: int, most: int) -> int:
     """Return a whole number within bounds; raises InvalidParameter: anything else."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
-        raise InvalidParameter(name, quoted(value), f"a whole number, {least} to {most}")
+        raise InvalidParameter(
+            name,
+            quoted(value),
+            message("base.a_whole_number", "a whole number, {least} to {most}", least=least, most=most),
+        )
     return int(value)
 
 
 def truth(value: object, name: str) -> bool:
     """Return True or False; raises InvalidParameter: anything else, for its truth may not be what was meant."""
-    return bool(instance(value, name, (bool, np.bool_), "True or False"))
+    return bool(instance(value, name, (bool, np.bool_), message("base.true_or_false", "True or False")))
 
 
 def instance(value: object, name: str, kind: type[Kind] | tuple[type[Kind], ...], expected: str) -> Kind:
@@ -76,10 +96,10 @@ def instance(value: object, name: str, kind: type[Kind] | tuple[type[Kind], ...]
 def as_path(value: object, name: str) -> Path:
     """Return a path; raises InvalidParameter: something else, or a text that no file system takes."""
     if not isinstance(value, (str, Path)):
-        raise InvalidParameter(name, quoted(value), "a path")
+        raise InvalidParameter(name, quoted(value), message("base.a_path", "a path"))
     found = Path(value)
     if not str(found).isprintable():
-        raise InvalidParameter(name, repr(str(found)), "a path that can be printed")
+        raise InvalidParameter(name, repr(str(found)), message("base.a_printable_path", "a path that can be printed"))
     return found
 
 

@@ -32,6 +32,7 @@ from pydantic import (
 
 from simrob_drake.base.errors import InvalidParameter, SimrobError
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Boolean, NotNegative, Number, Strict
 from simrob_drake.base.yaml_files import parse_yaml
 
@@ -106,13 +107,15 @@ class Uniform(Distribution):
     @model_validator(mode="after")
     def _checked(self) -> Self:
         if not self.low < self.high:
-            raise ValueError("low must be below high")
+            raise ValueError(message("base.low_not_below_high", "low must be below high"))
         if self.log and self.low <= 0:
-            raise ValueError("low must be positive where it is logarithmic")
+            raise ValueError(message("base.low_not_positive", "low must be positive where it is logarithmic"))
         if self.start is not None and not self.low <= self.start <= self.high:
-            raise ValueError("start must lie between low and high")
+            raise ValueError(message("base.start_out_of_range", "start must lie between low and high"))
         if self.integer and any(end is not None and end % 1 for end in (self.low, self.high, self.start)):
-            raise ValueError("low, high and start must be whole numbers where integer is true")
+            raise ValueError(
+                message("base.range_not_whole", "low, high and start must be whole numbers where integer is true")
+            )
         return self
 
     @property
@@ -160,7 +163,7 @@ class Normal(Distribution):
     @model_validator(mode="after")
     def _checked(self) -> Self:
         if not self._low <= self.mean <= self._high:
-            raise ValueError("mean must lie between low and high")
+            raise ValueError(message("base.mean_out_of_range", "mean must lie between low and high"))
         return self
 
     @property
@@ -264,14 +267,23 @@ def _section(text: str) -> Values:
         raise ValueError(TEXTS)
     if kind in _DRAWN:
         if second < 0 if kind == "normal" else first >= second:
-            raise ValueError("a range: LOW below HIGH, and a deviation that is not negative")
+            raise ValueError(message("base.a_range", "a range: LOW below HIGH, and a deviation that is not negative"))
         if (kind == "loguniform" and first <= 0) or (kind == "integer" and (first % 1 or second % 1)):
-            raise ValueError("a range of positive numbers for loguniform, and of whole ones for integer")
+            raise ValueError(
+                message(
+                    "base.a_range_for_its_kind",
+                    "a range of positive numbers for loguniform, and of whole ones for integer",
+                )
+            )
         return _DRAWN[kind](first, second)
     if first == second or not 2 <= count[0] <= _MOST or count[0] % 1:
-        raise ValueError(f"a range of two ends that differ, and a count of 2 to {_MOST}")
+        raise ValueError(
+            message(
+                "base.a_range_with_count", "a range of two ends that differ, and a count of 2 to {most}", most=_MOST
+            )
+        )
     if kind == "log" and min(first, second) <= 0:
-        raise ValueError("a range of positive numbers where it is logarithmic")
+        raise ValueError(message("base.a_positive_range", "a range of positive numbers where it is logarithmic"))
     return {"values": _GRIDS[kind](first, second, int(count[0])).tolist()}
 
 
@@ -292,7 +304,7 @@ def _read(content: Any, handler: ValidatorFunctionWrapHandler) -> Any:
     try:
         found = handler(_section(content))
     except ValueError as problem:
-        raise ValueError(f"must be {problem}") from problem
+        raise ValueError(message("base.must_be", "must be {problem}", problem=problem)) from problem
     found._text = content  # its own
     return found
 

@@ -7,21 +7,52 @@ import difflib
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
+
+from simrob_drake.base.messages import Message, compound, join_texts, message, one_line
 
 _LONGEST = 2000
 """Largest length of a message. Lists of known names are long, but a value that a user gives may be a megabyte."""
 
 
 class SimrobError(ValueError):
-    """Base class of all errors that a user's input can cause."""
+    """Base class of all errors that a user's input can cause.
+
+    Attributes:
+        message: the message in one line; a :class:`~simrob_drake.base.messages.Message`, if other languages have it.
+    """
 
     def __init__(self, message: str = "") -> None:
         """Create the error.
 
         Args:
-            message: the message, in one line. A very long one is cut at its end.
+            message: the message. It becomes one line, and a very long one is cut at its end.
         """
-        super().__init__(shortened(message, _LONGEST))
+        self.message = shortened(message, _LONGEST)
+        super().__init__(self.message)
+
+    def put_in_front(self, place: str) -> None:
+        """Begin the message with the place to which the error belongs, such as the name of a move, and a colon."""
+        self.message = shortened(compound("{place}: {problem}", place=place, problem=self.message), _LONGEST)
+        self.args = (self.message,)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the error without calling the initializer of its class, whose arguments are not kept."""
+        return _restored_error, (type(self), self.args, self.__dict__)
+
+
+def _restored_error(kind: type[SimrobError], arguments: tuple[Any, ...], attributes: dict[str, Any]) -> SimrobError:
+    """Create an error from a pickle.
+
+    Args:
+        kind: class of the error.
+        arguments: arguments of the exception, which are its English text.
+        attributes: attributes of the error.
+    """
+    error = kind.__new__(kind, *arguments)
+    error.args = arguments
+    error.__dict__.update(attributes)
+    return error
 
 
 class InvalidParameter(SimrobError):
@@ -35,7 +66,15 @@ class InvalidParameter(SimrobError):
             value: its invalid value.
             expected: what would be right, such as "a positive time [s]". It completes the words "it must be".
         """
-        super().__init__(f"{name} is {shown(value)}; it must be {expected}")
+        super().__init__(
+            message(
+                "base.invalid_parameter",
+                "{name} is {value}; it must be {expected}",
+                name=name,
+                value=shown(value),
+                expected=expected,
+            )
+        )
 
 
 class Unsuitable(InvalidParameter):
@@ -44,16 +83,17 @@ class Unsuitable(InvalidParameter):
     :class:`InvalidParameter` says which value would be right. Here none is, such as a duration for a program.
     """
 
-    def __init__(self, name: str, problem: str, remedy: str = "leave it out") -> None:
+    def __init__(self, name: str, problem: str, remedy: str = "") -> None:
         """Create the error.
 
         Args:
             name: name of the parameter.
             problem: why it cannot serve here, such as "the world has no frames".
-            remedy: what to do, as a command.
+            remedy: what to do, as a command. If it is empty, the command is to leave the parameter out.
         """
         # The base class would add "it must be": its initializer is left out.
-        SimrobError.__init__(self, f"{name}: {problem}; {remedy}")
+        command = remedy or message("base.leave_out", "leave it out")
+        SimrobError.__init__(self, compound("{name}: {problem}; {remedy}", name=name, problem=problem, remedy=command))
 
 
 class UnknownName(SimrobError):
@@ -67,7 +107,15 @@ class UnknownName(SimrobError):
             name: the unknown name.
             known: all known names.
         """
-        super().__init__(f"there is no {kind} '{shown(name)}'{nearest(name, known)}")
+        super().__init__(
+            message(
+                "base.unknown_name",
+                "there is no {kind} '{name}'{suggestion}",
+                kind=kind,
+                name=shown(name),
+                suggestion=nearest(name, known),
+            )
+        )
 
 
 class InvalidConfig(SimrobError):
@@ -145,8 +193,8 @@ def nearest(name: object, known: Iterable[str]) -> str:
     names = sorted(set(known))
     close = difflib.get_close_matches(shown(name), names, n=1, cutoff=0.6)
     if close:
-        return f"; did you mean '{close[0]}'?"
-    return f"; known: {', '.join(names)}" if names else ""
+        return message("base.did_you_mean", "; did you mean '{name}'?", name=close[0])
+    return message("base.known_names", "; known: {names}", names=", ".join(names)) if names else ""
 
 
 def _located(where: Path | str, what: str, problem: str) -> str:
@@ -154,12 +202,12 @@ def _located(where: Path | str, what: str, problem: str) -> str:
 
     Empty parts are left out, and so is a key that the name of the override or option contains already.
     """
-    place = shortened(str(where), 1000)
+    place = shortened(where if isinstance(where, str) else str(where), 1000)
     part = shortened(what, 200)
     # The name of an override, such as "override servo.kp", or of an option, such as "--duration", contains the key.
     has_key_in_name = place.split(" ", 1)[-1].lstrip("-") == part
     texts = [place, "" if has_key_in_name else part, problem]
-    return ": ".join(text for text in texts if text)
+    return join_texts([text for text in texts if text], ": ")
 
 
 def one_of(kind: str, name: object, known: Iterable[str]) -> str:
@@ -207,28 +255,24 @@ def quoted(value: object) -> str:
     try:
         return shortened(repr(value))
     except ValueError:
-        return "a number of more digits than can be shown"
+        return message("base.too_many_digits", "a number of more digits than can be shown")
 
 
 def angle(value: float) -> str:
     """Format an angle [rad] in radians and degrees."""
-    return f"{value:.3g} rad ({math.degrees(value):.3g} deg)"
+    return message("base.angle", "{radians:.3g} rad ({degrees:.3g} deg)", radians=value, degrees=math.degrees(value))
 
 
 def shortened(value: str, length: int = 80) -> str:
     """Write a text on one line, without control characters, and cut its end if it is long.
 
     Args:
-        value: the text.
+        value: the text. A :class:`Message` stays one, and is cut at the same length in other languages.
         length: largest length of the result.
     """
-    # A text may be very long: only its beginning is examined.
-    head = value[: 100 * length]
-    line = " ".join(head.split())
-    # Control characters could change the state of a terminal.
-    text = "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in line)
-    is_whole = len(text) <= length and len(value) <= 100 * length
-    return text if is_whole else text[: length - 1] + "…"
+    if isinstance(value, Message):
+        return value.limited_to(length)
+    return one_line(value, length)
 
 
 def counted(count: int, thing: str) -> str:
@@ -258,7 +302,7 @@ def listed(names: Sequence[str], most: int = 3) -> str:
         names: the names.
         most: largest count of names that are listed.
     """
-    text = ", ".join(names[:most])
-    if len(names) > most:
-        text += f" and {len(names) - most} more"
-    return text
+    first = join_texts(names[:most], ", ")
+    if len(names) <= most:
+        return first
+    return message("base.names_and_more", "{names} and {count} more", names=first, count=len(names) - most)

@@ -24,6 +24,7 @@ from typing import Any, NamedTuple
 
 from simrob_drake.base.errors import SimrobError, shortened
 from simrob_drake.base.extras import DISTRIBUTION
+from simrob_drake.base.messages import compound, core_packages, message, register_catalogues
 
 GROUP = "simrob_drake.extensions"
 """Group of entry points under which packages announce their extensions."""
@@ -71,6 +72,8 @@ class Extension:
         stations: folders with one YAML file for each station, likewise.
         other_files: YAML files that say what files and folders are which are no stations, and which command takes them,
             as ``cli/others.yaml`` does; likewise ``package:file.yaml``.
+        messages: folders with the messages of the package in other languages, one file such as ``es.yaml`` for each, by
+            the first word of the messages' ids; likewise ``package:folder``. See :mod:`simrob_drake.base.messages`.
     """
 
     core: str
@@ -97,11 +100,18 @@ class Extension:
     pieces: Additions = field(default_factory=dict)
     stations: Additions = field(default_factory=dict)
     other_files: Additions = field(default_factory=dict)
+    messages: Additions = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check the types; raises TypeError if one is wrong. It is reported as a failure of the package's import."""
         if not isinstance(self.core, str):
-            raise TypeError(f"core is {self.core!r}; it must be a version specifier such as '>=0.1,<0.3'")
+            raise TypeError(
+                message(
+                    "base.no_version_specifier",
+                    "core is {core}; it must be a version specifier such as '>=0.1,<0.3'",
+                    core=repr(self.core),
+                )
+            )
         if not isinstance(self.title, str):
             raise TypeError(f"title is {self.title!r}; it must be a text")
         for key in ("needs", "uses"):
@@ -115,31 +125,35 @@ class Extension:
 
 
 POINTS = {
-    "commands": "command",
-    "sensors": "kind of sensor",
-    "monitors": "kind of monitor",
-    "references": "kind of reference",
-    "forces": "kind of force",
-    "couplings": "kind of coupling",
-    "controllers": "kind of controller",
-    "moves": "kind of move",
-    "gaits": "kind of gait",
-    "inverse_kinematics": "solver of inverse kinematics",
-    "plots": "plot",
-    "measures": "measure of the verdict",
-    "panels": "panel of the pendant",
-    "engines": "engine",
-    "importers": "importer of",
-    "exporters": "exporter to",
-    "robots": "folder of robots",
-    "pieces": "folder of pieces",
-    "stations": "folder of stations",
-    "other_files": "file about other files",
+    "commands": message("base.command", "command"),
+    "sensors": message("base.kind_of_sensor", "kind of sensor"),
+    "monitors": message("base.kind_of_monitor", "kind of monitor"),
+    "references": message("base.kind_of_reference", "kind of reference"),
+    "forces": message("base.kind_of_force", "kind of force"),
+    "couplings": message("base.kind_of_coupling", "kind of coupling"),
+    "controllers": message("base.kind_of_controller", "kind of controller"),
+    "moves": message("base.kind_of_move", "kind of move"),
+    "gaits": message("base.kind_of_gait", "kind of gait"),
+    "inverse_kinematics": message("base.solver_of_inverse_kinematics", "solver of inverse kinematics"),
+    "plots": message("base.plot", "plot"),
+    "measures": message("base.measure_of_verdict", "measure of the verdict"),
+    "panels": message("base.panel_of_pendant", "panel of the pendant"),
+    "engines": message("base.engine", "engine"),
+    "importers": message("base.importer_of", "importer of"),
+    "exporters": message("base.exporter_to", "exporter to"),
+    "robots": message("base.folder_of_robots", "folder of robots"),
+    "pieces": message("base.folder_of_pieces", "folder of pieces"),
+    "stations": message("base.folder_of_stations", "folder of stations"),
+    "other_files": message("base.file_about_other_files", "file about other files"),
+    "messages": message("base.folder_of_messages", "folder of messages"),
 }
 """The extension points: the field of :class:`Extension`, and the words for one of its entries."""
 
-FOLDERS = ("robots", "pieces", "stations")
+MODELS = ("robots", "pieces", "stations")
 """Extension points whose strings name folders of models."""
+
+FOLDERS = (*MODELS, "messages")
+"""Extension points whose strings name folders of data."""
 
 DATA = (*FOLDERS, "other_files")
 """Extension points whose strings name folders and files of data instead of Python objects."""
@@ -193,7 +207,12 @@ class Addition(NamedTuple):
     @property
     def owner(self) -> str:
         """Package and extension, as messages name them."""
-        return f"package {self.package}, extension {self.extension}"
+        return message(
+            "base.package_and_extension",
+            "package {package}, extension {extension}",
+            package=self.package,
+            extension=self.extension,
+        )
 
 
 class BrokenExtension(SimrobError):
@@ -242,9 +261,24 @@ def needed_extension(name: str, purpose: str) -> Iterator[None]:
     """
     installed = find_extension(name)
     if installed is None:
-        raise MissingExtension(f"{purpose} needs the extension {name}, which is not installed")
+        raise MissingExtension(
+            message(
+                "base.extension_not_installed",
+                "{purpose} needs the extension {name}, which is not installed",
+                purpose=purpose,
+                name=name,
+            )
+        )
     if installed.extension is None:
-        raise MissingExtension(f"{purpose} needs the extension {name}, which is left out: {installed.problem}")
+        raise MissingExtension(
+            message(
+                "base.extension_left_out",
+                "{purpose} needs the extension {name}, which is left out: {problem}",
+                purpose=purpose,
+                name=name,
+                problem=installed.problem,
+            )
+        )
     yield
 
 
@@ -261,12 +295,32 @@ def load_addition_class(addition: Addition, base: Any, named_by: str = "") -> An
     """
     found = load_addition(addition)
     if not (isinstance(found, type) and issubclass(found, base)):
-        expected = f"a subclass of {base.__module__}.{base.__name__}"
-        raise BrokenExtension(f"{addition.owner}: {addition.target} is {found!r}; it must be {expected}")
+        expected = message(
+            "base.a_subclass_of", "a subclass of {module}.{name}", module=base.__module__, name=base.__name__
+        )
+        raise BrokenExtension(
+            message(
+                "base.addition_of_wrong_type",
+                "{owner}: {target} is {found}; it must be {expected}",
+                owner=addition.owner,
+                target=addition.target,
+                found=repr(found),
+                expected=expected,
+            )
+        )
     abstract = sorted(getattr(found, "__abstractmethods__", ()))
     if abstract:
         lacking = ", ".join(abstract)
-        raise BrokenExtension(f"{addition.owner}: {addition.target} lacks {lacking}, see {base.__name__}")
+        raise BrokenExtension(
+            message(
+                "base.class_lacks_methods",
+                "{owner}: {target} lacks {lacking}, see {name}",
+                owner=addition.owner,
+                target=addition.target,
+                lacking=lacking,
+                name=base.__name__,
+            )
+        )
     if named_by:
         _check_name(addition, found, named_by)
     return found
@@ -311,7 +365,11 @@ def usable_objects(point: str, base: Any, named_by: str = "") -> dict[str, Any]:
         try:
             found[name] = _load_addition_object(addition, base, named_by)
         except BrokenExtension as problem:
-            warnings.warn(f"{problem}; it is left out", ExtensionWarning, stacklevel=2)
+            warnings.warn(
+                message("base.is_left_out", "{problem}; it is left out", problem=problem),
+                ExtensionWarning,
+                stacklevel=2,
+            )
     return found
 
 
@@ -328,8 +386,19 @@ def _load_addition_object(addition: Addition, base: Any, named_by: str) -> Any:
     """
     found = load_addition(addition)
     if not isinstance(found, base):
-        expected = f"an instance of {base.__module__}.{base.__name__}"
-        raise BrokenExtension(f"{addition.owner}: {addition.target} is {found!r}; it must be {expected}")
+        expected = message(
+            "base.an_instance_of", "an instance of {module}.{name}", module=base.__module__, name=base.__name__
+        )
+        raise BrokenExtension(
+            message(
+                "base.addition_of_wrong_type",
+                "{owner}: {target} is {found}; it must be {expected}",
+                owner=addition.owner,
+                target=addition.target,
+                found=repr(found),
+                expected=expected,
+            )
+        )
     if named_by:
         _check_name(addition, found, named_by)
     return found
@@ -348,8 +417,22 @@ def _check_name(addition: Addition, found: Any, named_by: str) -> None:
     """
     own_name = getattr(found, named_by, None)
     if own_name != addition.name:
-        problem = f"has the {named_by} {own_name!r}, and is announced as {addition.name!r}"
-        raise BrokenExtension(f"{addition.owner}: {addition.target} {problem}")
+        problem = message(
+            "base.announced_under_other_name",
+            "has the {named_by} {own_name}, and is announced as {announced_name}",
+            named_by=named_by,
+            own_name=repr(own_name),
+            announced_name=repr(addition.name),
+        )
+        raise BrokenExtension(
+            message(
+                "base.addition_problem",
+                "{owner}: {target} {problem}",
+                owner=addition.owner,
+                target=addition.target,
+                problem=problem,
+            )
+        )
 
 
 def additions(point: str) -> dict[str, Addition]:
@@ -377,8 +460,16 @@ def load_addition(addition: Addition) -> Any:
     try:
         return getattr(import_module(module_name), name)
     except (Exception, SystemExit) as problem:  # a module of somebody else may raise anything
-        reason = shortened(f"{type(problem).__name__}: {problem}", 200)
-        raise BrokenExtension(f"{addition.owner}: {addition.target} cannot be imported ({reason})") from problem
+        reason = shortened(compound("{name}: {problem}", name=type(problem).__name__, problem=problem), 200)
+        raise BrokenExtension(
+            message(
+                "base.addition_not_importable",
+                "{owner}: {target} cannot be imported ({reason})",
+                owner=addition.owner,
+                target=addition.target,
+                reason=reason,
+            )
+        ) from problem
 
 
 @contextmanager
@@ -398,8 +489,10 @@ def code_of_extension(owner: str, name: str) -> Iterator[None]:
     except SimrobError:
         raise
     except (Exception, SystemExit) as problem:  # code of somebody else may raise anything
-        reason = shortened(f"{type(problem).__name__}: {problem}", 200)
-        raise BrokenExtension(f"{owner}: {name} fails ({reason})") from problem
+        reason = shortened(compound("{name}: {problem}", name=type(problem).__name__, problem=problem), 200)
+        raise BrokenExtension(
+            message("base.extension_fails", "{owner}: {name} fails ({reason})", owner=owner, name=name, reason=reason)
+        ) from problem
 
 
 def addition_path(addition: Addition) -> Path | None:
@@ -418,6 +511,10 @@ def addition_path(addition: Addition) -> Path | None:
     return path if path.exists() else None
 
 
+_FOLDER = message("base.folder", "folder")
+_FILE = message("base.file", "file")
+
+
 def check_addition(point: str, addition: Addition) -> None:
     """Check that a Python object of an extension can be imported, or that its folder or file of data exists.
 
@@ -432,13 +529,30 @@ def check_addition(point: str, addition: Addition) -> None:
     if point not in DATA:
         load_addition(addition)
         return
-    expected = "folder" if point in FOLDERS else "file"
+    expected = _FOLDER if point in FOLDERS else _FILE
     path = addition_path(addition)
     if path is None:
-        raise BrokenExtension(f"{addition.owner}: there is no {expected} {addition.target}")
-    found = "folder" if path.is_dir() else "file"
+        raise BrokenExtension(
+            message(
+                "base.addition_missing",
+                "{owner}: there is no {expected} {target}",
+                owner=addition.owner,
+                expected=expected,
+                target=addition.target,
+            )
+        )
+    found = _FOLDER if path.is_dir() else _FILE
     if found != expected:
-        raise BrokenExtension(f"{addition.owner}: {addition.target} is a {found}; it must be a {expected}")
+        raise BrokenExtension(
+            message(
+                "base.addition_is_no_folder",
+                "{owner}: {target} is a {found}; it must be a {expected}",
+                owner=addition.owner,
+                target=addition.target,
+                found=found,
+                expected=expected,
+            )
+        )
 
 
 def addition_folders(point: str) -> list[Path]:
@@ -451,6 +565,12 @@ def addition_files(point: str) -> list[Path]:
     """Find the files of data that extensions add at an extension point such as ``other_files``."""
     paths = [addition_path(addition) for addition in additions(point).values()]
     return [path for path in paths if path is not None and path.is_file()]
+
+
+def _message_folder(package: str) -> Path | None:
+    """Find the folder with the messages of an extension by the first word of their ids. None if there is none."""
+    addition = additions("messages").get(package)
+    return addition_path(addition) if addition is not None else None
 
 
 def register_core_names(point: str, names: Callable[[], Iterable[str]]) -> None:
@@ -504,8 +624,17 @@ def _import_problem(entry: EntryPoint, error: BaseException) -> str:
     missing = error.name if isinstance(error, ModuleNotFoundError) else None
     # The extension's own module, or a package above it, is missing, and not a module that the extension imports.
     if missing and f"{entry.module}.".startswith(f"{missing}."):
-        return f"its module {entry.module} is not installed"
-    return shortened(f"{entry.value} cannot be imported: {type(error).__name__}: {error}", 300)
+        return message("base.module_not_installed", "its module {module} is not installed", module=entry.module)
+    return shortened(
+        message(
+            "base.entry_not_importable",
+            "{entry} cannot be imported: {kind}: {error}",
+            entry=entry.value,
+            kind=type(error).__name__,
+            error=error,
+        ),
+        300,
+    )
 
 
 def _problem_of(extension: object, where: str, *, checks_version: bool) -> str:
@@ -517,7 +646,12 @@ def _problem_of(extension: object, where: str, *, checks_version: bool) -> str:
         checks_version: whether the extension must fit the version of simrob_drake.
     """
     if not isinstance(extension, Extension):
-        return f"{where} is of type {type(extension).__name__}; it must be a simrob_drake.Extension"
+        return message(
+            "base.no_extension_object",
+            "{where} is of type {kind}; it must be a simrob_drake.Extension",
+            where=where,
+            kind=type(extension).__name__,
+        )
     version_problem = _version_problem(extension.core) if checks_version else ""
     return version_problem or _malformed_addition(extension)
 
@@ -536,8 +670,21 @@ def _version_problem(core: str) -> str:
     try:
         fits = SpecifierSet(core).contains(__version__, prereleases=True)
     except InvalidSpecifier:
-        return f"core is {core!r}; it must be a version specifier such as '>=0.1,<0.3'"
-    return "" if fits else f"it works with simrob_drake {core}, and this is {__version__}"
+        return message(
+            "base.no_version_specifier",
+            "core is {core}; it must be a version specifier such as '>=0.1,<0.3'",
+            core=repr(core),
+        )
+    return (
+        ""
+        if fits
+        else message(
+            "base.other_version_needed",
+            "it works with simrob_drake {core}, and this is {version}",
+            core=core,
+            version=__version__,
+        )
+    )
 
 
 def _malformed_addition(extension: Extension) -> str:
@@ -546,11 +693,22 @@ def _malformed_addition(extension: Extension) -> str:
         for name, target in getattr(extension, point).items():
             module_name, _, attribute = str(target).partition(":")
             if not module_name or not attribute:
-                return f"{described} {name!r} is {target!r}; it must be an import string 'package.module:Name'"
+                return message(
+                    "base.no_import_string",
+                    "{described} {name} is {target}; it must be an import string 'package.module:Name'",
+                    described=described,
+                    name=repr(name),
+                    target=repr(target),
+                )
     for name in extension.commands:
         above, is_below, _ = name.partition(" ")
         if is_below and above not in extension.commands:
-            return f"there is no command {above!r} for the command {name!r} below it"
+            return message(
+                "base.no_command_above",
+                "there is no command {above} for the command {name} below it",
+                above=repr(above),
+                name=repr(name),
+            )
     return ""
 
 
@@ -569,8 +727,21 @@ def _without_missing_needs(found: list[InstalledExtension]) -> list[InstalledExt
             checked.append(installed)
             continue
         is_installed = any(other.name == missing for other in found)
-        state = "is left out" if is_installed else "is not installed"
-        checked.append(installed.left_out(f"it needs the extension {missing}, which {state}"))
+        state = (
+            message("base.not_used", "is left out")
+            if is_installed
+            else message("base.not_installed", "is not installed")
+        )
+        checked.append(
+            installed.left_out(
+                message(
+                    "base.needs_extension",
+                    "it needs the extension {missing}, which {state}",
+                    missing=missing,
+                    state=state,
+                )
+            )
+        )
     # An extension that has just been left out may be needed by another one, so the check is repeated.
     return checked if checked == found else _without_missing_needs(checked)
 
@@ -579,21 +750,39 @@ def _without_conflicts(found: list[InstalledExtension]) -> Iterator[InstalledExt
     """Yield all extensions. If one takes a name of an earlier one, it is yielded as left out, with this problem."""
     packages = dict[str, str]()  # by name of an extension, its package
     owners = dict[tuple[str, str], Addition]()  # by extension point and name
-    # Names of data are the extension's own business: nobody refers to them.
-    points = [point for point in POINTS if point not in DATA]
+    # Names of data are the extension's own business: nobody refers to them. Only the ids of messages begin with theirs.
+    points = [point for point in POINTS if point not in DATA or point == "messages"]
     for installed in found:
         if installed.extension is None:  # left out already, so that it takes no names
             yield installed
             continue
         if installed.name in packages:
-            yield installed.left_out(f"package {packages[installed.name]} has an extension of this name, too")
+            yield installed.left_out(
+                message(
+                    "base.extension_name_taken",
+                    "package {package} has an extension of this name, too",
+                    package=packages[installed.name],
+                )
+            )
             continue
         own = {(point, addition.name): addition for point in points for addition in installed.additions_at(point)}
         taken = sorted(own.keys() & owners.keys())
         if taken:
             point, name = taken[0]
-            yield installed.left_out(f"the {POINTS[point]} {name!r} is also one of {owners[point, name].owner}")
+            yield installed.left_out(
+                message(
+                    "base.addition_name_taken",
+                    "the {point} {name} is also one of {owner}",
+                    point=POINTS[point],
+                    name=repr(name),
+                    owner=owners[point, name].owner,
+                )
+            )
             continue
         packages[installed.name] = installed.package
         owners |= own
         yield installed
+
+
+register_core_names("messages", core_packages)
+register_catalogues(_message_folder)

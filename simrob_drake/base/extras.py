@@ -7,6 +7,7 @@ from importlib.metadata import PackageNotFoundError, requires
 from importlib.util import find_spec
 
 from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.messages import message
 
 DISTRIBUTION = "simrob-drake"
 """Name of the distribution of this package, as pip knows it."""
@@ -24,7 +25,13 @@ def install_line(extra: str) -> str:
 
 def lacking(what: str, extra: str) -> str:
     """Return what is said where a package of an extra is not there that something needs."""
-    return f"{what} needs the extra {extra}: {install_line(extra)}"
+    return message(
+        "base.needs_extra",
+        "{what} needs the extra {extra}: {install_line}",
+        what=what,
+        extra=extra,
+        install_line=install_line(extra),
+    )
 
 
 def require(what: str, package: str, extra: str) -> None:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from simrob_drake.base.errors import InvalidConfig, shortened
 from simrob_drake.base.extension import addition_folders
 from simrob_drake.base.file_cache import file_state
+from simrob_drake.base.messages import message
 
 LARGEST_TEXT = 1_000_000  # of files that are written by hand [bytes]: a station's has some thousand
 
@@ -39,7 +40,7 @@ def content_of(file: Path | str, largest: int = LARGEST_TEXT) -> bytes:
         size = os.fstat(content.fileno()).st_size
         found = b"" if size > largest else content.read(largest + 1) or b""  # None where reading would wait
     if max(len(found), size) > largest:
-        raise TooLarge(f"it is larger than {largest / 1e6:g} MB")
+        raise TooLarge(message("base.larger_than", "it is larger than {largest:g} MB", largest=largest / 1e6))
     return found
 
 
@@ -60,7 +61,7 @@ def _open(file: Path | str) -> BufferedReader:
     try:
         return open(file, "rb", opener=_at_once)
     except ValueError as problem:  # of a surrogate, or the character 0
-        raise NotRead("no file can have this name") from problem
+        raise NotRead(message("base.impossible_file_name", "no file can have this name")) from problem
 
 
 def _at_once(file: str, flags: int) -> int:
@@ -70,7 +71,11 @@ def _at_once(file: str, flags: int) -> int:
     if stat.S_ISREG(kind):
         return descriptor
     os.close(descriptor)
-    raise NotRead("it is a folder" if stat.S_ISDIR(kind) else "it is no regular file")
+    raise NotRead(
+        message("base.is_a_folder", "it is a folder")
+        if stat.S_ISDIR(kind)
+        else message("base.no_regular_file", "it is no regular file")
+    )
 
 
 def text_of(file: Path | str, largest: int = LARGEST_TEXT) -> str:
@@ -78,7 +83,14 @@ def text_of(file: Path | str, largest: int = LARGEST_TEXT) -> str:
     try:
         return content_of(file, largest).decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as problem:
-        raise NotRead(f"it is no text in UTF-8: {problem.reason} in byte {problem.start}") from problem
+        raise NotRead(
+            message(
+                "base.no_utf8",
+                "it is no text in UTF-8: {reason} in byte {start}",
+                reason=problem.reason,
+                start=problem.start,
+            )
+        ) from problem
 
 
 LARGEST_TABLE = 100_000_000  # of a file [bytes]: a million rows of seven columns
@@ -104,7 +116,16 @@ def read_columns(file: Path, names: Sequence[str]) -> tuple[NDArray[np.float64],
     values, lines = array("d"), array("q")  # a list of numbers takes five times as much
     for line, row in rows:
         if len(row) > len(header) and "".join(row[len(header) :]).strip():
-            raise InvalidConfig(file, f"line {line}", f"has {len(row)} cells, and the columns are {len(header)}")
+            raise InvalidConfig(
+                file,
+                message("base.line", "line {line}", line=line),
+                message(
+                    "base.cells_and_columns",
+                    "has {cells} cells, and the columns are {columns}",
+                    cells=len(row),
+                    columns=len(header),
+                ),
+            )
         values.extend(_numbers(row, places, file, line))
         lines.append(line)
     return np.array(values).reshape(-1, len(names)), lines.tolist()
@@ -120,9 +141,18 @@ def read_matrix(file: Path) -> NDArray[np.float64]:
     for line, row in _rows(file):
         rows.append(_numbers(row, list(range(len(row))), file, line))
         if len(row) != len(rows[0]):
-            raise InvalidConfig(file, f"line {line}", f"has {len(row)} cells, and the first line {len(rows[0])}")
+            raise InvalidConfig(
+                file,
+                message("base.line", "line {line}", line=line),
+                message(
+                    "base.cells_unlike_first_line",
+                    "has {cells} cells, and the first line {first_cells}",
+                    cells=len(row),
+                    first_cells=len(rows[0]),
+                ),
+            )
     if not rows:
-        raise InvalidConfig(file, "", "is empty; it must hold lines of numbers")
+        raise InvalidConfig(file, "", message("base.empty_table", "is empty; it must hold lines of numbers"))
     return np.array(rows)
 
 
@@ -135,7 +165,13 @@ def _header(rows: Iterator[tuple[int, list[str]]], file: Path) -> tuple[int, lis
     """Return the number and the names of the first line."""
     line, header = next(rows, (1, []))
     if not header:
-        raise InvalidConfig(file, "", "is empty; it must hold a line of names, and lines of numbers below")
+        raise InvalidConfig(
+            file,
+            "",
+            message(
+                "base.empty_table_with_names", "is empty; it must hold a line of names, and lines of numbers below"
+            ),
+        )
     return line, [name.strip() for name in header]
 
 
@@ -150,19 +186,39 @@ def _rows(file: Path) -> Iterator[tuple[int, list[str]]]:
             if "".join(row).strip():
                 yield reader.line_num, [cell.replace(",", ".") for cell in row] if separator == ";" else row
     except (NotRead, csv.Error) as problem:
-        raise InvalidConfig(file, "", f"cannot be read ({problem})") from problem
+        raise InvalidConfig(
+            file, "", message("base.cannot_be_read", "cannot be read ({problem})", problem=problem)
+        ) from problem
 
 
 def _check_header(header: list[str], names: Sequence[str], file: Path, line: int) -> None:
     missing = [name for name in names if name not in header]
     if missing:
         other = next((mark for mark in (";", "\t") if any(mark in name for name in header)), None)
-        hint = f"; it is separated by {other!r}, and must be by commas, with decimal points" if other else ""
-        lacking = f"lacks the columns {', '.join(missing)}; needed: {', '.join(names)}{hint}"
-        raise InvalidConfig(file, f"line {line}", lacking)
+        hint = (
+            message(
+                "base.other_separator",
+                "; it is separated by {other}, and must be by commas, with decimal points",
+                other=repr(other),
+            )
+            if other
+            else ""
+        )
+        lacking = message(
+            "base.lacks_columns",
+            "lacks the columns {missing}; needed: {names}{hint}",
+            missing=", ".join(missing),
+            names=", ".join(names),
+            hint=hint,
+        )
+        raise InvalidConfig(file, message("base.line", "line {line}", line=line), lacking)
     twice = next((name for name in names if header.count(name) > 1), None)
     if twice is not None:
-        raise InvalidConfig(file, f"line {line}", f"names the column {twice} twice")
+        raise InvalidConfig(
+            file,
+            message("base.line", "line {line}", line=line),
+            message("base.column_twice", "names the column {twice} twice", twice=twice),
+        )
 
 
 def _numbers(row: list[str], places: list[int], file: Path, line: int) -> list[float]:
@@ -172,7 +228,11 @@ def _numbers(row: list[str], places: list[int], file: Path, line: int) -> list[f
         values = [math.nan]
     if not all(map(math.isfinite, values)):
         found = shortened(",".join(row))
-        raise InvalidConfig(file, f"line {line}", f"holds something that is no number: {found}")
+        raise InvalidConfig(
+            file,
+            message("base.line", "line {line}", line=line),
+            message("base.no_number_in_table", "holds something that is no number: {found}", found=found),
+        )
     return values
 
 

@@ -13,6 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from simrob_drake.base.errors import InvalidParameter, OutputError
+from simrob_drake.base.messages import message
 
 CACHE_VARIABLE = "XDG_CACHE_HOME"
 """The environment variable that says where caches lie; without it that is ``~/.cache``."""
@@ -72,7 +73,11 @@ def check_ending(file: Path, endings: Sequence[str], name: str) -> str:
     """
     ending = file.suffix.lower()
     if ending not in endings:
-        raise InvalidParameter(name, str(file), f"a file that ends in {' or '.join(endings)}")
+        raise InvalidParameter(
+            name,
+            str(file),
+            message("base.file_ending_in", "a file that ends in {endings}", endings=" or ".join(endings)),
+        )
     return ending
 
 
@@ -89,7 +94,11 @@ def check_new_file(file: Path, *, force: bool) -> None:
     # os.path is used because methods of paths raise OSError for names that no file can have; such a name is refused
     # with its reason when the file is written.
     if os.path.exists(file) and not force:
-        raise OutputError(f"{file} exists already; choose another file or replace it with --force")
+        raise OutputError(
+            message(
+                "base.file_exists", "{file} exists already; choose another file or replace it with --force", file=file
+            )
+        )
 
 
 def check_folder(folder: Path, *, marker: str, force: bool) -> None:
@@ -101,9 +110,21 @@ def check_folder(folder: Path, *, marker: str, force: bool) -> None:
     if os.path.exists(folder):  # which is false for names that no folder can have: writing tells the reason
         ours = folder.is_dir() and ((folder / marker).is_file() or not any(folder.iterdir()))
         if force and not ours:
-            raise OutputError(f"{folder} holds something else than a result; it is not replaced, choose another folder")
+            raise OutputError(
+                message(
+                    "base.no_result_folder",
+                    "{folder} holds something else than a result; it is not replaced, choose another folder",
+                    folder=folder,
+                )
+            )
         if not force:
-            raise OutputError(f"{folder} exists already; choose another folder or replace it with --force")
+            raise OutputError(
+                message(
+                    "base.folder_exists",
+                    "{folder} exists already; choose another folder or replace it with --force",
+                    folder=folder,
+                )
+            )
     with writing(folder), _workshop(_nearest_parent(folder), folder.name):
         pass  # trying tells more than asking for permissions
 
@@ -115,7 +136,9 @@ def writing(target: Path) -> Iterator[None]:
         yield
     except OSError as problem:
         why = problem.strerror or str(problem).partition("\n")[0]
-        raise OutputError(f"{target} cannot be written: {why}") from problem
+        raise OutputError(
+            message("base.cannot_be_written", "{target} cannot be written: {why}", target=target, why=why)
+        ) from problem
 
 
 @contextmanager
@@ -170,7 +193,9 @@ def alone_in(folder: Path) -> Iterator[None]:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         yield
     except BlockingIOError as problem:
-        raise OutputError(f"{folder}: another process is at work in it") from problem
+        raise OutputError(
+            message("base.folder_in_use", "{folder}: another process is at work in it", folder=folder)
+        ) from problem
     finally:
         os.close(lock)
 

@@ -16,6 +16,7 @@ from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.messages import message
 
 POSE_SIZE = 6
 XYZ_QUATERNION_NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz")
@@ -52,7 +53,9 @@ def as_transform(pose: PoseLike) -> RigidTransform:
     turn = matrix[:3, :3]
     rigid = np.isfinite(matrix).all() and (matrix[3] == [0, 0, 0, 1]).all()
     if not rigid or np.abs(turn @ turn.T - np.eye(3)).max() > _RIGID or np.linalg.det(turn) < 0:
-        raise InvalidParameter("pose", matrix.tolist(), "a rotation, a place, and a last row 0 0 0 1")
+        raise InvalidParameter(
+            "pose", matrix.tolist(), message("base.a_transform_matrix", "a rotation, a place, and a last row 0 0 0 1")
+        )
     return RigidTransform(RotationMatrix.ProjectToRotationMatrix(turn), matrix[:3, 3])
 
 
@@ -74,15 +77,23 @@ def three_point_frame(x1: npt.ArrayLike, x2: npt.ArrayLike, y1: npt.ArrayLike) -
     first, second, third = (point(values, name) for values, name in ((x1, "x1"), (x2, "x2"), (y1, "y1")))
     along = second - first
     if np.linalg.norm(along) < _APART:
-        raise InvalidParameter("x2", second.tolist(), f"another point than x1 {first.tolist()}")
+        raise InvalidParameter(
+            "x2", second.tolist(), message("base.other_point_than_x1", "another point than x1 {x1}", x1=first.tolist())
+        )
     origin = first + (third - first) @ along / (along @ along) * along
     n, o = second - origin, third - origin
     if np.linalg.norm(o) < _APART:
         raise InvalidParameter(
-            "y1", third.tolist(), "off the line through x1 and x2: three collinear points fix no frame"
+            "y1",
+            third.tolist(),
+            message("base.off_the_line", "off the line through x1 and x2: three collinear points fix no frame"),
         )
     if np.linalg.norm(n) < _APART:
-        raise InvalidParameter("x2", second.tolist(), "away from the foot of the perpendicular from y1, the origin")
+        raise InvalidParameter(
+            "x2",
+            second.tolist(),
+            message("base.away_from_foot", "away from the foot of the perpendicular from y1, the origin"),
+        )
     n, o = n / np.linalg.norm(n), o / np.linalg.norm(o)
     return RigidTransform(RotationMatrix(np.column_stack([n, o, np.cross(n, o)])), origin)
 
@@ -91,7 +102,7 @@ def point(values: npt.ArrayLike, name: str = "point") -> Vector:
     """Return three finite numbers as an array (3,) [m]; raises InvalidParameter: anything else, called ``name``."""
     place = finite(values)
     if place.shape != (3,):
-        raise InvalidParameter(name, values, "three finite numbers [x y z] in m")
+        raise InvalidParameter(name, values, message("base.a_place", "three finite numbers [x y z] in m"))
     return place
 
 
@@ -99,7 +110,7 @@ def transform_from_pose(pose: npt.ArrayLike) -> RigidTransform:
     """Turn a pose [x y z Rz Ry Rx], shape (6,) [m, rad], into a transform; raises InvalidParameter: not six numbers."""
     values = finite(pose)
     if values.shape != (POSE_SIZE,):
-        raise InvalidParameter("pose", pose, "six finite numbers [x y z Rz Ry Rx] in m and rad")
+        raise InvalidParameter("pose", pose, message("base.a_pose", "six finite numbers [x y z Rz Ry Rx] in m and rad"))
     return RigidTransform(RollPitchYaw(values[:2:-1]), values[:3])
 
 
@@ -138,7 +149,11 @@ def transform_from_xyz_quaternion(values: npt.ArrayLike) -> RigidTransform:
     """
     xyz_wxyz = finite(values)
     if xyz_wxyz.shape != (len(XYZ_QUATERNION_NAMES),) or not xyz_wxyz[3:].any():
-        raise InvalidParameter("pose", values, "seven finite numbers [x y z qw qx qy qz], the last four not all zero")
+        raise InvalidParameter(
+            "pose",
+            values,
+            message("base.a_quaternion_pose", "seven finite numbers [x y z qw qx qy qz], the last four not all zero"),
+        )
     return RigidTransform(rotation_of(xyz_wxyz[3:]), xyz_wxyz[:3])
 
 
@@ -195,7 +210,9 @@ def lean(up: list[float], qw: float, qx: float, qy: float, qz: float) -> float:
 Targets: TypeAlias = npt.ArrayLike | RigidTransform | Sequence[RigidTransform]
 """One pose or many: pose vectors [x y z Rz Ry Rx], matrices (4, 4), or RigidTransforms."""
 
-_EXPECTED = "pose vectors [x y z Rz Ry Rx] (6,) or (k, 6), matrices (4, 4) or (k, 4, 4), or RigidTransforms"
+_EXPECTED = message(
+    "base.poses", "pose vectors [x y z Rz Ry Rx] (6,) or (k, 6), matrices (4, 4) or (k, 4, 4), or RigidTransforms"
+)
 _HALF_TURN = -0.99  # cosine below which the antisymmetric part of a rotation tells the axis too roughly
 _SINE_AND_TRACE = np.zeros((9, 4))  # of a rotation matrix row by row: sine times axis, and trace
 _SINE_AND_TRACE[[7, 5, 2, 6, 3, 1], [0, 0, 1, 1, 2, 2]] = [0.5, -0.5, 0.5, -0.5, 0.5, -0.5]
@@ -212,26 +229,40 @@ def pose_matrices(targets: Targets, name: str = "targets") -> Vector:
         return np.array([targets.GetAsMatrix4()])
     if isinstance(targets, Sequence) and any(isinstance(target, RigidTransform) for target in targets):
         if not all(isinstance(target, RigidTransform) for target in targets):
-            raise InvalidParameter(name, targets, f"{_EXPECTED}, all of one form")
+            raise InvalidParameter(
+                name, targets, message("base.all_of_one_form", "{expected}, all of one form", expected=_EXPECTED)
+            )
         return np.array([target.GetAsMatrix4() for target in targets if isinstance(target, RigidTransform)])
     values = numbers(targets)
     if not values.size:
         raise InvalidParameter(name, targets, _EXPECTED)
     if not np.isfinite(values).all():
         index = np.argwhere(~np.isfinite(values))[0].tolist()
-        raise InvalidParameter(name, f"an array with {values[tuple(index)]} at {index}", "finite numbers")
+        raise InvalidParameter(
+            name,
+            message(
+                "base.array_with_value", "an array with {value} at {index}", value=values[tuple(index)], index=index
+            ),
+            message("base.finite_numbers", "finite numbers"),
+        )
     if values.ndim in (1, 2) and values.shape[-1] == POSE_SIZE:
         return _matrices_from_vectors(np.atleast_2d(values))
     if values.ndim in (2, 3) and values.shape[-2:] == (4, 4):
         return _checked_matrices(values.reshape(-1, 4, 4), name)
-    raise InvalidParameter(name, f"an array of shape {values.shape}", _EXPECTED)
+    raise InvalidParameter(
+        name, message("base.array_of_shape", "an array of shape {shape}", shape=values.shape), _EXPECTED
+    )
 
 
 def one_pose(target: Targets, name: str) -> Vector:
     """Return one pose in any form as a matrix (4, 4); errors are those of :func:`pose_matrices`, or tell of several."""
     matrices = pose_matrices(target, name)
     if len(matrices) != 1:
-        raise InvalidParameter(name, f"{len(matrices)} poses", "one pose")
+        raise InvalidParameter(
+            name,
+            message("base.count_of_poses", "{poses} poses", poses=len(matrices)),
+            message("base.one_pose", "one pose"),
+        )
     return np.asarray(matrices[0])
 
 
@@ -282,7 +313,11 @@ def _checked_matrices(matrices: Vector, name: str) -> Vector:
     rigid = square & (np.linalg.det(turns) > 0) & (matrices[:, 3] == [0, 0, 0, 1]).all(axis=1)
     if not rigid.all():
         bad = int(np.argmin(rigid))
-        raise InvalidParameter(f"{name}[{bad}]", matrices[bad].tolist(), "a rotation, a place, and a last row 0 0 0 1")
+        raise InvalidParameter(
+            f"{name}[{bad}]",
+            matrices[bad].tolist(),
+            message("base.a_transform_matrix", "a rotation, a place, and a last row 0 0 0 1"),
+        )
     return matrices
 
 

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import PoseLike, Vector, as_transform, point
+from simrob_drake.base.messages import message
 
 _STRAIGHT = 1e-6  # sine of the angle between two chords below which three points count as collinear
 _APART = 1e-6  # points of an arc nearer to each other count as one [m]
@@ -60,7 +61,13 @@ class Arc:
     angle: float  # of the whole arc, more than 0 and less than 2π [rad]
 
     @classmethod
-    def through(cls, start: npt.ArrayLike, middle: npt.ArrayLike, end: npt.ArrayLike, name: str = "the arc") -> "Arc":
+    def through(
+        cls,
+        start: npt.ArrayLike,
+        middle: npt.ArrayLike,
+        end: npt.ArrayLike,
+        name: str = message("base.the_arc", "the arc"),
+    ) -> "Arc":
         """Return the arc through three points (3,) [m]; raises InvalidParameter, with ``name``: on one line."""
         a, b, c = point(start, "start"), point(middle, "middle"), point(end, "end")
         to_b, to_c = b - a, c - a
@@ -68,7 +75,11 @@ class Arc:
         sides = [float(np.linalg.norm(side)) for side in (to_b, to_c, c - b)]
         if min(sides) < _APART or np.linalg.norm(normal) < _STRAIGHT * sides[0] * sides[1]:
             found = ", ".join("[" + ", ".join(f"{value:.4g}" for value in place) + "]" for place in (a, b, c))
-            expected = f"through three points that are not on one line, unlike {found} m"
+            expected = message(
+                "base.three_points_off_a_line",
+                "through three points that are not on one line, unlike {found} m",
+                found=found,
+            )
             raise InvalidParameter(name, "straight", expected)
         first = np.cross((to_c @ to_c) * to_b - (to_b @ to_b) * to_c, normal) / (2 * normal @ normal)
         centre, axis = a - first, normal / np.linalg.norm(normal)

@@ -17,6 +17,7 @@ from pathlib import Path
 from simrob_drake.base.errors import InvalidConfig, shortened
 from simrob_drake.base.files import NotRead, diagrams_root, models_root, opened
 from simrob_drake.base.folders import cache_root
+from simrob_drake.base.messages import compound, message
 
 MANIFEST = "package.xml"
 MODEL_MANIFEST = "model.config"  # of a model of Gazebo
@@ -164,7 +165,14 @@ class Border:
             return found
         listed = ", ".join(dict.fromkeys(map(str, allowed)))
         grant = found if found.is_dir() else found.parent
-        raise OutsideBorder(f"lies outside of the allowed folders ({listed}); allow it with --mesh-path {grant}")
+        raise OutsideBorder(
+            message(
+                "base.outside_allowed_folders",
+                "lies outside of the allowed folders ({folders}); allow it with --mesh-path {grant}",
+                folders=listed,
+                grant=grant,
+            )
+        )
 
     def check(self, path: Path, key: str) -> None:
         """Check that a path under a key may be read, as ours may; raises InvalidConfig: what would allow it."""
@@ -174,7 +182,9 @@ class Border:
         try:
             self.readable(path)
         except OutsideBorder as problem:
-            raise InvalidConfig(self.source, key, f"{shortened(str(path), 300)} {problem}") from problem
+            raise InvalidConfig(
+                self.source, key, compound("{path} {problem}", path=shortened(str(path), 300), problem=problem)
+            ) from problem
 
 
 def granted() -> list[Path]:

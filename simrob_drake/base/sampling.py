@@ -11,6 +11,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from simrob_drake.base.distributions import AnyDistribution, Distribution, Values
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Integer, Strict
 
 Sampling = Literal["sobol", "latin", "random", "grid"]
@@ -23,7 +24,14 @@ _MOST, _MOST_CASES = 10_000, 100_000
 def _in_order(space: dict[str, AnyDistribution]) -> dict[str, AnyDistribution]:
     for place, (key, one) in enumerate(space.items()):
         for other in one.when.keys() - list(space)[:place]:
-            raise ValueError(f"{key}.when.{other} must be a key that stands before {key}")
+            raise ValueError(
+                message(
+                    "base.when_key_later",
+                    "{key}.when.{other} must be a key that stands before {key}",
+                    key=key,
+                    other=other,
+                )
+            )
     return space
 
 
@@ -69,7 +77,7 @@ class Draws(Strict):
     @model_validator(mode="after")
     def _few_enough(self) -> "Draws":
         if self.size > _MOST_CASES:
-            raise ValueError(f"a grid has at most {_MOST_CASES} cases")
+            raise ValueError(message("base.too_many_cases", "a grid has at most {most} cases", most=_MOST_CASES))
         return self
 
     @property

@@ -29,6 +29,7 @@ from pydantic_core import CoreSchema
 
 from simrob_drake.base.arguments import LONGEST, SHORTEST
 from simrob_drake.base.errors import InvalidConfig, nearest, quoted, shortened
+from simrob_drake.base.messages import Message, message, message_of
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass
@@ -54,15 +55,23 @@ def is_file_name(name: str) -> bool:
 
 def _file_name(name: str) -> str:
     if not is_file_name(name):
-        raise ValueError("must be a name that a folder could have: no /, not . or .., at most 200 letters")
+        raise ValueError(
+            message(
+                "base.no_folder_name", "must be a name that a folder could have: no /, not . or .., at most 200 letters"
+            )
+        )
     return name
 
 
 def check_plain(name: str) -> None:
     """Check a name that becomes one of ports, columns and files; raises ValueError: other letters, or too many."""
     if not name.isidentifier() or len(name) > _LONGEST_PART:
-        rule = f"at most {_LONGEST_PART} letters, digits and _, no digit first"
-        raise ValueError(f"'{shortened(name)}' is no plain name ({rule})")
+        rule = message(
+            "base.rule_of_plain_names", "at most {most} letters, digits and _, no digit first", most=_LONGEST_PART
+        )
+        raise ValueError(
+            message("base.no_plain_name", "'{name}' is no plain name ({rule})", name=shortened(name), rule=rule)
+        )
 
 
 def plain_name(text: str) -> str:
@@ -161,7 +170,7 @@ class Renamed(Strict):
     def _under_new_names(cls, content: Any) -> Any:
         for key, now in cls.renamed.items():
             if isinstance(content, dict) and key in content:
-                raise ValueError(f"{key} is now {now}")
+                raise ValueError(message("base.key_is_now", "{key} is now {now}", key=key, now=now))
         return content
 
 
@@ -195,8 +204,22 @@ def _check_sizes(content: object, where: Path | str) -> None:
         value, key, depth = remaining.pop()
         if isinstance(value, int | float):
             if value and not _SMALLEST <= abs(value) <= _LARGEST and abs(value) < inf:
-                bounds = f"zero or {_SMALLEST:g} to {_LARGEST:g} in size"
-                raise InvalidConfig(where, key, f"a figure is {bounds} (it is {quoted(value)})")
+                bounds = message(
+                    "base.zero_or_range",
+                    "zero or {smallest:g} to {largest:g} in size",
+                    smallest=_SMALLEST,
+                    largest=_LARGEST,
+                )
+                raise InvalidConfig(
+                    where,
+                    key,
+                    message(
+                        "base.number_out_of_range",
+                        "a figure is {bounds} (it is {value})",
+                        bounds=bounds,
+                        value=quoted(value),
+                    ),
+                )
         elif depth >= _DEEPEST:
             continue
         elif isinstance(value, Mapping):
@@ -236,33 +259,67 @@ def _first_finding(problem: ValidationError, model: type[BaseModel], where: Path
     context, found = finding.get("ctx", {}), finding["input"]
     match finding["type"]:
         case "extra_forbidden":
-            text = f"unknown key{nearest(path[-1], known)}"
+            text = message("base.unknown_key", "unknown key{suggestion}", suggestion=nearest(path[-1], known))
         case "missing" if isinstance(finding["loc"][-1], int):
             sizes = [node["maxItems"] for node in nodes if "maxItems" in node]
-            text = f"needs {sizes[0] if sizes else 'more'} values, not {shortened(repr(found))}"
+            text = message(
+                "base.needs_values",
+                "needs {size} values, not {found}",
+                size=sizes[0] if sizes else message("base.more_values", "more"),
+                found=shortened(repr(found)),
+            )
         case "missing":
-            text = "this key is needed"
+            text = message("base.key_needed", "this key is needed")
         case "union_tag_not_found":
             kinds = [kind for node in nodes if (kind := section_kind(node)) is not None]
-            key, text = f"{key}.kind", f"this key is needed; known: {', '.join(kinds)}"
+            key, text = (
+                f"{key}.kind",
+                message("base.key_needed_known", "this key is needed; known: {kinds}", kinds=", ".join(kinds)),
+            )
         case "union_tag_invalid":
             key, text = f"{key}.kind", _no_such(str(context["tag"]), context["expected_tags"])
         case "literal_error":
             text = _no_such(str(found), context["expected"])
         case "model_type" | "model_attributes_type" | "dict_type":
             keys = dict.fromkeys(key for node in nodes for key in node.get("properties", {}))
-            section = f"a section with keys of: {', '.join(keys)}" if keys else "a section of names and their entries"
-            text = f"must be {section} (it is {quoted(found)})"
+            section = (
+                message("base.section_with_keys", "a section with keys of: {keys}", keys=", ".join(keys))
+                if keys
+                else message("base.section_of_names", "a section of names and their entries")
+            )
+            text = message(
+                "base.must_be_section", "must be {section} (it is {found})", section=section, found=quoted(found)
+            )
         case _:
-            message = finding["msg"].removeprefix("Value error, ").replace("a valid tuple", "a list")
-            value = f" (it is {quoted(found)})" if key else ""  # else it is the whole file
-            text = f"{message[:1].lower()}{message[1:]}{value}"
+            text = _value_problem(finding)
+            if key:  # otherwise the value is the whole file
+                text = message("base.problem_of_value", "{problem} (it is {value})", problem=text, value=quoted(found))
     return InvalidConfig(where, key, text)
+
+
+def _value_problem(finding: Any) -> str:
+    """Describe a finding of pydantic about one value: the message of the validator that raised it, or pydantic's own.
+
+    Args:
+        finding: the finding, one of ``ValidationError.errors()``.
+    """
+    raised = finding.get("ctx", {}).get("error")
+    if isinstance(raised, ValueError):
+        own = message_of(raised)
+        if isinstance(own, Message):
+            return own
+    text = str(finding["msg"]).removeprefix("Value error, ").replace("a valid tuple", "a list")
+    return f"{text[:1].lower()}{text[1:]}"
 
 
 def _no_such(name: str, expected: str) -> str:
     """Say that a value is none of those that pydantic expected, listed in quotes."""
-    return f"there is no '{shortened(name)}'{nearest(name, _QUOTED.findall(expected))}"
+    return message(
+        "base.there_is_no",
+        "there is no '{name}'{suggestion}",
+        name=shortened(name),
+        suggestion=nearest(name, _QUOTED.findall(expected)),
+    )
 
 
 def _walk(model: type[BaseModel], location: tuple[int | str, ...]) -> tuple[list[str], set[str], list[dict[str, Any]]]:
@@ -326,7 +383,9 @@ FARTHEST, MOST_TURN = 30.0, 2.01 * pi  # what is told in other units than m and 
 
 def _in_metres(place: Any) -> Any:
     if (most := max(map(abs, place))) > FARTHEST:
-        raise ValueError(f"{most:g} m is too far; were these millimetres? lengths are in metres")
+        raise ValueError(
+            message("base.too_far", "{most:g} m is too far; were these millimetres? lengths are in metres", most=most)
+        )
     return place
 
 
@@ -339,7 +398,9 @@ ORIGIN: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 def _time(time: float) -> float:
     """Check that a time is neither too short nor too long for one."""
     if time and not SHORTEST <= time <= LONGEST:
-        raise ValueError(f"a time is of {SHORTEST:g} to {LONGEST:g} s")
+        raise ValueError(
+            message("base.no_time", "a time is of {shortest:g} to {longest:g} s", shortest=SHORTEST, longest=LONGEST)
+        )
     return time
 
 
@@ -352,9 +413,19 @@ def _possible(inertia: tuple[float, ...]) -> tuple[float, ...]:
     from pydrake.multibody.tree import RotationalInertia  # loaded where it is needed: commands read files without
 
     if len(inertia) not in (3, 6):
-        raise ValueError("an inertia is three moments Ixx Iyy Izz, or six numbers: with the products Ixy Ixz Iyz")
+        raise ValueError(
+            message(
+                "base.inertia_of_three_or_six",
+                "an inertia is three moments Ixx Iyy Izz, or six numbers: with the products Ixy Ixz Iyz",
+            )
+        )
     if not RotationalInertia(*inertia).CouldBePhysicallyValid():
-        raise ValueError("no body has these moments of inertia: none is negative, none exceeds the sum of the others")
+        raise ValueError(
+            message(
+                "base.impossible_inertia",
+                "no body has these moments of inertia: none is negative, none exceeds the sum of the others",
+            )
+        )
     return inertia
 
 

@@ -13,6 +13,7 @@ import yaml
 
 from simrob_drake.base.errors import InvalidConfig, quoted, shortened
 from simrob_drake.base.files import NotRead, text_of
+from simrob_drake.base.messages import message
 
 YAML_SUFFIXES = (".yaml", ".yml")
 _MOST_VALUES, _DEEPEST, _LONGEST_NUMBER = 200_000, 60, 1000
@@ -33,23 +34,32 @@ class _Loader(yaml.CSafeLoader):
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
         try:
             if len(node.value) > _LONGEST_NUMBER and node.tag.endswith((":int", ":float")):
-                raise ValueError("too long")  # figures of YAML 1.1 to the base 60, 1:1:1:1..., take minutes
+                raise ValueError(
+                    message("base.too_long", "too long")
+                )  # figures of YAML 1.1 to the base 60, 1:1:1:1..., take minutes
             return super().construct_object(node, deep)
         except (ValueError, LookupError, AttributeError) as problem:  # of !!bool maybe, 2001-99-99, and others
-            found = f"'{shortened(str(node.value))}' is no {node.tag.rpartition(':')[2]}"
+            found = message(
+                "base.no_such_type",
+                "'{text}' is no {kind}",
+                text=shortened(str(node.value)),
+                kind=node.tag.rpartition(":")[2],
+            )
             raise yaml.constructor.ConstructorError(problem=found, problem_mark=node.start_mark) from problem
 
     def construct_scalar(self, node: yaml.ScalarNode | yaml.MappingNode) -> Any:
         text = super().construct_scalar(node)
         if "\0" in text or _SURROGATE.search(text):
-            found = f"{shortened(ascii(text))} holds a character that is in no text"
+            found = message(
+                "base.odd_character", "{text} holds a character that is in no text", text=shortened(ascii(text))
+            )
             raise yaml.constructor.ConstructorError(problem=found, problem_mark=node.start_mark)
         return text
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         for key, count in Counter(str(key.value) for key, _ in node.value).items():
             if count > 1:
-                found = f"'{shortened(key)}' stands twice"
+                found = message("base.key_twice", "'{key}' stands twice", key=shortened(key))
                 raise yaml.constructor.ConstructorError(problem=found, problem_mark=node.start_mark)
         return super().construct_mapping(node, deep)
 
@@ -64,10 +74,12 @@ def read_yaml(path: Path | str) -> dict[str, Any]:
     try:
         text = text_of(path)
     except NotRead as problem:
-        raise InvalidConfig(path, "", f"cannot be read ({problem})") from problem
+        raise InvalidConfig(
+            path, "", message("base.cannot_be_read", "cannot be read ({problem})", problem=problem)
+        ) from problem
     content = parse_yaml(text, path)
     if not isinstance(content, dict):
-        raise InvalidConfig(path, "", "must hold a mapping of keys to values")
+        raise InvalidConfig(path, "", message("base.no_mapping", "must hold a mapping of keys to values"))
     return content
 
 
@@ -76,7 +88,9 @@ def parse_yaml(text: str, where: Path | str) -> Any:
     try:
         return deepcopy(_parsed(text))
     except (yaml.YAMLError, ValueError) as problem:
-        raise InvalidConfig(where, "", f"is not YAML: {_yaml_problem(problem)}") from problem
+        raise InvalidConfig(
+            where, "", message("base.not_yaml", "is not YAML: {problem}", problem=_yaml_problem(problem))
+        ) from problem
 
 
 def parse_json(text: str, where: Path | str) -> Any:
@@ -86,14 +100,14 @@ def parse_json(text: str, where: Path | str) -> Any:
             text, parse_int=_finite_int, parse_float=_finite, parse_constant=_finite, object_pairs_hook=_mapping
         )
     except (ValueError, RecursionError) as problem:
-        why = "too many levels" if isinstance(problem, RecursionError) else problem
-        raise InvalidConfig(where, "", f"is not JSON: {why}") from None
+        why = message("base.too_many_levels", "too many levels") if isinstance(problem, RecursionError) else problem
+        raise InvalidConfig(where, "", message("base.not_json", "is not JSON: {why}", why=why)) from None
 
 
 def _finite(text: str) -> float:
     number = float(text)
     if not isfinite(number):
-        raise ValueError(f"{shortened(text)} is no finite number")
+        raise ValueError(message("base.no_finite_number", "{text} is no finite number", text=shortened(text)))
     return number
 
 
@@ -105,7 +119,13 @@ def _finite_int(text: str) -> int:
 def _mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
-        raise ValueError(f"a key stands twice among {shortened(', '.join(key for key, _ in pairs))}")
+        raise ValueError(
+            message(
+                "base.key_twice_among",
+                "a key stands twice among {keys}",
+                keys=shortened(", ".join(key for key, _ in pairs)),
+            )
+        )
     return found
 
 
@@ -115,7 +135,17 @@ def _yaml_problem(problem: Exception) -> str:
         return " ".join(str(problem).replace('in "<unicode string>", ', "at ").split())
     mark = problem.problem_mark or problem.context_mark
     text = ", ".join(part for part in (problem.context, problem.problem) if part)
-    return f"{text} (line {mark.line + 1}, column {mark.column + 1})" if mark else text
+    return (
+        message(
+            "base.at_line_and_column",
+            "{text} (line {line}, column {column})",
+            text=text,
+            line=mark.line + 1,
+            column=mark.column + 1,
+        )
+        if mark
+        else text
+    )
 
 
 @lru_cache(maxsize=200)
@@ -143,8 +173,15 @@ def _check_growth(text: str) -> None:
             elif event.anchor:
                 sizes[event.anchor] = 1
         if count > _MOST_VALUES or len(within) > _DEEPEST:
-            limit = f"{_DEEPEST} levels" if len(within) > _DEEPEST else f"{_MOST_VALUES} values, aliases counted"
-            raise yaml.MarkedYAMLError(problem=f"more than {limit}", problem_mark=cast(yaml.Mark, event.start_mark))
+            limit = (
+                message("base.levels", "{levels} levels", levels=_DEEPEST)
+                if len(within) > _DEEPEST
+                else message("base.values_with_aliases", "{most} values, aliases counted", most=_MOST_VALUES)
+            )
+            raise yaml.MarkedYAMLError(
+                problem=message("base.more_than", "more than {limit}", limit=limit),
+                problem_mark=cast(yaml.Mark, event.start_mark),
+            )
 
 
 def place_of(content: Any, key: list[str], where: Path | str) -> tuple[Any, str]:
@@ -153,9 +190,24 @@ def place_of(content: Any, key: list[str], where: Path | str) -> tuple[Any, str]
     for depth, part in enumerate(key):
         whole = ".".join(key[: depth + 1])
         if isinstance(node, list) and not (part.isdecimal() and int(part) < len(node)):
-            raise InvalidConfig(where, whole, f"has no place '{part}'; those there are 0 to {len(node) - 1}")
+            raise InvalidConfig(
+                where,
+                whole,
+                message(
+                    "base.no_such_entry",
+                    "has no place '{part}'; those there are 0 to {last}",
+                    part=part,
+                    last=len(node) - 1,
+                ),
+            )
         if not isinstance(node, dict | list):
-            raise InvalidConfig(where, ".".join(key[:depth]), f"is {quoted(node)}, so it has no key '{part}'")
+            raise InvalidConfig(
+                where,
+                ".".join(key[:depth]),
+                message(
+                    "base.value_has_no_key", "is {value}, so it has no key '{part}'", value=quoted(node), part=part
+                ),
+            )
         if depth == len(key) - 1:
             break
         inner = node[int(part)] if isinstance(node, list) else node.get(part)

@@ -15,6 +15,7 @@ from pydrake.trajectories import PiecewisePolynomial, Trajectory
 from simrob_drake.base.arguments import SHORTEST
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.blocks.references import Reference, ReferenceSignal, SineReference, as_reference, hermite
 
 _RATE = 1000.0  # sampling rate of references that are neither polynomials nor sines [Hz]
@@ -81,7 +82,7 @@ def _combined_sines(references: Sequence[ReferenceSignal], matrix: Vector, offse
     Raises:
         InvalidParameter: the sines have different frequencies, or a trajectory moves.
     """
-    expected = "of one frequency, or at rest: a coupling ties their axes together"
+    expected = message("blocks.of_one_frequency", "of one frequency, or at rest: a coupling ties their axes together")
     sines = []
     frequencies = set[float]()
     for reference in references:
@@ -90,13 +91,19 @@ def _combined_sines(references: Sequence[ReferenceSignal], matrix: Vector, offse
             frequencies.add(sine.frequency)
         sines.append(sine)
     if len(frequencies) > 1:
-        raise InvalidParameter("reference", f"sines of {sorted(frequencies)} Hz", expected)
+        raise InvalidParameter(
+            "reference",
+            message("blocks.sines_of", "sines of {frequencies} Hz", frequencies=sorted(frequencies)),
+            expected,
+        )
 
     centres = []
     amplitudes = []
     for sine in sines:
         if sine is None:
-            raise InvalidParameter("reference", "a sine and another motion", expected)
+            raise InvalidParameter(
+                "reference", message("blocks.sine_and_other_motion", "a sine and another motion"), expected
+            )
         centres.append(sine.centre)
         amplitudes.append(sine.amplitude * np.exp(1j * sine.phase))
     amplitude = matrix @ np.concatenate(amplitudes)

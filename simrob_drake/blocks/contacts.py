@@ -15,6 +15,7 @@ from pydrake.systems.framework import BasicVector, Context
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.lifetime import weakly
+from simrob_drake.base.messages import message
 from simrob_drake.blocks.block import Block
 from simrob_drake.robots.outlines import lowest_points, shape_corners
 
@@ -241,8 +242,15 @@ class DistanceSensor(Block):
         pairs = [(a, b) for a in body for b in other if a != b and not inspector.CollisionFiltered(a, b)]
         if not pairs:
             names = " and ".join(inspector.GetName(next(iter(shapes))) for shapes in (body, other))
-            expected = "two things that can touch; parts of one robot can with contact.self_collision: true"
-            raise InvalidParameter("distance sensor", f"between {names}", expected)
+            expected = message(
+                "blocks.two_things_that_touch",
+                "two things that can touch; parts of one robot can with contact.self_collision: true",
+            )
+            raise InvalidParameter(
+                message("blocks.distance_sensor", "distance sensor"),
+                message("blocks.between", "between {names}", names=names),
+                expected,
+            )
         self._distances = Distances(pairs, inspector)
         self._query = self.DeclareAbstractInputPort("query", Value[QueryObject]())
         self.DeclareVectorOutputPort("distance", 1, weakly(self._calc_distance))

@@ -20,6 +20,7 @@ from pydrake.trajectories import PiecewisePolynomial, Trajectory
 from simrob_drake.base.arguments import LONGEST, SHORTEST
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.blocks.references import BLEND, hold
 
 _ROUNDING = 3.0
@@ -82,8 +83,12 @@ def cruise(length: float, speed: float, acceleration: float, jerk: float | None 
     """
     slowest = max(length / speed, np.sqrt(length / acceleration), 0.0 if jerk is None else np.cbrt(length / jerk))
     if not slowest < LONGEST:
-        expected = f"shorter than {LONGEST:g} s: its limits are too low"
-        raise InvalidParameter("the time of the motion", f"{slowest:.2g} s", expected)
+        expected = message("blocks.shorter_than", "shorter than {longest:g} s: its limits are too low", longest=LONGEST)
+        raise InvalidParameter(
+            message("blocks.time_of_motion", "the time of the motion"),
+            compound("{slowest:.2g} s", slowest=slowest),
+            expected,
+        )
     speed = min(speed, length / _QUICKEST)
     acceleration = min(acceleration, speed / _QUICKEST)
     if jerk is None:

@@ -22,6 +22,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.lifetime import weakly
+from simrob_drake.base.messages import message
 from simrob_drake.blocks.block import Block
 from simrob_drake.robots.axis_map import AxisMap
 
@@ -49,7 +50,7 @@ class MomentumObserver(Block):
         super().__init__()
         for name, value in (("gain", gain), ("period", period)):
             if not (np.isfinite(value) and value > 0):
-                raise InvalidParameter(name, value, "positive and finite")
+                raise InvalidParameter(name, value, message("blocks.positive_and_finite", "positive and finite"))
         count = len(axes.signs)
         self._plant, self._axes, self.period = weakref.proxy(plant), axes, period
         self._tool = None if tool is None else tool.index()

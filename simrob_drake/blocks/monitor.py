@@ -9,6 +9,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Even
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.lifetime import weakly
+from simrob_drake.base.messages import message
 from simrob_drake.blocks.block import Block
 
 NOT_YET = np.inf
@@ -47,7 +48,7 @@ class Trigger:
     def __post_init__(self) -> None:
         for name, value in (("hold", self.hold), ("after", self.after)):
             if not (np.isfinite(value) and value >= 0):
-                raise InvalidParameter(name, value, "a finite time, not negative [s]")
+                raise InvalidParameter(name, value, message("blocks.finite_time", "a finite time, not negative [s]"))
 
     def holds(self, time: float, values: Sequence[Vector]) -> bool:
         """Tell whether the condition holds at a time [s] at which the watched signals have these values."""
@@ -98,8 +99,12 @@ class Monitor(Block):
 
     def _watch(self, context: Context) -> EventStatus:
         if self._trigger.ends(self._since(context), context.get_time()):
-            return EventStatus.ReachedTermination(self, self._trigger.condition.why(*self._values(context)))
+            return EventStatus.ReachedTermination(self, str(self.reason(context)))
         return EventStatus.DidNothing()
+
+    def reason(self, context: Context) -> str:
+        """Reason why the block ends the run, for a context in which its condition holds."""
+        return self._trigger.condition.why(*self._values(context))
 
     def _remember(self, context: Context, state: DiscreteValues) -> None:
         state.set_value(self._onset, np.array([self._since(context)]))
@@ -129,7 +134,9 @@ class EventTimes(Block):
         super().__init__()
         for time in times:
             if not (np.isfinite(time) and time >= 0):
-                raise InvalidParameter("times", time, "finite and not negative [s]")
+                raise InvalidParameter(
+                    "times", time, message("blocks.finite_not_negative", "finite and not negative [s]")
+                )
             self.DeclarePeriodicPublishEvent(period_sec=_NEVER_AGAIN, offset_sec=float(time), publish=self._pass)
 
     def _pass(self, context: Context) -> None:
@@ -147,5 +154,5 @@ class SteadySteps(Block):
         """
         super().__init__()
         if not (np.isfinite(period) and period > 0):
-            raise InvalidParameter("period", period, "a positive time [s]")
+            raise InvalidParameter("period", period, message("blocks.positive_time", "a positive time [s]"))
         self.DeclarePeriodicPublishEvent(period_sec=period, offset_sec=0.0, publish=lambda context: None)

@@ -16,6 +16,7 @@ from pydrake.trajectories import BsplineTrajectory, CompositeTrajectory, Piecewi
 from simrob_drake.base.arguments import SHORTEST
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector, numbers
+from simrob_drake.base.messages import compound, message
 from simrob_drake.blocks.block import fed, summed
 
 BLEND = (10.0, -15.0, 6.0)
@@ -304,7 +305,11 @@ class TrajectoryReference(ReferenceSignal):
         """
         trajectory = self.trajectory
         if trajectory.cols() != 1:
-            raise InvalidParameter("trajectory", f"{trajectory.rows()} x {trajectory.cols()}", "of shape (n, 1)")
+            raise InvalidParameter(
+                "trajectory",
+                f"{trajectory.rows()} x {trajectory.cols()}",
+                message("blocks.of_shape_n_1", "of shape (n, 1)"),
+            )
         source = builder.AddNamedSystem(name, TrajectorySource(trajectory, derivatives))
         if not derivatives:
             return ReferenceSource(position=source.get_output_port(), player=source)
@@ -484,20 +489,37 @@ def _breaks(trajectory: Trajectory) -> tuple[Vector, bool]:
 def _checked(times: npt.ArrayLike, values: npt.ArrayLike) -> tuple[Vector, Vector]:
     breaks, samples = numbers(times), numbers(values)
     if breaks.ndim != 1 or samples.ndim != 2 or len(breaks) != len(samples) or len(breaks) < 2:
-        shapes = f"{breaks.shape} times, {samples.shape} positions"
-        raise InvalidParameter("reference", shapes, "(m,) and (m, n), m > 1")
+        shapes = message(
+            "blocks.times_and_positions",
+            "{times} times, {positions} positions",
+            times=breaks.shape,
+            positions=samples.shape,
+        )
+        raise InvalidParameter("reference", shapes, message("blocks.of_shape_m_n", "(m,) and (m, n), m > 1"))
     if not (np.isfinite(breaks).all() and np.isfinite(samples).all()):
         row = int(np.flatnonzero(~(np.isfinite(breaks) & np.isfinite(samples).all(axis=1)))[0])
-        raise InvalidParameter("reference", f"row {row} with {breaks[row]}, {samples[row]}", "finite")
-    return _rising(breaks, "reference times"), samples
+        raise InvalidParameter(
+            "reference",
+            message(
+                "blocks.row_with",
+                "row {row} with {time}, {positions}",
+                row=row,
+                time=breaks[row],
+                positions=samples[row],
+            ),
+            "finite",
+        )
+    return _rising(breaks, message("blocks.reference_times", "reference times")), samples
 
 
 def _rising(times: Vector, name: str) -> Vector:
     """Check that each time (m,) [s] is later than the one before, by more than rounding."""
     close = np.flatnonzero(~(np.diff(times) >= SHORTEST))
     if close.size:
-        expected = f"rising by {SHORTEST:g} s or more each [s]"
-        raise InvalidParameter(name, f"{times[close[0]]:g}, {times[close[0] + 1]:g}", expected)
+        expected = message("blocks.rising_by", "rising by {shortest:g} s or more each [s]", shortest=SHORTEST)
+        raise InvalidParameter(
+            name, compound("{first:g}, {second:g}", first=times[close[0]], second=times[close[0] + 1]), expected
+        )
     return times
 
 

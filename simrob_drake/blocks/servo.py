@@ -54,6 +54,7 @@ from pydrake.systems.primitives import LinearSystem, MatrixGain, Multiplexer, Sa
 from simrob_drake.base.constants import LARGEST_GAIN
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.blocks.block import fed, joined, mapped
 
 AT_LIMIT = 0.999
@@ -158,17 +159,27 @@ class ServoGains:
         for name in ("kp", "ki", "kd"):
             values = getattr(self, name)
             if not ((values >= 0) & (values <= LARGEST_GAIN)).all():
-                raise InvalidParameter(name, values, f"of 0 to {LARGEST_GAIN:g}")
+                raise InvalidParameter(
+                    name, values, message("blocks.of_zero_to", "of 0 to {largest:g}", largest=LARGEST_GAIN)
+                )
         for name in ("torque_limit", "integral_limit"):
             if not (getattr(self, name) > 0).all():
-                raise InvalidParameter(name, getattr(self, name), "positive [N·m or N]")
+                raise InvalidParameter(
+                    name, getattr(self, name), message("blocks.positive_torque", "positive [N·m or N]")
+                )
         if self.speed_limit is not None:
             if not (self.speed_limit > 0).all():
-                raise InvalidParameter("speed_limit", self.speed_limit, "positive [rad/s or m/s]")
+                raise InvalidParameter(
+                    "speed_limit", self.speed_limit, message("blocks.positive_speed", "positive [rad/s or m/s]")
+                )
             for name in ("kp", "kd"):
                 least = float(getattr(self, name).min())
                 if not least > 0:
-                    raise InvalidParameter(f"the smallest {name}", least, "positive in a cascade")
+                    raise InvalidParameter(
+                        message("blocks.smallest", "the smallest {name}", name=name),
+                        least,
+                        message("blocks.positive_in_cascade", "positive in a cascade"),
+                    )
 
 
 @dataclass(frozen=True)

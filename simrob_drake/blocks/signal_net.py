@@ -13,6 +13,7 @@ from pydrake.symbolic import Expression, Variable
 from pydrake.systems.framework import BasicVector, Context, ContinuousState, DiscreteValues, LeafSystem
 from pydrake.systems.primitives import SymbolicVectorSystem
 
+from simrob_drake.base.messages import compound, message
 from simrob_drake.blocks.block import Block
 from simrob_drake.blocks.written_net import SOURCE, WiredBlock, WrittenNet, output_places
 
@@ -108,7 +109,7 @@ def _common_step(periods: Sequence[float]) -> float:
         abs(float(one) - period) > 1e-9 * period for one, period in zip(exact, periods, strict=True)
     ):
         listed = ", ".join(f"{period:g}" for period in sorted(set(periods)))
-        raise ValueError(f"periods of {listed} s")
+        raise ValueError(message("blocks.periods_of", "periods of {periods} s", periods=listed))
     return float(step)
 
 
@@ -163,10 +164,13 @@ class SignalNet(Block):
             steps = walk_tb(problem.__traceback__)
             frame, line = next(step for step in steps if step[0].f_code.co_filename == SOURCE)
             number, taken = self._written.at(line)
-            message = (
-                f"the block {self._names[number]} cannot be computed of {[frame.f_locals[name] for name in taken]}"
+            text = message(
+                "blocks.block_cannot_compute",
+                "the block {block} cannot be computed of {values}",
+                block=self._names[number],
+                values=[frame.f_locals[name] for name in taken],
             )
-            raise RuntimeError(f"{message}: {problem}") from problem
+            raise RuntimeError(compound("{message}: {problem}", message=text, problem=problem)) from problem
         return found
 
     def _give(self, context: Context, output: BasicVector) -> None:

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.text import Text
 from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import TyperException
 
@@ -29,7 +28,7 @@ from simrob_drake.cli.command_table import (
     find_command,
     subcommand_functions,
 )
-from simrob_drake.cli.screen import Interrupted, console, errors, tell
+from simrob_drake.cli.screen import Interrupted, console, say_warning, tell
 
 
 def _typer(**more: Any) -> typer.Typer:
@@ -209,7 +208,7 @@ def _own_warnings() -> Iterator[None]:
         def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
             if category.__module__.startswith(f"{simrob_drake.__name__}."):
                 label = getattr(category, "label", "warning")
-                errors.print(Text.assemble((label, "yellow"), f" {message}"))
+                say_warning(str(message), label)
             else:
                 otherwise(message, category, *place, **more)
 

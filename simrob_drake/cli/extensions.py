@@ -11,7 +11,7 @@ from rich.text import Text
 
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.extension import (
-    FOLDERS,
+    MODELS,
     POINTS,
     Extension,
     InstalledExtension,
@@ -40,6 +40,7 @@ _REGISTRIES = {
     "engines": "simrob_drake.stations.solver_config",
     "importers": "simrob_drake.importer.importer",
     "exporters": "simrob_drake.programs.exporter",
+    "messages": "simrob_drake.base.extension",
 }
 """Modules that register the core's names at the extension points. They are imported only if an extension uses them."""
 
@@ -90,7 +91,7 @@ def _problems(entry: InstalledExtension, *, is_thorough: bool) -> list[str]:
 
 def _shadowed_names(extension: Extension) -> list[str]:
     """Find the names of an extension that mean something else, since the core has them. One sentence for each."""
-    # The core registers its names when its module is imported. It has no names for folders, which are not in
+    # The core registers its names when its module is imported. It has no names for folders of models, which are not in
     # _REGISTRIES.
     problems = []
     for point, described in POINTS.items():
@@ -107,7 +108,7 @@ def _shadowed_names(extension: Extension) -> list[str]:
 def _hidden_models(entry: InstalledExtension) -> list[str]:
     """Find the robots, pieces and stations of an extension that nobody can use, since others have their names."""
     problems = []
-    for point in FOLDERS:
+    for point in MODELS:
         for addition in entry.additions_at(point):
             folder = addition_path(addition)
             hidden = hidden_models(point, folder) if folder is not None and folder.is_dir() else []

@@ -62,6 +62,9 @@ Scheduler = Annotated[
     str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler, tcp://HOST:PORT, whose workers do it.")
 ]
 Strictly = Annotated[bool, typer.Option("--strict", help="Exit with 4 if the result has warnings; it is saved.")]
+ShowVerdict = Annotated[
+    bool, typer.Option("--verdict", help="Show all criteria with their bounds, even if all are within them.")
+]
 Plots = Annotated[PlotFormat, typer.Option("--plots", help="What the plots are written as.")]
 
 FileArgument = Annotated[
@@ -83,6 +86,7 @@ class Saving:
     video: Video = False
     plots: Plots = "png"
     strict: Strictly = False
+    verdict: ShowVerdict = False
 
     @property
     def kept(self) -> Saved:

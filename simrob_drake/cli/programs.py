@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError
 from simrob_drake.base.extension import code_of_extension
 from simrob_drake.base.folders import check_new_file, written_at_once
+from simrob_drake.base.messages import message
 from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import changes_of, refuse, station_from
@@ -18,6 +19,7 @@ from simrob_drake.cli.options import LanguageOptions, Saving
 from simrob_drake.cli.saving import Frames, done_in_workcell, way_of
 from simrob_drake.cli.screen import errors, say
 from simrob_drake.importer.importer import CORE_SUFFIXES, load_importer
+from simrob_drake.results.record.run import move_title
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.findings import Finding
@@ -40,19 +42,25 @@ def run_program(
 ) -> ExitCode:
     """Run a program on a station, and save all of it as one result.
 
-    Messages call it as ``file`` says, and the verdict its moves as ``lines`` do, by their numbers. Raises SimrobError:
-    one that the robots cannot do.
+    Args:
+        program: the program.
+        config: the station.
+        saving: how the result is shown and saved.
+        frames: frames of the film strip.
+        file: file of the program, for messages.
+        lines: for a program in the language of a robot, by the index of each move, its file and line. They are the
+            names of the moves in the verdict.
+
+    Raises:
+        SimrobError: the robots cannot do the program.
     """
     from simrob_drake.programs.whole_program import of_arms, perform
 
-    places = {f"move {number}": line for number, line in lines.items()}
+    places = {str(move_title(index)): line for index, line in lines.items()}
 
     def performed(cell: Workcell) -> tuple[SimulationResult, str]:
         result = perform(cell, program, file)
-        runs = (
-            replace(run, moves=tuple(replace(move, place=places.get(move.place, move.place)) for move in run.moves))
-            for run in result.runs
-        )
+        runs = (run.at_place(places[run.place]) if run.place in places else run for run in result.runs)
         way = "" if of_arms(cell, program) else way_of(result, cell.robot_name(program.robot))
         return replace(result, runs=tuple(runs)), way
 
@@ -100,8 +108,15 @@ def check_program(program: Program, config: StationConfig, file: str = "") -> Fi
     seen, time = cell.rehearse(program, file)
     if seen == moves:
         return Finding("ok", "program", f"{moves} entries can be done, in {time:.4g} s")
-    message = f"{seen} of {moves} entries can be done, in {time:.4g} s; moves[{seen}] depends on where a piece falls"
-    return Finding("note", "program", message)
+    text = message(
+        "cli.program_depends_on_fall",
+        "{seen} of {moves} entries can be done, in {time:.4g} s; {move} depends on where a piece falls",
+        seen=seen,
+        moves=moves,
+        time=time,
+        move=move_title(seen),
+    )
+    return Finding("note", "program", text)
 
 
 def is_language_file(file: Path | str) -> bool:

@@ -6,18 +6,30 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from rich.text import Text
-
 from simrob_drake.base.folders import check_folder
+from simrob_drake.base.remarks import Remark, Remedy
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.options import Saving
-from simrob_drake.cli.screen import console, errors, finished_first, say, table
-from simrob_drake.cli.tables import cells_table
-from simrob_drake.results.files import COMMANDS, SUMMARY, Saved, default_folder
+from simrob_drake.cli.screen import (
+    SEVERITY_STYLES,
+    SEVERITY_WORDS,
+    console,
+    finished_first,
+    say,
+    say_place,
+    say_remark,
+    say_text,
+    say_warning,
+    table,
+)
+from simrob_drake.cli.tables import cells_table, criteria_table
+from simrob_drake.results.files import COMMANDS, PROGRAM, SUMMARY, Saved, default_folder
 from simrob_drake.results.record.summary import remarks_of
 from simrob_drake.results.record.walks import legged_robots, locomotion
 from simrob_drake.results.result import SimulationResult, table_of
-from simrob_drake.results.verdict.moves import table_of_moves
+from simrob_drake.results.verdict.moves import nearest_bodies, table_of_moves
+from simrob_drake.results.verdict.severity import CONTROLLER_REMARK
+from simrob_drake.results.verdict.verdict import Verdict
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.config import StationConfig
 
@@ -40,13 +52,13 @@ def prepared_folder(config: StationConfig, saving: Saving) -> Path:
         frame_writer()
     for finding in check_station(config):
         if finding.level == "warning":
-            errors.print(Text.assemble(("warning", "yellow"), f" {finding.subject}: {finding.text}"))
+            say_warning(f"{finding.subject}: {finding.text}")
     return folder
 
 
 def wait_for_watcher(url: str) -> None:
     """Say where the motion is shown, and let a user at a terminal open that."""
-    console.print(f"watch it at {url}", highlight=False)
+    say(f"watch it at {url}")
     if sys.stdin.isatty():
         console.input("open it in a browser, then press Enter to start ")
 
@@ -74,44 +86,86 @@ def done_in_workcell(
 
 
 def way_of(result: SimulationResult, robot: str) -> str:
-    """Return how far a robot came, and how it turned, in words; nothing of one that cannot tell."""
+    """Say how far a robot moved, and how it turned. Empty for a robot whose way is not known."""
     if result.ending == "diverged" or robot not in legged_robots(result):
         return ""
     found = locomotion(result, robot)
-    way = f"{found.distance:.3f} m at {found.speed:.3f} m/s on average, {found.ahead:.3f} m ahead"
-    side, turn = ("left" if value >= 0 else "right" for value in (found.drift, found.yaw))
-    turned = f"turned by {abs(degrees(found.yaw)):.1f} deg to the {turn}"
-    return f"{robot} came {way} and {abs(found.drift):.3f} m to the {side}, and {turned}"
+    side = "left" if found.drift >= 0 else "right"
+    turn = "left" if found.yaw >= 0 else "right"
+    return (
+        f"{robot} moved {found.distance:.3f} m at {found.speed:.3f} m/s on average: {found.ahead:z.3f} m ahead, "
+        f"{abs(found.drift):.3f} m to the {side}, turned by {abs(degrees(found.yaw)):.1f} deg to the {turn}"
+    )
 
 
 def saved(result: SimulationResult, folder: Path, saving: Saving, *, more: str = "", frames: Frames = None) -> ExitCode:
-    """Save a result, show it with ``more``, a line about the run, and return the exit code.
+    """Save a result, show it, and return the exit code.
 
-    ``frames`` are those of the film strip. Raises Interrupted: the user insisted; nothing was saved.
+    Args:
+        result: the result.
+        folder: where it is saved.
+        saving: how it is saved and shown.
+        more: a sentence about the run that the result does not contain; empty if there is none.
+        frames: frames of the film strip.
+
+    Raises:
+        Interrupted: the user interrupted twice; nothing was saved.
     """
     kept: Saved = {**saving.kept, "frames": frames}
     with finished_first(f"the files of {folder}") as interrupted:
         result.save(folder, **kept)
+    _show_end(result)
+    _show_verdict(result.verdict, f"{result.config.name}: ", with_table=saving.verdict)
+    for remark in remarks_of(result):
+        say_remark(Remark(CONTROLLER_REMARK, remark))
+    if more:
+        say_text(more)
+    say_text(result.pace)
+    say_place("result   ", folder)
+    if result.commanded:
+        say_place("commanded", folder / COMMANDS)
+    if (folder / PROGRAM).exists():
+        say_place("program  ", folder / PROGRAM)
+    if not saving.no_recording:
+        say_place("recording", (folder / "recording.html").resolve().as_uri())
+    return ExitCode.INTERRUPTED if interrupted() else exit_code(result, strict=saving.strict)
+
+
+def _show_end(result: SimulationResult) -> None:
+    """Show tables of where the joints and pieces ended, of the cells that were reached, and of the moves."""
     console.print(table(*table_of(result)))
     if result.cells:
         console.print(cells_table(result))
-    console.print(f"{result.config.name}: {result.message}", highlight=False)
-    for remark in remarks_of(result):
-        console.print(remark, highlight=False)
-    if more:
-        console.print(more, highlight=False)
-    console.print(result.pace, highlight=False)
-    if result.verdict.moves:
-        console.print(table(*table_of_moves(result.verdict.moves)))
-    say(f"verdict   {result.verdict}")
-    for warning in result.verdict.warnings:
-        errors.print(Text.assemble(("warning", "yellow"), f" {warning}"))
-    say(f"result    {folder}")
-    if result.commanded:
-        say(f"commanded {folder / COMMANDS}")
-    if not saving.no_recording:
-        say(f"recording {(folder / 'recording.html').resolve().as_uri()}")
-    return ExitCode.INTERRUPTED if interrupted() else exit_code(result, strict=saving.strict)
+    moves = result.verdict.moves
+    if moves:
+        console.print()
+        console.print(table(*table_of_moves(moves)))
+        nearest = nearest_bodies(moves)
+        if nearest:
+            say_text(nearest)
+    console.print()
+
+
+def _show_verdict(verdict: Verdict, name: str, *, with_table: bool) -> None:
+    """Show a verdict: its sentence; the criteria as a table if a bound is violated; each warning with its remedy.
+
+    Args:
+        verdict: the verdict.
+        name: what the sentence begins with.
+        with_table: whether the table is shown even if all values are within their bounds.
+    """
+    summary, *warnings = verdict.remarks
+    # An output without colours shows a warning or a failure by its word.
+    is_plain = not console.is_terminal and summary.severity in ("warning", "failure")
+    word = f"{SEVERITY_WORDS[summary.severity]}: " if is_plain else ""
+    say_text(f"{word}{name}{summary.text.rstrip('.')}.", SEVERITY_STYLES[summary.severity])
+    if verdict.table and summary.severity != "failure" and (with_table or verdict.beyond):
+        console.print(criteria_table(verdict))
+    shown_remedies = list[Remedy]()
+    for warning in warnings:
+        say_remark(warning, with_remedy=warning.remedy not in shown_remedies)
+        if warning.remedy is not None:
+            shown_remedies.append(warning.remedy)
 
 
 def exit_code(result: SimulationResult, *, strict: bool = False) -> ExitCode:

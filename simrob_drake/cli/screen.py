@@ -2,24 +2,110 @@
 
 import signal
 import sys
+import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from threading import current_thread, main_thread
+from typing import TextIO
 
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from simrob_drake.base.errors import shortened
+from simrob_drake.base.remarks import Remark, Severity
 
 _LONGEST = 2000
-console = Console(markup=False, emoji=False, width=None if sys.stdout.isatty() else 160)
-errors = Console(markup=False, emoji=False, stderr=True, soft_wrap=True)
+
+WIDTH = 80
+"""Columns of an output that is no terminal, such as a file: what a page of text and most editors show."""
+
+
+def _width_of(stream: TextIO) -> int | None:
+    """Columns of an output stream, or None for a terminal, whose width rich finds."""
+    return None if stream.isatty() else WIDTH
+
+
+console = Console(markup=False, emoji=False, highlight=False, width=_width_of(sys.stdout))
+errors = Console(markup=False, emoji=False, highlight=False, stderr=True, width=_width_of(sys.stderr))
+
+SEVERITY_STYLES: dict[Severity, str] = {"success": "green", "note": "dim", "warning": "yellow", "failure": "red"}
+"""Styles of rich for the severities of remarks. An output that is no terminal has no colours."""
+
+SEVERITY_WORDS: dict[Severity, str] = {"success": "ok", "note": "note", "warning": "warning", "failure": "failure"}
+"""Words for the severities of remarks, which show them without colours."""
+
+_INDENT = " " * len("warning ")
 
 
 def say(text: str | Text) -> None:
     """Write a line as it is, however long."""
-    console.print(text, soft_wrap=True, highlight=False)
+    console.print(text, soft_wrap=True)
+
+
+def say_text(text: str, style: str = "") -> None:
+    """Write a text, wrapped at words. A word that is longer than a line, such as a path, is not broken.
+
+    Args:
+        text: the text.
+        style: style of rich, such as ``green``; empty for the usual one.
+    """
+    for line in _wrapped(text, console.width) or [""]:
+        console.print(Text(line, style), soft_wrap=True)
+
+
+def _wrapped(text: str, width: int) -> list[str]:
+    """Wrap a text at words to lines of a width; words are not broken."""
+    return textwrap.wrap(text, max(width, _NARROWEST), break_long_words=False, break_on_hyphens=False)
+
+
+def say_place(label: str, place: object) -> None:
+    """Write a label and a path or an address. One that does not fit beside its label has a line of its own.
+
+    It is never broken, so that a user can copy it.
+    """
+    line = f"{label} {place}"
+    if len(line) <= console.width:
+        say(line)
+    else:
+        say(label.rstrip())
+        say(str(place))
+
+
+def say_warning(text: str, word: str = "warning") -> None:
+    """Write a warning on the error stream, with a coloured word before it. Further lines are indented."""
+    _say_hanging(errors, Text(word, SEVERITY_STYLES["warning"]), text)
+
+
+def say_remark(remark: Remark, *, with_remedy: bool = True) -> None:
+    """Write a remark about a run: warnings and failures on the error stream, with their remedy in lines of its own.
+
+    Args:
+        remark: the remark.
+        with_remedy: whether the remedy is written. Several remarks may have the same one.
+    """
+    target = errors if remark.severity in ("warning", "failure") else console
+    word = Text(SEVERITY_WORDS[remark.severity], SEVERITY_STYLES[remark.severity])
+    _say_hanging(target, word, remark.text)
+    if remark.remedy is None or not with_remedy:
+        return
+    _say_hanging(target, Text(""), f"→ {remark.remedy.text}")
+    if remark.remedy.setting:
+        _say_hanging(target, Text(""), f"  --set {remark.remedy.setting}")
+    elif remark.remedy.key:
+        _say_hanging(target, Text(""), f"  --set {remark.remedy.key}=...")
+
+
+def _say_hanging(target: Console, word: Text, text: str) -> None:
+    """Write a word and a text. The text is wrapped at words, and all of its lines begin at the same column."""
+    lines = _wrapped(text, target.width - len(_INDENT)) or [""]
+    target.print(Text.assemble(word, " " * (len(_INDENT) - len(word)), lines[0]), soft_wrap=True)
+    for line in lines[1:]:
+        target.print(f"{_INDENT}{line}", soft_wrap=True)
+
+
+_NARROWEST = 20
+"""Least columns of a wrapped text. A narrower terminal wraps it once more."""
 
 
 def table(headings: Sequence[str], *rows: Sequence[str | Text], title: str = "", numbers: bool = True) -> Table:

@@ -6,9 +6,11 @@ from rich.text import Text
 
 from simrob_drake.base.errors import listed
 from simrob_drake.base.frames import Vector
-from simrob_drake.cli.screen import table
+from simrob_drake.base.remarks import Severity
+from simrob_drake.cli.screen import SEVERITY_STYLES, SEVERITY_WORDS, table
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.results.result import SimulationResult
+from simrob_drake.results.verdict.verdict import Verdict
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.imports import ENTRY_KINDS, EntryKind, ImportReport
 from simrob_drake.robots.plausibility import moving_mass, payload_doubt
@@ -18,7 +20,20 @@ _COLOURS: dict[EntryKind, str] = {
     "read": "dim", "repaired": "green", "approximated": "green", "defaulted": "yellow", "dropped": "magenta",
     "open": "yellow", "lost": "red", "refused": "red",
 }  # fmt: skip
-_MARKS = {"ok": Text("ok", "green"), "warning": Text("warning", "yellow"), "note": Text("note", "dim")}
+
+
+def _mark(severity: Severity) -> Text:
+    """Word for a severity, in its colour."""
+    return Text(SEVERITY_WORDS[severity], SEVERITY_STYLES[severity])
+
+
+def criteria_table(verdict: Verdict) -> Table:
+    """Make the table of criteria: severity, criterion, value, bound, and the part with the worst value."""
+    rows = [(_mark(row.severity), row.criterion, row.value, row.bound, row.worst) for row in verdict.table]
+    criteria = table(verdict.headings, *rows, numbers=False)
+    for column in (2, 3):  # value and bound
+        criteria.columns[column].justify = "right"
+    return criteria
 
 
 def cells_table(result: SimulationResult) -> Table:
@@ -75,7 +90,7 @@ def in_units(value: float, unit: str) -> str:
 
 def findings_table(findings: list[Finding]) -> Table:
     """Return the findings of a check, a row each."""
-    rows = [(_MARKS[finding.level], Text(finding.subject), Text(finding.text)) for finding in findings]
+    rows = [(_mark(finding.severity), Text(finding.subject), Text(finding.text)) for finding in findings]
     return table(("", "subject", "finding"), *rows, numbers=False)
 
 

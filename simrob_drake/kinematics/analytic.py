@@ -5,6 +5,7 @@ import numpy.typing as npt
 
 from simrob_drake.base.errors import UnknownName, angle
 from simrob_drake.base.frames import Targets, Vector, pose_errors, pose_matrices, within
+from simrob_drake.base.messages import message
 from simrob_drake.kinematics.chain import Chain, Indices
 from simrob_drake.kinematics.closed_form import (
     BRANCHES,
@@ -81,7 +82,7 @@ class AnalyticSolver(Solver):
             (("shoulder", SHOULDERS, shoulder), ("elbow", ELBOWS, elbow), ("wrist", WRISTS, wrist))
         ):
             if flag is not None and flag not in names:
-                raise UnknownName(f"flag for the {kind}", str(flag), names)
+                raise UnknownName(message("kinematics.flag_for", "flag for the {kind}", kind=kind), str(flag), names)
             allowed &= np.moveaxis(np.array([flag in (None, name) for name in names])[:, None, None], 0, place)
         self._allowed = np.flatnonzero(allowed)
         self._order = list(chain.order)
@@ -231,11 +232,25 @@ class AnalyticSolver(Solver):
             short: by how much the target is out of reach [m].
             beyond: distance of each axis of the chosen posture beyond its limits, shape (n,) [rad].
         """
-        postures = "all postures" + (" with these flags" if len(self._allowed) < BRANCHES else "")
+        postures = message("kinematics.all_postures", "all postures") + (
+            message("kinematics.with_these_flags", " with these flags") if len(self._allowed) < BRANCHES else ""
+        )
         if short > _ROUNDING:
-            return f"out of reach: the wrist centre lies {short:.3g} m beyond what the arm reaches"
+            return message(
+                "kinematics.wrist_out_of_reach",
+                "out of reach: the wrist centre lies {distance:.3g} m beyond what the arm reaches",
+                distance=short,
+            )
         if not self._fits(beyond):
             axis = int(np.argmax(beyond))
-            more = f"{angle(beyond[axis])} or more beyond its limit"
-            return f"joint limit: {postures} need {self.chain.names[axis]} {more}"
-        return "no orientation of the wrist serves: its axes are not at right angles"
+            more = message("kinematics.beyond_its_limit", "{angle} or more beyond its limit", angle=angle(beyond[axis]))
+            return message(
+                "kinematics.postures_beyond_limits",
+                "joint limit: {postures} need {axis} {more}",
+                postures=postures,
+                axis=self.chain.names[axis],
+                more=more,
+            )
+        return message(
+            "kinematics.no_wrist_orientation", "no orientation of the wrist serves: its axes are not at right angles"
+        )

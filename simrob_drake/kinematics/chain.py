@@ -14,6 +14,7 @@ from pydrake.systems.framework import Context
 
 from simrob_drake.base.errors import InvalidParameter, SimrobError, one_of
 from simrob_drake.base.frames import Targets, Vector, numbers, one_pose
+from simrob_drake.base.messages import message
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.limits import AxisLimits
@@ -49,12 +50,18 @@ class Screws:
 
     def postures(self, positions: npt.ArrayLike, name: str = "positions") -> Vector:
         """Return postures as (k, n); raises InvalidParameter: another shape than (n,) or (k, n), or not finite."""
-        expected = f"{self.size} finite numbers, or rows of as many, one an axis"
+        expected = message(
+            "kinematics.finite_numbers_an_axis",
+            "{size} finite numbers, or rows of as many, one an axis",
+            size=self.size,
+        )
         rows = numbers(positions)
         if not rows.size:
             raise InvalidParameter(name, positions, expected)
         if rows.ndim not in (1, 2) or rows.shape[-1] != self.size:
-            raise InvalidParameter(name, f"an array of shape {rows.shape}", expected)
+            raise InvalidParameter(
+                name, message("base.array_of_shape", "an array of shape {shape}", shape=rows.shape), expected
+            )
         if not np.isfinite(rows).all():
             raise InvalidParameter(name, rows.tolist(), expected)
         return np.atleast_2d(rows)
@@ -156,9 +163,13 @@ class Chain(Screws):
             InvalidModel: a URDF that Drake cannot read.
         """
         if not model.tools:
-            raise InvalidParameter("tools", model.tools, f"at least one tool frame of {model.name}")
+            raise InvalidParameter(
+                "tools",
+                model.tools,
+                message("kinematics.a_tool_frame", "at least one tool frame of {model}", model=model.name),
+            )
         name = next(iter(model.tools)) if tool is None else tool
-        one_of(f"tool of {model.name}", name, model.tools)
+        one_of(message("base.tool_of", "tool of {model}", model=model.name), name, model.tools)
         plant, base = held_robot(model)
         joints = [plant.GetJointByName(axis.joint) for axis in model.axes.values()]
         signs = [axis.sign for axis in model.axes.values()]
@@ -192,12 +203,21 @@ class Chain(Screws):
         """
         labels = tuple(joint.name() for joint in joints) if names is None else tuple(names)
         if len(labels) != len(joints) or len(set(labels)) != len(labels):
-            raise InvalidParameter("names", names, f"{len(joints)} different names, one a joint")
+            raise InvalidParameter(
+                "names",
+                names,
+                message("kinematics.different_names", "{count} different names, one a joint", count=len(joints)),
+            )
         way = _listed(joints_between(plant, base, tool), joints)
         for joint, name in zip(joints, labels, strict=True):
             if not isinstance(joint, RevoluteJoint | PrismaticJoint):
                 raise UnsupportedChain(
-                    f"{name} is a {joint.type_name()} joint; chains take revolute and prismatic ones"
+                    message(
+                        "kinematics.unsupported_joint",
+                        "{name} is a {kind} joint; chains take revolute and prismatic ones",
+                        name=name,
+                        kind=joint.type_name(),
+                    )
                 )
         in_plant = AxisMap.of_joints(plant, joints, signs)
         context = plant.CreateDefaultContext()
@@ -266,7 +286,7 @@ class Chain(Screws):
 
     def axis_index(self, name: str) -> int:
         """Return the place of an axis; raises UnknownName: no such axis."""
-        return self.names.index(one_of("axis", name, self.names))
+        return self.names.index(one_of(message("base.axis", "axis"), name, self.names))
 
     @cached_property
     def _axes_and_points(self) -> Vector:
@@ -295,7 +315,13 @@ def _listed(way: list[tuple[Joint, float]], joints: Sequence[Joint]) -> list[tup
     places = {joint.index(): axis for axis, joint in enumerate(joints)}
     missing = [joint.name() for joint, _ in way if joint.index() not in places]
     if missing:
-        raise UnsupportedChain(f"the tool moves also by {', '.join(missing)}, which no axis of the robot drives")
+        raise UnsupportedChain(
+            message(
+                "kinematics.undriven_joint",
+                "the tool moves also by {missing}, which no axis of the robot drives",
+                missing=", ".join(missing),
+            )
+        )
     return [(places[joint.index()], sense) for joint, sense in way]
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.kinematics.chain import Chain, skew
 from simrob_drake.kinematics.numeric import Flags
 
@@ -30,7 +31,13 @@ class NoClosedForm(SimrobError):
 
     def __init__(self, problem: str) -> None:
         """Say what the geometry lacks, and which solver takes any robot."""
-        super().__init__(f"there is no closed form for this arm: {problem}; the numeric solver takes any robot")
+        super().__init__(
+            message(
+                "kinematics.no_closed_form",
+                "there is no closed form for this arm: {problem}; the numeric solver takes any robot",
+                problem=problem,
+            )
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,24 +67,52 @@ class SixAxisArm:
         """Recognise the geometry in a chain; raises NoClosedForm: what it lacks."""
         order = list(chain.order)
         if len(order) != 6 or not chain.revolute[order].all():
-            raise NoClosedForm(f"it has {len(order)} moving axes, and the form is for six revolute ones")
+            raise NoClosedForm(
+                message(
+                    "kinematics.six_revolute_axes",
+                    "it has {count} moving axes, and the form is for six revolute ones",
+                    count=len(order),
+                )
+            )
         axes, points = chain.axes[order], chain.points[order]
         if np.linalg.norm(np.cross(axes[1], axes[2])) > _ANGLE:
-            raise NoClosedForm("axis 3 is not parallel to axis 2")
+            raise NoClosedForm(message("kinematics.axis_3_not_parallel", "axis 3 is not parallel to axis 2"))
         for one, other in ((0, 1), (3, 4), (4, 5)):
             if np.linalg.norm(np.cross(axes[one], axes[other])) < _ALONG:
-                raise NoClosedForm(f"axis {one + 1} is parallel to axis {other + 1}")
+                raise NoClosedForm(
+                    message(
+                        "kinematics.axes_are_parallel",
+                        "axis {one} is parallel to axis {other}",
+                        one=one + 1,
+                        other=other + 1,
+                    )
+                )
         parallel = bool(np.linalg.norm(np.cross(axes[2], axes[3])) <= _ANGLE)
         first = 4 if parallel else 3
         centre, miss = _nearest_point(axes[first:], points[first:])
         if miss > _LENGTH:
             count = "two" if parallel else "three"
-            raise NoClosedForm(f"the last {count} axes do not meet in a point: they miss it by {miss:.3g} m")
+            raise NoClosedForm(
+                message(
+                    "kinematics.axes_do_not_meet",
+                    "the last {count} axes do not meet in a point: they miss it by {miss:.3g} m",
+                    count=count,
+                    miss=miss,
+                )
+            )
         plane = _plane(axes[1])
         wrist = points[3] if parallel else centre
         upper, fore, hand = (complex(plane @ way) for way in (points[2] - points[1], wrist - points[2], centre - wrist))
         if min(abs(upper), abs(fore)) < _LENGTH:
-            raise NoClosedForm(f"{'axis 4' if parallel else 'the wrist centre'} or axis 2 lies on axis 3")
+            raise NoClosedForm(
+                message(
+                    "kinematics.lies_on_axis_3",
+                    "{part} or axis 2 lies on axis 3",
+                    part=message("kinematics.axis_4", "axis 4")
+                    if parallel
+                    else message("kinematics.wrist_centre", "the wrist centre"),
+                )
+            )
         senses = (float(np.sign(axes[1] @ axes[2])), float(np.sign(axes[1] @ axes[3])))
         return cls(axes, points[0], points[1], centre, parallel, senses, upper, fore, hand, chain.home)
 

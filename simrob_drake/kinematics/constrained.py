@@ -10,6 +10,7 @@ from pydrake.solvers import Constraint, IpoptSolver, MathematicalProgram, SnoptS
 
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.frames import Vector, pose_errors, within
+from simrob_drake.base.messages import message
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.goals import ORIGIN, Goal, JointBounds, Setting, point_in_box
 from simrob_drake.kinematics.numeric import random_postures
@@ -59,19 +60,23 @@ class ConstrainedSolver(Solver):
             UnknownName: a goal with an unknown axis or frame.
         """
         super().__init__(chain)
-        one_of("kind of target", target, get_args(TargetKind))
+        one_of(message("kinematics.kind_of_target", "kind of target"), target, get_args(TargetKind))
         weights = np.asarray((1.0, 1.0) if target_weights is None else target_weights, dtype=float)
         if weights.shape != (2,) or not np.isfinite(weights).all() or (weights < 0).any():
             raise InvalidParameter(
-                "target_weights", target_weights, "two numbers, of position and rotation, not negative"
+                "target_weights",
+                target_weights,
+                message("kinematics.two_tolerances", "two numbers, of position and rotation, not negative"),
             )
         if not nearness >= 0:
-            raise InvalidParameter("nearness", nearness, "0 or more")
+            raise InvalidParameter("nearness", nearness, message("kinematics.zero_or_more", "0 or more"))
         if restarts < 0:
-            raise InvalidParameter("restarts", restarts, "0 or more")
+            raise InvalidParameter("restarts", restarts, message("kinematics.zero_or_more", "0 or more"))
         bad = [goal for goal in goals if not isinstance(goal, Goal)]
         if bad:
-            raise InvalidParameter("goals", bad[0], "goals such as PositionBounds or JointBounds")
+            raise InvalidParameter(
+                "goals", bad[0], message("kinematics.goals", "goals such as PositionBounds or JointBounds")
+            )
         self._goals, self._kind = tuple(goals), target
         self._weights = None if target_weights is None else weights
         self._nearness = nearness
@@ -96,8 +101,14 @@ class ConstrainedSolver(Solver):
         positions = np.clip(best, self.chain.lower, self.chain.upper)
         errors = self._errors(target, positions)
         reached = (within(errors, np.ones(6), _TOLERANCE) | (self._weights is not None)) & (not misses)
-        names = ", ".join(dict.fromkeys(name for name, _ in misses)) or "the target pose"
-        why = f"no posture found within the joint limits that satisfies {names}"
+        names = ", ".join(dict.fromkeys(name for name, _ in misses)) or message(
+            "kinematics.target_pose", "the target pose"
+        )
+        why = message(
+            "kinematics.no_posture_satisfies",
+            "no posture found within the joint limits that satisfies {names}",
+            names=names,
+        )
         return Solutions.found(positions[np.newaxis], errors, reached, np.array([steps]), lambda _: why)
 
     def _errors(self, target: Vector, positions: Vector) -> Vector:
@@ -152,7 +163,9 @@ class _Program:
             value = evaluator.Eval(full[self._prog.FindDecisionVariableIndices(binding.variables())])
             by = np.maximum(value - evaluator.upper_bound(), evaluator.lower_bound() - value).max(initial=0.0)
             if not by <= _VIOLATED:
-                missed.append((evaluator.get_description() or "the joint limits", float(by)))
+                missed.append(
+                    (evaluator.get_description() or message("kinematics.joint_limits", "the joint limits"), float(by))
+                )
         return missed
 
     def require_target(self, target: Vector, kind: TargetKind) -> None:
@@ -160,11 +173,19 @@ class _Program:
         if kind == "free":
             return
         box, free = RigidTransform(_rigid(target), target[:3, 3]), np.inf
-        points = {"the target position": (ORIGIN, ORIGIN, ORIGIN)}
+        points = {message("kinematics.target_position", "the target position"): (ORIGIN, ORIGIN, ORIGIN)}
         if kind == "pose":
             half = 0.5 * _LEVER  # keeps out the postures in which the tool is turned over
-            points["the target's x axis"] = ((_LEVER, 0.0, 0.0), (half, 0.0, 0.0), (free, 0.0, 0.0))
-            points["the target's y axis"] = ((0.0, _LEVER, 0.0), (-free, half, 0.0), (free, free, 0.0))
+            points[message("kinematics.target_x_axis", "the target's x axis")] = (
+                (_LEVER, 0.0, 0.0),
+                (half, 0.0, 0.0),
+                (free, 0.0, 0.0),
+            )
+            points[message("kinematics.target_y_axis", "the target's y axis")] = (
+                (0.0, _LEVER, 0.0),
+                (-free, half, 0.0),
+                (free, free, 0.0),
+            )
         for name, (point, lower, upper) in points.items():
             constraint = point_in_box(self._setting, point, box, np.array(lower), np.array(upper))
             constraint.set_description(name)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Targets, Vector, finite, pose_matrices, within
+from simrob_drake.base.messages import message
 from simrob_drake.kinematics.analytic import AnalyticSolver
 from simrob_drake.kinematics.chain import Chain, Indices
 from simrob_drake.kinematics.closed_form import NoClosedForm
@@ -84,7 +85,11 @@ def _freed(chain: Chain, start: Vector, held: Mapping[str, float]) -> tuple[Chai
     for name, value in held.items():
         axis = chain.axis_index(name)
         if np.shape(finite(value)):
-            raise InvalidParameter(f"held: {name}", value, "a finite number [rad or m]")
+            raise InvalidParameter(
+                message("kinematics.held_axis", "held: {name}", name=name),
+                value,
+                message("kinematics.finite_position", "a finite number [rad or m]"),
+            )
         values[axis] = value
         fixed.add(axis)
     moving = [axis for axis in chain.order if axis not in fixed]
@@ -100,7 +105,7 @@ def _freed(chain: Chain, start: Vector, held: Mapping[str, float]) -> tuple[Chai
 
 def _closed_form(chain: Chain, targets: Vector, start: Vector, moving: Indices) -> Vector:
     if len(moving) < chain.size:
-        raise NoClosedForm("axes of it are held")
+        raise NoClosedForm(message("kinematics.axes_are_held", "axes of it are held"))
     return AnalyticSolver(chain).postures(targets, start)[0]
 
 

@@ -23,6 +23,7 @@ from pydrake.systems.framework import Context
 
 from simrob_drake.base.errors import InvalidParameter, UnknownName
 from simrob_drake.base.frames import POSE_SIZE, Targets, Vector, one_pose
+from simrob_drake.base.messages import message
 from simrob_drake.kinematics.chain import Chain
 
 ORIGIN = (0.0, 0.0, 0.0)
@@ -48,7 +49,9 @@ class Setting:
         instance = place.base.model_instance()
         if not place.plant.HasFrameNamed(name, instance):
             frames = [place.plant.get_frame(index) for index in place.plant.GetFrameIndices(instance)]
-            raise UnknownName("frame", name, ["tool", "base", *(frame.name() for frame in frames)])
+            raise UnknownName(
+                message("base.frame", "frame"), name, ["tool", "base", *(frame.name() for frame in frames)]
+            )
         return place.plant.GetFrameByName(name, instance), RigidTransform()
 
 
@@ -68,8 +71,14 @@ class Goal(ABC):
             return None
         weights = np.asarray(self.weight, dtype=float)
         if weights.shape not in ((), (size,)) or not np.isfinite(weights).all() or (weights < 0).any():
-            one = "one number, not negative" if size == 1 else f"one number, or {size}, none negative"
-            raise InvalidParameter(f"weight of {type(self).__name__}", self.weight, one)
+            one = (
+                message("kinematics.one_weight", "one number, not negative")
+                if size == 1
+                else message("kinematics.one_or_many_weights", "one number, or {size}, none negative", size=size)
+            )
+            raise InvalidParameter(
+                message("kinematics.weight_of", "weight of {name}", name=type(self).__name__), self.weight, one
+            )
         return np.broadcast_to(weights, (size,))
 
 
@@ -112,7 +121,11 @@ class OrientationCone(Goal):
     def constraint(self, setting: Setting) -> Constraint:
         """Return it as a constraint on the positions of the whole plant."""
         if not 0 <= self.angle <= np.pi:
-            raise InvalidParameter("angle of OrientationCone", self.angle, "0 ... π rad")
+            raise InvalidParameter(
+                message("kinematics.angle_of_cone", "angle of OrientationCone"),
+                self.angle,
+                message("kinematics.zero_to_pi", "0 ... π rad"),
+            )
         tool, tcp = setting.frame("tool")
         place = setting.chain.in_plant
         axis = tcp.rotation() @ _direction("axis", self.axis)
@@ -140,7 +153,11 @@ class Aiming(Goal):
     def constraint(self, setting: Setting) -> Constraint:
         """Return it as a constraint on the positions of the whole plant."""
         if not 0 <= self.angle <= np.pi / 2:
-            raise InvalidParameter("angle of Aiming", self.angle, "0 ... π/2 rad")
+            raise InvalidParameter(
+                message("kinematics.angle_of_aiming", "angle of Aiming"),
+                self.angle,
+                message("kinematics.zero_to_half_pi", "0 ... π/2 rad"),
+            )
         place = setting.chain.in_plant
         tool, tcp = setting.frame("tool")
         axis = tcp.rotation() @ _direction("axis", self.axis)
@@ -174,7 +191,12 @@ class JointBounds(Goal):
         """Return it as a constraint on the position of that axis alone."""
         place = setting.chain.in_plant
         sign = place.axes.signs[setting.chain.axis_index(self.axis)]
-        lower, upper = _bounds(f"JointBounds of {self.axis}", [self.lower], [self.upper], 1)
+        lower, upper = _bounds(
+            message("kinematics.bounds_of_joint", "JointBounds of {axis}", axis=self.axis),
+            [self.lower],
+            [self.upper],
+            1,
+        )
         ends = np.sort(np.concatenate([sign * lower, sign * upper]))
         return BoundingBoxConstraint(ends[:1], ends[1:])
 
@@ -200,9 +222,16 @@ class DistanceBounds(Goal):
         """Return it as a constraint on the positions of the whole plant."""
         lower, upper = _bounds("DistanceBounds", [self.lower], [self.upper], 1)
         if lower[0] < 0:
-            raise InvalidParameter("lower of DistanceBounds", self.lower, "0 or more [m]")
+            raise InvalidParameter(
+                message("kinematics.lower_of_distance", "lower of DistanceBounds"),
+                self.lower,
+                message("kinematics.zero_or_more_metres", "0 or more [m]"),
+            )
         (one, at_one), (other, at_other) = (setting.frame(name) for name in self.frames)
-        begin, end = (_triple("points of DistanceBounds", point) for point in self.points)
+        begin, end = (
+            _triple(message("kinematics.points_of_distance", "points of DistanceBounds"), point)
+            for point in self.points
+        )
         return PointToPointDistanceConstraint(
             setting.chain.in_plant.plant,
             one,
@@ -229,22 +258,30 @@ def point_in_box(
 def _bounds(owner: str, lower: npt.ArrayLike, upper: npt.ArrayLike, size: int) -> tuple[Vector, Vector]:
     low, high = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
     if low.shape != (size,) or high.shape != (size,) or np.isnan(low).any() or np.isnan(high).any():
-        raise InvalidParameter(f"bounds of {owner}", (lower, upper), f"{size} numbers each")
+        raise InvalidParameter(
+            message("kinematics.bounds_of", "bounds of {owner}", owner=owner),
+            (lower, upper),
+            message("kinematics.numbers_each", "{size} numbers each", size=size),
+        )
     if (low > high).any():
-        raise InvalidParameter(f"bounds of {owner}", (lower, upper), "lower first, then upper")
+        raise InvalidParameter(
+            message("kinematics.bounds_of", "bounds of {owner}", owner=owner),
+            (lower, upper),
+            message("kinematics.lower_then_upper", "lower first, then upper"),
+        )
     return low, high
 
 
 def _triple(name: str, values: npt.ArrayLike) -> Vector:
     triple = np.asarray(values, dtype=float)
     if triple.shape != (3,) or not np.isfinite(triple).all():
-        raise InvalidParameter(name, values, "three finite numbers x, y, z")
+        raise InvalidParameter(name, values, message("kinematics.three_numbers_xyz", "three finite numbers x, y, z"))
     return triple
 
 
 def _direction(name: str, values: npt.ArrayLike) -> Vector:
     direction = _triple(name, values)
     if not direction.any():
-        raise InvalidParameter(name, values, "a direction, not zero")
+        raise InvalidParameter(name, values, message("kinematics.a_direction", "a direction, not zero"))
     unit: Vector = direction / np.linalg.norm(direction)
     return unit

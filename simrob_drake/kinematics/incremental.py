@@ -4,6 +4,7 @@ import numpy as np
 
 from simrob_drake.base.errors import InvalidParameter, angle
 from simrob_drake.base.frames import Vector, pose_errors, within
+from simrob_drake.base.messages import message
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.numeric import Flags, settle_at_limits
 from simrob_drake.kinematics.solver import Solutions, Solver, check_search, why_unreached
@@ -54,11 +55,13 @@ class IncrementalSolver(Solver):
         """
         super().__init__(chain)
         if np.isnan(rotation_limit):
-            raise InvalidParameter("rotation_limit", rotation_limit, "an angle [rad]; 0 for positions only")
+            raise InvalidParameter(
+                "rotation_limit", rotation_limit, message("kinematics.an_angle", "an angle [rad]; 0 for positions only")
+            )
         tolerances = {"position_tolerance": position_tolerance, "rotation_tolerance": rotation_tolerance}
         self._iterations, self._tolerance = iterations, check_search(iterations, tolerances)
         if not 0.0 <= stray < np.inf:
-            raise InvalidParameter("stray", stray, "a distance [m], 0 or more")
+            raise InvalidParameter("stray", stray, message("kinematics.a_distance", "a distance [m], 0 or more"))
         self.stray = stray
         self._limit = np.inf if rotation_limit < 0 else rotation_limit
 
@@ -106,7 +109,12 @@ class IncrementalSolver(Solver):
     def _reason(self, target: Vector, positions: Vector, error: Vector, turned: bool) -> str:
         if not turned and np.linalg.norm(error[:3]) <= self._tolerance[0]:
             turn = angle(float(np.linalg.norm(error[3:])))
-            return f"rotation limit: the tool would turn by {turn} at once, and the limit is {angle(self._limit)}"
+            return message(
+                "kinematics.rotation_limit",
+                "rotation limit: the tool would turn by {turn} at once, and the limit is {limit}",
+                turn=turn,
+                limit=angle(self._limit),
+            )
         weights = np.array([1.0, 1.0, 1.0, *[float(turned)] * 3])
         return why_unreached(self.chain, target, positions, error * weights, weights)
 

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import POSE_SIZE, Vector, finite, pose_errors, within
+from simrob_drake.base.messages import message
 from simrob_drake.kinematics.chain import IDENTITY, Chain, Indices, skew
 from simrob_drake.kinematics.solver import (
     POSITION_TOLERANCE,
@@ -220,7 +221,9 @@ def settle_at_limits(
     is_accepted = np.asarray(within(fit.errors, weights, tolerance))
     if is_accepted.any():
         # The clamping names "inverse kinematics" in its warning that an axis was beyond its limit.
-        clamped = chain.limits.clamp(fit.postures[is_accepted], "inverse kinematics")
+        clamped = chain.limits.clamp(
+            fit.postures[is_accepted], message("kinematics.inverse_kinematics", "inverse kinematics")
+        )
         postures[is_accepted] = clamped
         errors[is_accepted] = pose_errors(targets[is_accepted], chain.forward(clamped))
     return is_accepted
@@ -270,7 +273,7 @@ class NumericSolver(Solver):
         super().__init__(chain)
         self._weights = _checked_weights(weights)
         if restarts < 0:
-            raise InvalidParameter("restarts", restarts, "0 or more")
+            raise InvalidParameter("restarts", restarts, message("kinematics.zero_or_more", "0 or more"))
         tolerances = {"position_tolerance": position_tolerance, "rotation_tolerance": rotation_tolerance}
         self._iterations, self._tolerance = iterations, check_search(iterations, tolerances)
         self._seeds = random_postures(chain, restarts, seed)
@@ -369,7 +372,9 @@ class NumericSolver(Solver):
 
 def _checked_weights(weights: npt.ArrayLike) -> Vector:
     """Return six weights of errors along and about x, y, z from weights in pose order [x y z Rz Ry Rx]."""
-    expected = "six numbers in pose order [x y z Rz Ry Rx], none negative and not all zero"
+    expected = message(
+        "kinematics.six_weights", "six numbers in pose order [x y z Rz Ry Rx], none negative and not all zero"
+    )
     values = finite(weights)
     if values.shape != (POSE_SIZE,) or (values < 0).any() or not values.any():
         raise InvalidParameter("weights", weights, expected)

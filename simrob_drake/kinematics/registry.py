@@ -10,6 +10,7 @@ from pydantic import AfterValidator, WithJsonSchema
 
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.extension import additions, load_addition_class, register_core_names
+from simrob_drake.base.messages import message
 from simrob_drake.kinematics.analytic import AnalyticSolver
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.closed_form import NoClosedForm
@@ -61,11 +62,15 @@ def make_solver(name: str, chain: Chain, **options: Any) -> Solver:
         NoClosedForm: the analytic solver does not cover this arm.
         BrokenExtension: the solver is one of an extension that cannot be imported.
     """
-    one_of("solver of inverse kinematics", name, [known for known in solver_names() if known != _AUTO])
+    one_of(
+        message("base.solver_of_inverse_kinematics", "solver of inverse kinematics"),
+        name,
+        [known for known in solver_names() if known != _AUTO],
+    )
     solver_class = _solver_class(name)
     known_options = list(inspect.signature(solver_class).parameters)[1:]  # without the first parameter, the chain
     for option in options:
-        one_of(f"option of the {name} solver", option, known_options)
+        one_of(message("kinematics.option_of_solver", "option of the {name} solver", name=name), option, known_options)
     return solver_class(chain, **options)
 
 
@@ -82,9 +87,13 @@ def solver_for(chain: Chain, solver: SolverLike) -> Solver:
     if isinstance(solver, Solver):
         # The home of a chain is the pose of its tool at zero, so that another tool has another one.
         if solver.chain.names != chain.names or not (solver.chain.home == chain.home).all():
-            raise InvalidParameter("solver", type(solver).__name__, "one made for arm.chain with the tool it has now")
+            raise InvalidParameter(
+                "solver",
+                type(solver).__name__,
+                message("kinematics.solver_of_this_arm", "one made for arm.chain with the tool it has now"),
+            )
         return solver
-    one_of("solver", solver, solver_names())
+    one_of(message("kinematics.solver", "solver"), solver, solver_names())
     if solver != _AUTO:
         return make_solver(solver, chain, **_OPTIONS.get(solver, {}))
     try:
@@ -95,7 +104,7 @@ def solver_for(chain: Chain, solver: SolverLike) -> Solver:
 
 def _check_name(name: str) -> str:
     """Check the name of a solver in a program's file; raises UnknownName if there is no such solver."""
-    return one_of("solver of inverse kinematics", name, solver_names())
+    return one_of(message("base.solver_of_inverse_kinematics", "solver of inverse kinematics"), name, solver_names())
 
 
 SolverName: TypeAlias = Annotated[

@@ -16,6 +16,7 @@ from pydrake.systems.framework import Context
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.kinematics.chain import Chain, Screws, axes_and_points, joints_between
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel, load_robot
@@ -87,8 +88,12 @@ def _of_model(model: RobotModel, element: Element | None = None) -> Skeleton:
     moving = [joint for joint in map(plant.get_joint, plant.GetJointIndices()) if joint.num_velocities()]
     odd = [joint.name() for joint in moving if not isinstance(joint, RevoluteJoint) or joint.name() not in names]
     if odd:
-        expected = "one whose joints are all axes and revolute"
-        raise InvalidParameter(f"robot {model.name}", f"with the joints {', '.join(odd)}", expected)
+        expected = message("kinematics.robot_of_revolute_axes", "one whose joints are all axes and revolute")
+        raise InvalidParameter(
+            message("base.robot_called", "robot {name}", name=model.name),
+            message("kinematics.with_joints", "with the joints {joints}", joints=", ".join(odd)),
+            expected,
+        )
     paths = [[names.index(on.name()) for on, _ in joints_between(plant, root, j.frame_on_child())] for j in joints]
     order = sorted(range(len(joints)), key=lambda axis: len(paths[axis]))
     own = AxisMap.of_joints(plant, joints, [axis.sign for axis in model.axes.values()])

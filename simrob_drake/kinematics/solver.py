@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from simrob_drake.base.errors import InvalidParameter, SimrobError, angle
 from simrob_drake.base.frames import Targets, Vector, pose_matrices
+from simrob_drake.base.messages import compound, message
 from simrob_drake.kinematics.chain import Chain
 
 POSITION_TOLERANCE = 1e-6  # m: a tenth of the repeatability of a small arm, and fine enough for smooth paths
@@ -36,8 +37,21 @@ class Unreachable(SimrobError):
         self, target: str, reason: str, *, index: int, positions: Vector, position_error: float, rotation_error: float
     ) -> None:
         """Say that ``target`` (such as "targets[3]") cannot be reached, why, and how near the best posture comes."""
-        near = f"the best solution comes within {position_error:.3g} m and {angle(rotation_error)}"
-        super().__init__(f"{target} cannot be reached: {reason}; {near}")
+        near = message(
+            "kinematics.best_solution",
+            "the best solution comes within {distance:.3g} m and {angle}",
+            distance=position_error,
+            angle=angle(rotation_error),
+        )
+        super().__init__(
+            message(
+                "kinematics.cannot_be_reached",
+                "{target} cannot be reached: {reason}; {near}",
+                target=target,
+                reason=reason,
+                near=near,
+            )
+        )
         self.index = index
         self.reason = reason
         self.positions = positions
@@ -133,10 +147,10 @@ def require(solutions: Solutions, name: str = "targets") -> Vector:
 def check_search(iterations: int, tolerances: dict[str, float]) -> Vector:
     """Check a search's settings, return its tolerances; raises InvalidParameter: no step, or none that is positive."""
     if iterations < 1:
-        raise InvalidParameter("iterations", iterations, "1 or more")
+        raise InvalidParameter("iterations", iterations, message("kinematics.one_or_more", "1 or more"))
     for name, value in tolerances.items():
         if not value > 0:
-            raise InvalidParameter(name, value, "more than 0")
+            raise InvalidParameter(name, value, message("kinematics.more_than_zero", "more than 0"))
     return np.array(list(tolerances.values()))
 
 
@@ -170,7 +184,13 @@ class Solver(ABC):
         if np.ndim(start) == 1:
             return self._solve_in_order(matrices, starts[0])
         if len(starts) != len(matrices):
-            raise InvalidParameter("start", f"{len(starts)} postures", f"one posture, or {len(matrices)}, one a target")
+            raise InvalidParameter(
+                "start",
+                message("kinematics.count_of_postures", "{count} postures", count=len(starts)),
+                message(
+                    "kinematics.one_posture_a_target", "one posture, or {count}, one a target", count=len(matrices)
+                ),
+            )
         return self._solve_each(matrices, starts)
 
     def _solve_in_order(self, targets: Vector, start: Vector) -> Solutions:
@@ -225,20 +245,33 @@ def why_unreached(chain: Chain, target: Vector, posture: Vector, error: Vector, 
         first = chain.order[0]
         away = float(np.linalg.norm(target[:3, 3] - chain.points[first]))
         if away > chain.reach:
-            return (
-                f"out of reach: it lies {away:.3g} m from {chain.names[first]}, and the arm is {chain.reach:.3g} m long"
+            return message(
+                "kinematics.out_of_reach",
+                "out of reach: it lies {distance:.3g} m from {axis}, and the arm is {reach:.3g} m long",
+                distance=away,
+                axis=chain.names[first],
+                reach=chain.reach,
             )
     jacobian = chain.jacobian(posture)[0]
     push = jacobian.T @ (weights * error)
     strong = np.abs(push) > _PUSH * np.linalg.norm(weights * error)
     for held, limits, side in (
-        ((posture <= chain.lower + _AT_LIMIT) & (push < 0) & strong, chain.lower, "lower"),
-        ((posture >= chain.upper - _AT_LIMIT) & (push > 0) & strong, chain.upper, "upper"),
+        ((posture <= chain.lower + _AT_LIMIT) & (push < 0) & strong, chain.lower, message("base.lower", "lower")),
+        ((posture >= chain.upper - _AT_LIMIT) & (push > 0) & strong, chain.upper, message("base.upper", "upper")),
     ):
         for axis in np.flatnonzero(held):
-            limit = angle(limits[axis]) if chain.revolute[axis] else f"{limits[axis]:.4g} m"
-            return f"joint limit: {chain.names[axis]} stands at its {side} limit of {limit}"
+            limit = angle(limits[axis]) if chain.revolute[axis] else compound("{limits:.4g} m", limits=limits[axis])
+            return message(
+                "kinematics.at_joint_limit",
+                "joint limit: {axis} stands at its {side} limit of {limit}",
+                axis=chain.names[axis],
+                side=side,
+                limit=limit,
+            )
     rows = jacobian[weights > 0][:, list(chain.order)]
     if rows.size and np.linalg.svd(rows, compute_uv=False)[-1] < _SINGULAR:
-        return "singular posture: the arm is stretched or folded there and cannot move the way that is left"
-    return "no solution found from this start"
+        return message(
+            "kinematics.singular_posture",
+            "singular posture: the arm is stretched or folded there and cannot move the way that is left",
+        )
+    return message("kinematics.no_solution_from_start", "no solution found from this start")

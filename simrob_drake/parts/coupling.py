@@ -15,6 +15,7 @@ from typing import ClassVar
 from pydrake.systems.framework import Context, DiagramBuilder
 
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Strict
 from simrob_drake.parts.engine import Engine
 from simrob_drake.parts.resolved import Surroundings
@@ -64,10 +65,21 @@ class CouplingSection(Strict, ABC):
             SimrobError: the coupling does not fit the station; the message names the key.
         """
         if not station.engine.moves_by_forces and not self.guides_references:
-            raise Unsuitable(key, "the reference of a kinematic station moves all joints, and no force acts")
+            raise Unsuitable(
+                key,
+                message(
+                    "parts.kinematic_coupling",
+                    "the reference of a kinematic station moves all joints, and no force acts",
+                ),
+            )
         if not self.is_held(station.engine):
-            continuous = "radau3, or " if self.has_springs else ""
-            expected = f"{continuous}kind: discrete with scheme: sap, which hold {key}"
+            continuous = message("parts.radau_or", "radau3, or ") if self.has_springs else ""
+            expected = message(
+                "parts.discrete_sap",
+                "{continuous}kind: discrete with scheme: sap, which hold {key}",
+                continuous=continuous,
+                key=key,
+            )
             raise InvalidParameter("solver", station.engine.name, expected)
 
     def is_held(self, engine: Engine) -> bool:
@@ -113,5 +125,7 @@ class CouplingSection(Strict, ABC):
         gap = self.gap(plant, context)
         if gap > _LARGEST_GAP_AT_START:
             raise InvalidParameter(
-                key, f"{gap:.4g} m (or rad) off at the start", f"at most {_LARGEST_GAP_AT_START:g} off"
+                key,
+                message("parts.gap_at_start", "{gap:.4g} m (or rad) off at the start", gap=gap),
+                message("parts.largest_gap", "at most {gap:g} off", gap=_LARGEST_GAP_AT_START),
             )

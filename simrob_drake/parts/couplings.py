@@ -33,6 +33,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.frames import Vector, transform_from_pose
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import ORIGIN, NotNegative, Number, Pose, Positive, Strict, Triple
 from simrob_drake.blocks.block import fed, joined, mapped
 from simrob_drake.parts.coupling import DAMPING_TIME, STIFFNESS, CouplingSection
@@ -175,7 +176,9 @@ class BetweenPoints(Between, CouplingSection):
         super().check(key, station)
         self.check_bodies(key, station)
         if self.body == self.other:
-            raise InvalidParameter(f"{key}.other", self.other, "another one than body")
+            raise InvalidParameter(
+                f"{key}.other", self.other, message("parts.other_than_body", "another one than body")
+            )
 
     @property
     def own_poses(self) -> tuple[RigidTransform, RigidTransform]:
@@ -339,18 +342,30 @@ class Gear(CouplingSection):
         # The prefix is "<robot>." in a station of several robots, and empty in one of a single robot.
         known = [f"{robot.prefix}{axis}" for robot in station.robots.values() for axis in robot.axes]
         for name in self.ratios:
-            one_of(f"axis for {key}.ratios", name, known)
+            one_of(message("parts.axis_for_ratios", "axis for {key}.ratios", key=key), name, known)
         # Every solver that holds gears holds gears of two axes. In a kinematic station the references obey any gear.
         if len(self.ratios) == 2 or not station.engine.moves_by_forces:
             return
         engine = station.engine
         if not engine.constrains_many_axes:
-            others = f"{engine.name} holds gears of two axes, and {key} has {len(self.ratios)}"
-            raise InvalidParameter("solver.scheme", engine.name, f"radau3, or kind: discrete: {others}")
+            others = message(
+                "parts.gears_of_two_axes",
+                "{engine} holds gears of two axes, and {key} has {count}",
+                engine=engine.name,
+                key=key,
+                count=len(self.ratios),
+            )
+            raise InvalidParameter(
+                "solver.scheme",
+                engine.name,
+                message("parts.radau_or_discrete", "radau3, or kind: discrete: {others}", others=others),
+            )
         # The constraint by which `add` couples more than two joints in a discrete plant.
         if engine.has_discrete_states and not hasattr(MultibodyPlant, "AddTendonConstraint"):
-            older = "of two: older Drake couples no more"
-            raise InvalidParameter(f"{key}.ratios", f"of {len(self.ratios)} axes", older)
+            older = message("parts.older_drake", "of two: older Drake couples no more")
+            raise InvalidParameter(
+                f"{key}.ratios", message("parts.count_of_axes", "of {count} axes", count=len(self.ratios)), older
+            )
 
     def is_constrained(self, engine: Engine) -> bool:
         """Whether the engine of a station has a constraint for gears."""

@@ -15,6 +15,7 @@ from pydrake.trajectories import PiecewisePolynomial, Trajectory
 from simrob_drake.base.constants import STANDARD_GRAVITY
 from simrob_drake.base.errors import Unsuitable, one_of
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Duration, Frequency, Instant, Number, Positive, Strict, Triple
 from simrob_drake.base.signals import applied_signal
 from simrob_drake.blocks.block import fed
@@ -66,10 +67,14 @@ class ForceSection(Strict, ABC):
     def check(self, key: str, station: Surroundings) -> None:
         """Check that forces count in the station, and that there is what it acts on."""
         if not station.engine.moves_by_forces:
-            raise Unsuitable(key, "a kinematic station has no forces", "leave it out, or set mode: dynamic")
+            raise Unsuitable(
+                key,
+                message("parts.no_forces", "a kinematic station has no forces"),
+                message("parts.leave_out_or_dynamic", "leave it out, or set mode: dynamic"),
+            )
         known = [*station.robots, *(name for name in frame_names(station) if name != "world")]
         if self.at is not None:
-            one_of(f"robot, tool, link or piece for {key}.at", self.at, known)
+            one_of(message("parts.place_of_force", "robot, tool, link or piece for {key}.at", key=key), self.at, known)
         self.place_name(key, station)
 
     def place_name(self, key: str, station: Surroundings) -> str:

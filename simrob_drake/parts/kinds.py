@@ -16,6 +16,7 @@ from pydantic_core import CoreSchema, SchemaValidator, core_schema
 
 from simrob_drake.base.extension import additions, classes_of_extensions, load_addition_class, register_core_names
 from simrob_drake.base.known_extensions import check_provided
+from simrob_drake.base.messages import message
 
 
 class Kinds:
@@ -118,7 +119,7 @@ class Kinds:
         """Return a section as an object of the class of its kind; pydantic reports what is wrong with it."""
         kind = section.get("kind") if isinstance(section, dict) else getattr(section, "kind", None)
         if isinstance(kind, str) and kind not in self:
-            check_provided(self._point, kind, f"the kind {kind}")
+            check_provided(self._point, kind, message("parts.the_kind", "the kind {kind}", kind=kind))
         return self._validator(kind if kind in self else None).validate_python(section)
 
     def _make_validator(self, kind: str | None) -> SchemaValidator:

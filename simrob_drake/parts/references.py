@@ -13,6 +13,7 @@ from simrob_drake.base.arguments import SHORTEST
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter
 from simrob_drake.base.files import read_columns
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Duration, Frequency, Instant, NotNegative, Strict
 from simrob_drake.blocks.cruise import cruising
 from simrob_drake.blocks.references import Reference, Samples, SineReference, hermite, hold, move, ramp, sequence, table
@@ -120,7 +121,14 @@ class Ramp(ToOnePosture):
     @model_validator(mode="after")
     def _blends_apart(self) -> "Ramp":
         if self.blend and not self.blend < self.duration / 2:
-            raise ValueError(f"blend, {self.blend:g} s, must be less than half of the duration, {self.duration:g} s")
+            raise ValueError(
+                message(
+                    "parts.blend_too_long",
+                    "blend, {blend:g} s, must be less than half of the duration, {duration:g} s",
+                    blend=self.blend,
+                    duration=self.duration,
+                )
+            )
         return self
 
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
@@ -182,12 +190,22 @@ def _within(key: str, values: AxisValues | None, robot: ResolvedRobot, limits: V
     chosen = limits if values is None else si_positions(values, robot, limits, f"reference.{key}")
     for axis, (own, limit) in enumerate(zip(chosen, limits, strict=True)):
         unit, per_time = robot.model.user_units[axis], f"{robot.model.unit_names[axis]}/{'s²' if 'acc' in key else 's'}"
-        where = f"reference.{key} of {robot.prefix}{robot.axes[axis]}"
+        where = message(
+            "parts.reference_of_axis",
+            "reference.{key} of {prefix}{axis}",
+            key=key,
+            prefix=robot.prefix,
+            axis=robot.axes[axis],
+        )
         if own > limit * (1 + _ROUNDING):
-            most = f"at most {limit / unit:.5g}, the robot's own limit"
-            raise InvalidParameter(where, f"{own / unit:.5g} {per_time}", most)
+            most = message("parts.limit_of_robot", "at most {limit:.5g}, the robot's own limit", limit=limit / unit)
+            raise InvalidParameter(where, compound("{value:.5g} {per_time}", value=own / unit, per_time=per_time), most)
         if moves[axis] and not np.isfinite(own):
-            raise InvalidParameter(where, None, f"given [{per_time}]: the robot's files tell none")
+            raise InvalidParameter(
+                where,
+                None,
+                message("parts.rate_needed", "given [{per_time}]: the robot's files tell none", per_time=per_time),
+            )
     return chosen
 
 
@@ -211,7 +229,13 @@ class Sequence(ReferenceSection):
     def _sorted(self) -> "Sequence":
         times = [target.time for target in self.targets]
         if any(later - earlier < SHORTEST for earlier, later in pairwise(times)):
-            raise ValueError(f"the times of a sequence rise from target to target, by {SHORTEST:g} s or more")
+            raise ValueError(
+                message(
+                    "parts.sequence_must_rise",
+                    "the times of a sequence rise from target to target, by {shortest:g} s or more",
+                    shortest=SHORTEST,
+                )
+            )
         return self
 
     def targets_by_axis(self) -> list[AxisValues | None]:
@@ -302,16 +326,33 @@ class Table(ReferenceSection):
         names = [*axes, *speed_columns(axes)] if self.interpolation == "hermite" else axes
         values, lines = read_columns(self.file, [TIME_COLUMN, *names])
         if len(values) < 2:
-            raise InvalidConfig(self.file, "", "holds fewer than two rows of values")
+            raise InvalidConfig(
+                self.file, "", message("parts.fewer_than_two_rows", "holds fewer than two rows of values")
+            )
         if values.size > MOST_VALUES:
             most = MOST_VALUES // values.shape[1]
-            raise InvalidConfig(self.file, "", f"holds {len(values)} rows; thin it out to at most {most}")
+            raise InvalidConfig(
+                self.file,
+                "",
+                message(
+                    "parts.too_many_rows",
+                    "holds {count} rows; thin it out to at most {most}",
+                    count=len(values),
+                    most=most,
+                ),
+            )
         times = values[:, 0]
         close = np.flatnonzero(np.diff(times) < SHORTEST)
         if close.size:
             before, after = times[close[0] : close[0] + 2]
-            message = f"time {after:g} s after {before:g} s; times must rise by {SHORTEST:g} s or more from row to row"
-            raise InvalidConfig(self.file, f"line {lines[close[0] + 1]}", message)
+            text = message(
+                "parts.times_must_rise",
+                "time {after:g} s after {before:g} s; times must rise by {shortest:g} s or more from row to row",
+                after=after,
+                before=before,
+                shortest=SHORTEST,
+            )
+            raise InvalidConfig(self.file, message("base.line", "line {lines}", lines=lines[close[0] + 1]), text)
         return times, values[:, 1:]
 
     def _words(self, model: RobotModel) -> str:

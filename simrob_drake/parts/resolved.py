@@ -9,6 +9,7 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Pose
 from simrob_drake.blocks.references import Reference
 from simrob_drake.blocks.servo import ServoGains
@@ -41,8 +42,10 @@ def named(name: str | None, known: Sequence[str], *, kind: str = "robot", key: s
         return known[0]
     if not known:
         thing = kind.partition(" for ")[0]
-        raise InvalidParameter(key, None, f"a {thing}, and there is none")
-    raise InvalidParameter(key, None, f"one of {', '.join(known)}")
+        raise InvalidParameter(
+            key, None, message("parts.a_thing_and_there_is_none", "a {thing}, and there is none", thing=thing)
+        )
+    raise InvalidParameter(key, None, message("parts.one_of", "one of {known}", known=", ".join(known)))
 
 
 @dataclass(frozen=True)
@@ -132,4 +135,8 @@ class Surroundings:
             UnknownName: there is no such robot.
             InvalidParameter: the name is None, and the station has several robots, or none.
         """
-        return self.robots[named(name, list(self.robots), kind=f"robot for {key}", key=f"{key}.robot")]
+        return self.robots[
+            named(
+                name, list(self.robots), kind=message("parts.robot_for", "robot for {key}", key=key), key=f"{key}.robot"
+            )
+        ]

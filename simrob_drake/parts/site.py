@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort
 
+from simrob_drake.base.messages import message
 from simrob_drake.parts.outputs import OutputRegistry
 from simrob_drake.parts.picture import PictureLabels
 from simrob_drake.parts.resolved import Surroundings, named
@@ -73,7 +74,7 @@ class Site:
             owner = _FORMER_ATTRIBUTES.get(name)
             if owner is None:
                 raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-            _warn(f"Site.{name} is now Site.{owner}.{name}")
+            _warn(message("parts.site_renamed", "Site.{name} is now Site.{owner}.{name}", name=name, owner=owner))
             return getattr(getattr(self, owner), name)
 
 
@@ -92,9 +93,13 @@ _FORMER_NAMES: Mapping[str, str] = MappingProxyType(
 """Names that this module had, and the module beside it that has them now. Until 0.2."""
 
 
-def _warn(message: str) -> None:
+def _warn(renaming: str) -> None:
     """Warn a caller of the present caller that a name is a former one."""
-    warnings.warn(f"{message}; the former name goes in 0.2", DeprecationWarning, stacklevel=3)
+    warnings.warn(
+        message("parts.former_name_goes", "{renaming}; the former name goes in 0.2", renaming=renaming),
+        DeprecationWarning,
+        stacklevel=3,
+    )
 
 
 if not TYPE_CHECKING:
@@ -104,5 +109,13 @@ if not TYPE_CHECKING:
         module = _FORMER_NAMES.get(name)
         if module is None:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        _warn(f"{__name__}.{name} is now simrob_drake.parts.{module}.{name}")
+        _warn(
+            message(
+                "parts.moved_to_module",
+                "{module}.{name} is now simrob_drake.parts.{new_module}.{name}",
+                module=__name__,
+                name=name,
+                new_module=module,
+            )
+        )
         return getattr(import_module(f"simrob_drake.parts.{module}"), name)

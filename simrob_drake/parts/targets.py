@@ -10,6 +10,7 @@ from pydrake.geometry import GeometryId, Role, SceneGraphInspector
 from pydrake.multibody.tree import Frame, RigidBody
 
 from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.messages import message
 from simrob_drake.parts.resolved import WORLD, Surroundings
 from simrob_drake.parts.station_plant import StationPlant
 
@@ -68,20 +69,26 @@ def frame_names(station: Surroundings) -> list[str]:
 def check_body(station: Surroundings, key: str, name: str) -> None:
     """Check that a body or shape of a sensor exists; raises UnknownName: with the nearest known name."""
     if name == FLOOR and not station.ground.has_floor:
-        raise InvalidParameter(key, name, "something that the station has; it has no floor: section")
-    one_of(f"body or shape for {key}", name, body_names(station))
+        raise InvalidParameter(
+            key, name, message("parts.no_floor", "something that the station has; it has no floor: section")
+        )
+    one_of(message("parts.body_or_shape_for", "body or shape for {key}", key=key), name, body_names(station))
 
 
 def check_frame(station: Surroundings, key: str, name: str) -> None:
     """Check that a frame exists; raises UnknownName: with the nearest known name."""
-    one_of(f"frame for {key}", name, frame_names(station))
+    one_of(message("parts.frame_for", "frame for {key}", key=key), name, frame_names(station))
 
 
 def shapes_of(plant: StationPlant, station: Surroundings, name: str) -> list[GeometryId]:
     """Return the collision shapes of a body; raises InvalidParameter: it has none."""
     found = list(_candidates(plant, station, name))
     if not found:
-        raise InvalidParameter("sensor", f"at {name}", "a body with shapes that collide")
+        raise InvalidParameter(
+            "sensor",
+            message("parts.at_body", "at {name}", name=name),
+            message("parts.body_that_collides", "a body with shapes that collide"),
+        )
     return found
 
 

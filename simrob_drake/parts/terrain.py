@@ -14,6 +14,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from simrob_drake.base.errors import InvalidConfig
 from simrob_drake.base.files import content_of, read_matrix
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Integer, Number, Positive, Strict
 
 _BELOW = 0.05  # how far the boxes reach below the lowest of their tops, and how thick what is soft is at least [m]
@@ -76,22 +77,37 @@ class Terrain(Strict):
     @model_validator(mode="after")
     def _fits(self) -> "Terrain":
         if self.kind == "grid" and self.file is None:
-            raise ValueError("file is missing, which has the heights of a grid")
+            raise ValueError(message("parts.grid_without_file", "file is missing, which has the heights of a grid"))
         if self.kind != "grid" and self.file is not None:
-            raise ValueError(f"file goes with kind grid alone, not with {self.kind}")
+            raise ValueError(
+                message("parts.file_of_grid_only", "file goes with kind grid alone, not with {kind}", kind=self.kind)
+            )
         if self.kind == "gaps" and self.gap >= self.size:
             raise ValueError(
-                f"gap ({self.gap:g} m) leaves nothing to stand on between gaps every {self.size:g} m (size)"
+                message(
+                    "parts.gap_leaves_nothing",
+                    "gap ({gap:g} m) leaves nothing to stand on between gaps every {size:g} m (size)",
+                    gap=self.gap,
+                    size=self.size,
+                )
             )
         if self.kind == "grid":
             return self
         along, across = self.length / self.size, self.width / self.size
         if along < 1 or across < 1:
-            raise ValueError(f"size ({self.size:g} m) is not more than length and width")
+            raise ValueError(
+                message("parts.size_not_below", "size ({size:g} m) is not more than length and width", size=self.size)
+            )
         if along * across > MOST_BOXES:
             least = np.sqrt(self.length * self.width / MOST_BOXES)
             raise ValueError(
-                f"a size of {self.size:g} m makes more than {MOST_BOXES} boxes; take {least:.2g} m or more"
+                message(
+                    "parts.too_many_boxes",
+                    "a size of {size:g} m makes more than {most} boxes; take {least:.2g} m or more",
+                    size=self.size,
+                    most=MOST_BOXES,
+                    least=least,
+                )
             )
         return self
 
@@ -109,12 +125,20 @@ class Terrain(Strict):
         try:
             with Image.open(BytesIO(content_of(self.file))) as picture:
                 if picture.width * picture.height > _MOST_PIXELS:
-                    pixels = f"has {picture.width} x {picture.height} pixels, more than {_MOST_PIXELS}; make it smaller"
+                    pixels = message(
+                        "parts.too_many_pixels",
+                        "has {width} x {height} pixels, more than {most}; make it smaller",
+                        width=picture.width,
+                        height=picture.height,
+                        most=_MOST_PIXELS,
+                    )
                     raise InvalidConfig(self.file, "", pixels)
                 white = 65535.0 if "16" in picture.mode else 255.0
                 return np.asarray(self.height / white * np.asarray(picture.convert("F"))[::-1, ::-1], dtype=float)
         except OSError as problem:
-            raise InvalidConfig(self.file, "", f"cannot be read as a picture ({problem})") from problem
+            raise InvalidConfig(
+                self.file, "", message("parts.no_picture", "cannot be read as a picture ({problem})", problem=problem)
+            ) from problem
 
     def blocks(self, floor: float) -> list[TerrainBox]:
         """Return the boxes, those of the level ground around the field included; ``floor`` is its side [m]."""
@@ -217,6 +241,13 @@ class Terrain(Strict):
         if len(boxes) > MOST_BOXES:
             assert self.file is not None  # a grid has one
             raise InvalidConfig(
-                self.file, "", f"makes {len(boxes)} boxes, and at most {MOST_BOXES} can be; thin it out"
+                self.file,
+                "",
+                message(
+                    "parts.grid_of_too_many_boxes",
+                    "makes {count} boxes, and at most {most} can be; thin it out",
+                    count=len(boxes),
+                    most=MOST_BOXES,
+                ),
             )
         return boxes

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from simrob_drake.base.arguments import instance
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import PoseLike
+from simrob_drake.base.messages import message
 from simrob_drake.kinematics.registry import SolverLike
 from simrob_drake.programs.geometry import ArmGeometry
 from simrob_drake.programs.moves.joints import JointMove, move_of
@@ -122,9 +123,17 @@ class Arm(ArmGeometry):
         self.references: list[JointMove] = []
         model = self.cell.model.robots[self.name].model
         if model.base != "fixed":
-            raise InvalidParameter("robot", model.name, "one on a fixed base; LeggedRobot programs those with legs")
+            raise InvalidParameter(
+                "robot",
+                model.name,
+                message("programs.robot_on_fixed_base", "one on a fixed base; LeggedRobot programs those with legs"),
+            )
         if not self.cell.model.robots[self.name].tcp:
-            raise InvalidParameter("robot", model.name, "one with a tool frame, under tools: in its robot.yaml")
+            raise InvalidParameter(
+                "robot",
+                model.name,
+                message("programs.robot_with_tool", "one with a tool frame, under tools: in its robot.yaml"),
+            )
         if tool is not None:
             self.tool(tool)
         _ = self.chain  # of joints that can be followed
@@ -264,7 +273,10 @@ class Arm(ArmGeometry):
         if automatic is False:
             return self.cell.simulate(config, duration=duration, strict=strict)
         if duration is not None:
-            raise Unsuitable("duration", "an automatic robot takes the time of its own references")
+            raise Unsuitable(
+                "duration",
+                message("programs.automatic_robot_times", "an automatic robot takes the time of its own references"),
+            )
         other = Workcell(self.cell.config if config is None else config)
         other.progress, other.strict = self.cell.progress, self.cell.strict or strict
         return run_cells(Arm(other, self.name), self.references, pace_of(automatic))
@@ -311,7 +323,12 @@ class Workcell(RecordedStation):
             InvalidConfig: a damaged file.
             SimrobError: what the arms cannot do; names the move.
         """
-        instance(program, "program", (Program, Path, str), "a Program, or the YAML file of one")
+        instance(
+            program,
+            "program",
+            (Program, Path, str),
+            message("programs.a_program_or_yaml", "a Program, or the YAML file of one"),
+        )
         loaded, file = (program, "") if isinstance(program, Program) else (Program.load(program), str(program))
         trial = Workcell(self.config)
         trial.state = self.state
@@ -345,7 +362,11 @@ class Workcell(RecordedStation):
             InvalidParameter: a program without a move that takes time.
             SimrobError: what cannot be done; names the move.
         """
-        check_takes_time(program.moves, file or "the program", "one with moves, such as move_abs_j")
+        check_takes_time(
+            program.moves,
+            file or message("programs.the_program", "the program"),
+            message("programs.program_with_moves", "one with moves, such as move_abs_j"),
+        )
         fallen, whole = set[str](), 0.0
         for number, move in enumerate(program.moves):
             if isinstance(move, PlayMove) or not fallen.isdisjoint(move.pieces()):

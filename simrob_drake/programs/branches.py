@@ -15,6 +15,7 @@ from pydrake.geometry import GeometryId, Role
 
 from simrob_drake.base.arguments import instance
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.blocks.contacts import Distances, Pair
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.every_branch import branches
@@ -144,7 +145,9 @@ class Branches:
             InvalidParameter: `held` is not a mapping, or contains positions that are no numbers.
             UnknownName: `held` names an unknown axis.
         """
-        instance(held, "held", Mapping, "a mapping of axes to positions [rad or m]")
+        instance(
+            held, "held", Mapping, message("programs.axes_to_positions", "a mapping of axes to positions [rad or m]")
+        )
         # An empty list of positions is kept as it is, so that the search refuses it with a message.
         choices = [np.ravel(positions).tolist() or [positions] for positions in held.values()]
         postures = []
@@ -166,8 +169,15 @@ class Branches:
     def __repr__(self) -> str:
         """Table of the postures, with columns aligned to the right."""
         if not self.found:
-            return "no posture reaches the pose"
-        header = ["", *self.chain.names, "of the torque limit", "room to a limit", "gap", "would be in"]
+            return message("programs.no_posture_reaches", "no posture reaches the pose")
+        header = [
+            "",
+            *self.chain.names,
+            message("programs.of_torque_limit", "of the torque limit"),
+            message("programs.room_to_limit", "room to a limit"),
+            "gap",
+            message("programs.would_be_in", "would be in"),
+        ]
         rows = [header, *(self._row(branch) for branch in self.found)]
         widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
         lines = []
@@ -183,9 +193,23 @@ class Branches:
         is_revolute = dict(zip(self.chain.names, self.chain.revolute.tolist(), strict=True))
         positions = branch.posture + 0.0  # makes 0 of -0
         star = "*" if branch.usable else ""
-        load = f"{100 * branch.load.value:.0f} % {branch.load.axis}"
-        room = f"{axis_text(branch.room.value, is_revolute[branch.room.axis])} {branch.room.axis}"
-        gap = f"{1e3 * branch.gap.distance:.0f} mm {branch.gap.body} to {branch.gap.other}" if branch.gap.other else ""
+        load = compound("{load:.0f} % {axis}", load=100 * branch.load.value, axis=branch.load.axis)
+        room = compound(
+            "{axis_text} {axis}",
+            axis_text=axis_text(branch.room.value, is_revolute[branch.room.axis]),
+            axis=branch.room.axis,
+        )
+        gap = (
+            message(
+                "programs.gap_to_other",
+                "{distance:.0f} mm {body} to {other}",
+                distance=1e3 * branch.gap.distance,
+                body=branch.gap.body,
+                other=branch.gap.other,
+            )
+            if branch.gap.other
+            else ""
+        )
         return [star, *map(axis_text, positions, is_revolute.values()), load, room, gap, branch.collision]
 
 
@@ -207,7 +231,7 @@ def collision(model: StationModel, robot: str, now: Vector, posture: Vector) -> 
     try:
         check_collisions(model, motion, times, lambda _: PathPoint(1, robot))
     except PathCollision as found:
-        return f"{found.bodies[0]} in {found.bodies[1]}"
+        return message("programs.body_in_other", "{body} in {other}", body=found.bodies[0], other=found.bodies[1])
     return ""
 
 

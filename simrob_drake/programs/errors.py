@@ -1,6 +1,7 @@
 """What can go wrong on the way of a move, as named exceptions; nothing has moved when one is raised."""
 
 from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.messages import message
 
 
 class JointLimitExceeded(SimrobError):
@@ -15,7 +16,15 @@ class JointLimitExceeded(SimrobError):
 
     def __init__(self, where: str, axis: str, *, point: int, time: float, value: float, shown: str) -> None:
         """Say at which point which axis would be where; ``shown`` tells the value and the limits with their units."""
-        super().__init__(f"{where}: {axis} would be at {shown}")
+        super().__init__(
+            message(
+                "programs.axis_would_be_at",
+                "{where}: {axis} would be at {position}",
+                where=where,
+                axis=axis,
+                position=shown,
+            )
+        )
         self.axis, self.point, self.time, self.value = axis, point, time, value
 
 
@@ -36,20 +45,29 @@ class _TooFast(SimrobError):
         self, where: str, axis: str, *, point: int, time: float, rate: float, duration: float, shown: str
     ) -> None:
         """Say at which point which axis would be too fast, what its limit is, and what would do."""
-        super().__init__(f"{where}: {axis} would {self._word} {shown}")
+        super().__init__(
+            message(
+                "programs.axis_would",
+                "{where}: {axis} would {word} {rate}",
+                where=where,
+                axis=axis,
+                word=self._word,
+                rate=shown,
+            )
+        )
         self.axis, self.point, self.time, self.rate, self.duration = axis, point, time, rate, duration
 
 
 class SpeedLimitExceeded(_TooFast):
     """A move on which a joint would turn faster than it can."""
 
-    _word = "move at"
+    _word = message("programs.move_at", "move at")
 
 
 class AccelerationLimitExceeded(_TooFast):
     """A move on which a joint would be sped up, or slowed down, more than it can."""
 
-    _word = "be sped up by"
+    _word = message("programs.be_sped_up_by", "be sped up by")
 
 
 class TorqueLimitExceeded(SimrobError):
@@ -64,7 +82,11 @@ class TorqueLimitExceeded(SimrobError):
 
     def __init__(self, where: str, axis: str, *, point: int, time: float, torque: float, shown: str) -> None:
         """Say at which point which axis needs too much; ``shown`` has the torque, the limit and the remedy."""
-        super().__init__(f"{where}: {axis} would need {shown}")
+        super().__init__(
+            message(
+                "programs.axis_would_need", "{where}: {axis} would need {torque}", where=where, axis=axis, torque=shown
+            )
+        )
         self.axis, self.point, self.time, self.torque = axis, point, time, torque
 
 
@@ -79,8 +101,20 @@ class BrokenPath(SimrobError):
 
     def __init__(self, where: str, axis: str, *, point: int, jump: float, shown: str) -> None:
         """Say between which points which axis would have to jump; ``shown`` tells how far with its unit."""
-        advice = "the path leads through a singular posture; go there by move_j, or take another way"
-        super().__init__(f"{where}: {axis} would have to jump by {shown} there: {advice}")
+        advice = message(
+            "programs.singular_path",
+            "the path leads through a singular posture; go there by move_j, or take another way",
+        )
+        super().__init__(
+            message(
+                "programs.axis_would_jump",
+                "{where}: {axis} would have to jump by {jump} there: {advice}",
+                where=where,
+                axis=axis,
+                jump=shown,
+                advice=advice,
+            )
+        )
         self.axis, self.point, self.jump = axis, point, jump
 
 
@@ -97,7 +131,14 @@ class PathCollision(SimrobError):
     def __init__(self, where: str, *, point: int, time: float, bodies: tuple[str, str], depth: float) -> None:
         """Say at which point what runs into what, and how deep."""
         super().__init__(
-            f"{where}: {bodies[0]} would run into {bodies[1]}, {1e3 * depth:.1f} mm deep; check 'limits' lets it"
+            message(
+                "programs.would_run_into",
+                "{where}: {body} would run into {other}, {depth:.1f} mm deep; check 'limits' lets it",
+                where=where,
+                body=bodies[0],
+                other=bodies[1],
+                depth=1e3 * depth,
+            )
         )
         self.point, self.time, self.bodies, self.depth = point, time, bodies, depth
 
@@ -115,8 +156,17 @@ class StartInCollision(NoFreePath):
     """
 
     def __init__(self, depth: float, bodies: tuple[str, str]) -> None:
-        remedy = "go out of it by move_l or move_abs_j with check 'limits'"
-        super().__init__(f"the start: {bodies[0]} is {1e3 * depth:.1f} mm deep in {bodies[1]}; {remedy}")
+        remedy = message("programs.go_out_with_limits", "go out of it by move_l or move_abs_j with check 'limits'")
+        super().__init__(
+            message(
+                "programs.start_in_collision",
+                "the start: {body} is {depth:.1f} mm deep in {other}; {remedy}",
+                body=bodies[0],
+                depth=1e3 * depth,
+                other=bodies[1],
+                remedy=remedy,
+            )
+        )
         self.bodies, self.depth = bodies, depth
 
 
@@ -125,7 +175,26 @@ class GoalInCollision(NoFreePath):
 
     def __init__(self, target: str, count: int, depth: float, bodies: tuple[str, str]) -> None:
         """Say with how many postures, and of the best one what would be in what."""
-        which = "the only posture" if count == 1 else f"all {count} postures"
-        found = f"{bodies[0]} would be {1e3 * depth:.1f} mm deep in {bodies[1]}"
-        super().__init__(f"{target} is in collision with {which} there: {found}{' at best' * (count > 1)}")
+        which = (
+            message("programs.the_only_posture", "the only posture")
+            if count == 1
+            else message("programs.all_postures", "all {count} postures", count=count)
+        )
+        found = message(
+            "programs.would_be_deep_in",
+            "{body} would be {depth:.1f} mm deep in {other}",
+            body=bodies[0],
+            depth=1e3 * depth,
+            other=bodies[1],
+        )
+        super().__init__(
+            message(
+                "programs.target_in_collision",
+                "{target} is in collision with {which} there: {found}{at_best}",
+                target=target,
+                which=which,
+                found=found,
+                at_best=message("programs.at_best", " at best") * (count > 1),
+            )
+        )
         self.bodies, self.depth = bodies, depth

@@ -19,6 +19,7 @@ from simrob_drake.base.extension import (
     register_core_names,
 )
 from simrob_drake.base.known_extensions import check_provided, known_names
+from simrob_drake.base.messages import message
 from simrob_drake.importer.importer import NoOptions
 from simrob_drake.programs.program import Program
 from simrob_drake.stations.config import StationConfig
@@ -128,15 +129,30 @@ def load_exporter(name: str) -> Exporter:
     """
     addition = additions("exporters").get(name)
     if addition is None:
-        check_provided("exporters", name, f"the format {name}")
-        known = ", ".join(additions("exporters")) or "none, since no extension adds one"
-        raise InvalidParameter("format", name, f"one of: {known}")
+        check_provided("exporters", name, message("programs.the_format", "the format {name}", name=name))
+        known = ", ".join(additions("exporters")) or message("programs.no_format", "none, since no extension adds one")
+        raise InvalidParameter("format", name, message("programs.one_of", "one of: {known}", known=known))
     exporter_class: type[Exporter] = load_addition_class(addition, Exporter)
     if not issubclass(exporter_class, StationExporter | ProgramExporter):
-        expected = "a subclass of StationExporter or ProgramExporter"
-        raise BrokenExtension(f"{addition.owner}: {addition.target} must be {expected}")
+        expected = message("programs.an_exporter_class", "a subclass of StationExporter or ProgramExporter")
+        raise BrokenExtension(
+            message(
+                "programs.addition_must_be",
+                "{owner}: {target} must be {expected}",
+                owner=addition.owner,
+                target=addition.target,
+                expected=expected,
+            )
+        )
     if not name.isidentifier():
-        raise BrokenExtension(f"{addition.owner}: the format {name!r} must be a word, which becomes an option")
+        raise BrokenExtension(
+            message(
+                "programs.format_must_be_word",
+                "{owner}: the format {name} must be a word, which becomes an option",
+                owner=addition.owner,
+                name=repr(name),
+            )
+        )
     exporter = exporter_class()
     exporter.owner = addition.owner
     return exporter

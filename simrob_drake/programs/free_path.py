@@ -21,6 +21,7 @@ from scipy.interpolate import BSpline
 
 from simrob_drake.base.extras import needed
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.numeric import random_postures
 from simrob_drake.programs.errors import NoFreePath, StartInCollision
@@ -275,7 +276,15 @@ class Search:
                 return TimelessPath(self.length_fractions(postures), postures)
         assert hit is not None  # the last attempt ended in a collision
         one, other = hit.moved
-        raise NoFreePath(f"the way that was found leads {one} {1e3 * hit.depth:.1f} mm into {other}: try another seed")
+        raise NoFreePath(
+            message(
+                "programs.way_leads_into",
+                "the way that was found leads {one} {depth:.1f} mm into {other}: try another seed",
+                one=one,
+                depth=1e3 * hit.depth,
+                other=other,
+            )
+        )
 
     def _first_hit(self, postures: Vector) -> Overlap | None:
         """Deepest collision of the first of several postures (k, n) that collides, by the whole tolerances.
@@ -419,9 +428,21 @@ class Search:
         differences = np.array([self.space.posture, *reached])[:, np.newaxis] - goals
         gaps = np.linalg.norm(differences * self.scale, axis=2)  # [m], from each posture to each goal
         row, goal = np.unravel_index(int(gaps.argmin()), gaps.shape)
-        nearest = f"{goal + 1} of {len(goals)} is nearest, with a motion of {gaps[row, goal]:.2g} m left"
+        nearest = message(
+            "programs.nearest_goal",
+            "{goal} of {count} is nearest, with a motion of {gap:.2g} m left",
+            goal=goal + 1,
+            count=len(goals),
+            gap=gaps[row, goal],
+        )
         # Without other bodies in the way, the arm collided with itself.
-        obstacles = ", ".join(self.space.obstacles()) or "the arm itself"
+        obstacles = ", ".join(self.space.obstacles()) or message("programs.the_arm_itself", "the arm itself")
         return NoFreePath(
-            f"no free way was found in {self.seconds:g} s: of the goals number {nearest}; in the way: {obstacles}"
+            message(
+                "programs.no_free_way",
+                "no free way was found in {seconds:g} s: of the goals number {nearest}; in the way: {obstacles}",
+                seconds=self.seconds,
+                nearest=nearest,
+                obstacles=obstacles,
+            )
         )

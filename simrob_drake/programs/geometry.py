@@ -9,6 +9,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.base.errors import InvalidParameter, UnknownName
 from simrob_drake.base.frames import PoseLike, Vector, as_transform, poses_from_matrices
+from simrob_drake.base.messages import message
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.numeric import NumericSolver
@@ -31,7 +32,15 @@ class CellRobot:
 
     def __setattr__(self, name: str, value: Any) -> None:
         if callable(getattr(type(self), name, None)):
-            raise AttributeError(f"{name} is a method of {type(self).__name__}: call {name}({value!r})")
+            raise AttributeError(
+                message(
+                    "programs.is_a_method",
+                    "{name} is a method of {owner}: call {name}({value})",
+                    name=name,
+                    owner=type(self).__name__,
+                    value=repr(value),
+                )
+            )
         super().__setattr__(name, value)
 
     def __init__(self, cell: StatefulStation, robot: str | None = None) -> None:
@@ -176,7 +185,11 @@ class ArmGeometry(CellRobot):
         chain, begin = self.chain, self.position if start is None else start
         target = world_poses(pose, self.frame(wobj), chain.forward(self.position)[0, :3, :3], "pose")
         if len(target) != 1:
-            raise InvalidParameter("pose", f"{len(target)} poses", "one pose")
+            raise InvalidParameter(
+                "pose",
+                message("programs.count_of_poses", "{count} poses", count=len(target)),
+                message("base.one_pose", "one pose"),
+            )
         limit, model = self.cell.robot(self.name).gains.limit_at_rest, self.cell.collision_model
         gap = gaps(model, self.name, chain)
 
@@ -323,7 +336,11 @@ class LeggedGeometry(CellRobot):
         """
         feet = self.feet
         if not feet or not self.cell.model.floats(self.name):
-            raise InvalidParameter("robot", self.model.name, "one on its own feet, to move its trunk over them")
+            raise InvalidParameter(
+                "robot",
+                self.model.name,
+                message("programs.robot_on_own_feet", "one on its own feet, to move its trunk over them"),
+            )
         there = as_transform(trunk).inverse()
         q = self.reference if start is None else one_posture(start, len(self.axes), "start")
         for foot in feet:
@@ -371,5 +388,7 @@ class LeggedGeometry(CellRobot):
     def _tool(self, tool: str) -> str:
         known = self.cell.robot(self.name).tools
         if not isinstance(tool, str) or tool not in known:
-            raise UnknownName(f"tool of {self.model.name}", tool, [*known, "trunk", "world"])
+            raise UnknownName(
+                message("base.tool_of", "tool of {model}", model=self.model.name), tool, [*known, "trunk", "world"]
+            )
         return tool

@@ -9,6 +9,7 @@ from pydrake.multibody.tree import Frame
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.parts.resolved import WORLD
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.parts.targets import own_name
@@ -34,9 +35,20 @@ def taken(model: StationModel, piece: str, parent: str, *, frame: str | None = N
         holders = [_point(model.pose(mount)), *tip, *(_boxes_on(model, mount) if frame in links else ())]
         distance = min(_gap(a, b) for a, b in product(holders, _boxes_of(model, piece)))
         if distance > REACH:
-            where = f"{1e3 * distance:.0f} mm away from {frame or parent}"
-            remedy = f"within {1e3 * REACH:g} mm: move there first, or give its pose there, to which it then jumps"
-            raise InvalidParameter(f"{piece}, to be taken,", where, remedy)
+            where = message(
+                "programs.away_from_frame",
+                "{distance:.0f} mm away from {frame}",
+                distance=1e3 * distance,
+                frame=frame or parent,
+            )
+            remedy = message(
+                "programs.within_reach",
+                "within {reach:g} mm: move there first, or give its pose there, to which it then jumps",
+                reach=1e3 * REACH,
+            )
+            raise InvalidParameter(
+                message("programs.piece_to_take", "{piece}, to be taken,", piece=piece), where, remedy
+            )
     return changed
 
 
@@ -49,27 +61,43 @@ def let_go(
     :func:`reparented`.
     """
     if piece in model.config.pieces and model.resolved.pieces[piece].parent == WORLD:
-        raise InvalidParameter(f"{piece}, to be let go,", "held by nothing", "a piece that hangs on a robot or a piece")
+        raise InvalidParameter(
+            message("programs.piece_to_release", "{piece}, to be let go,", piece=piece),
+            message("programs.held_by_nothing", "held by nothing"),
+            message("programs.piece_that_hangs", "a piece that hangs on a robot or a piece"),
+        )
     changed = reparented(model, piece, parent, frame=frame)
     if fixed or parent != WORLD or not changed.engine.moves_by_forces:
         return changed
     free = changed.pieces[piece].model_copy(update={"free": True})
     piece_model, missing = model.resolved.pieces[piece].model, ""
     if changed.contact is None:
-        missing = "in a station without contact"
+        missing = message("programs.station_without_contact", "in a station without contact")
     elif not any(shape.collides for shape in piece_model.shapes):
-        missing = "without a shape that collides"
+        missing = message("programs.without_shape", "without a shape that collides")
     elif not (piece_model.mass > 0 and min(piece_model.inertia[:3]) > 0):
-        missing = "without mass and inertia"
+        missing = message("programs.without_inertia", "without mass and inertia")
     if missing:
-        expected = "a piece that can fall and come to rest; with fixed it stays in the air, where it is"
-        raise InvalidParameter(f"{piece}, to be let go,", missing, expected)
+        expected = message(
+            "programs.piece_that_can_fall",
+            "a piece that can fall and come to rest; with fixed it stays in the air, where it is",
+        )
+        raise InvalidParameter(
+            message("programs.piece_to_release", "{piece}, to be let go,", piece=piece), missing, expected
+        )
     changed = changed.model_copy(update={"pieces": {**changed.pieces, piece: free}})
     middles = np.array([box.translation() for box, _ in _boxes_of(model, piece)])
     ground = resolve(changed).ground
     if not any(ground.carries(middle[np.newaxis], np.inf) for middle in middles):
-        expected = "over a floor or a fixed box, where it comes to rest; with fixed it stays where it is"
-        raise InvalidParameter(f"{piece}, to be let go,", "over nothing", expected)
+        expected = message(
+            "programs.over_a_floor",
+            "over a floor or a fixed box, where it comes to rest; with fixed it stays where it is",
+        )
+        raise InvalidParameter(
+            message("programs.piece_to_release", "{piece}, to be let go,", piece=piece),
+            message("programs.over_nothing", "over nothing"),
+            expected,
+        )
     return changed
 
 

@@ -8,6 +8,7 @@ from pydrake.math import RotationMatrix
 
 from simrob_drake.base.errors import InvalidParameter, UnknownName
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.blocks.references import hermite, sequence
 from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.gaits.legs import OutOfReach
@@ -60,11 +61,17 @@ def planned_gait(
     worn = robot.worn_feet
     name = first_gait(model, worn, known) if name is None else name
     if name not in known:
-        raise UnknownName(f"{what} of {model.name}", name, known)
+        raise UnknownName(
+            message("programs.gait_or_act_of", "{what} of {model}", what=what, model=model.name), name, known
+        )
     gait = known[name]
     for key in changes:
         if key not in type(gait).model_fields:
-            raise UnknownName(f"parameter of the {what} {name}", key, type(gait).model_fields)
+            raise UnknownName(
+                message("programs.parameter_of", "parameter of the {what} {name}", what=what, name=name),
+                key,
+                type(gait).model_fields,
+            )
     situation = resolve(station or robot.cell.config)
     _check_station(robot, situation, gait, name)
     walker = _walker(robot, situation)
@@ -72,7 +79,11 @@ def planned_gait(
         gait = _with_arms(gait, model, taught_arms(robot, gait.feet))
     made = changes.get("feet") or gait.made_for(model)
     if gait.on_feet and not carries(model, worn, made):
-        raise InvalidParameter(f"feet of {model.name}", str(worn), f"{made}, for {name}: set robot.feet to {made}")
+        raise InvalidParameter(
+            message("programs.feet_of", "feet of {model}", model=model.name),
+            str(worn),
+            message("programs.feet_for_gait", "{made}, for {name}: set robot.feet to {made}", made=made, name=name),
+        )
 
     def plan(**others: Any) -> JointMotion:
         return gait.changed({**changes, **others}, amplitude, name).plan(walker, steps or 0, amplitude)
@@ -82,7 +93,7 @@ def planned_gait(
         robot.trunk_chain(),
         motion.times,
         motion.positions,
-        lambda time: PathPoint(0, f"{name} at {time:.2f} s"),
+        lambda time: PathPoint(0, message("programs.point_at_time", "{name} at {time:.2f} s", name=name, time=time)),
     )
     return motion
 
@@ -143,10 +154,22 @@ def _check_station(robot: LeggedGeometry, station: ResolvedStation, gait: Gait, 
     model, config = robot.model, station.config
     floats = robot.cell.model.floats(robot.name)
     if gait.hangs and floats:
-        raise InvalidParameter("station", config.name, f"one that holds {model.name} by its trunk, for {name}")
+        raise InvalidParameter(
+            "station",
+            config.name,
+            message(
+                "programs.station_holding_trunk",
+                "one that holds {model} by its trunk, for {name}",
+                model=model.name,
+                name=name,
+            ),
+        )
     if gait.on_feet and not (floats and config.contact and station.ground.carries(robot.soles, _NEAR)):
-        expected = (
-            f"a dynamic one with contact and a floor, or a box that is fixed, under {model.name}'s feet, for {name}"
+        expected = message(
+            "programs.station_with_floor",
+            "a dynamic one with contact and a floor, or a box that is fixed, under {model}'s feet, for {name}",
+            model=model.name,
+            name=name,
         )
         raise InvalidParameter("station", config.name, expected)
 

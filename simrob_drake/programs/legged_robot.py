@@ -7,6 +7,7 @@ from typing import Any, Literal
 from simrob_drake.base.arguments import instance, truth
 from simrob_drake.base.errors import InvalidParameter, counted
 from simrob_drake.base.frames import PoseLike, as_transform, pose_from_transform
+from simrob_drake.base.messages import message
 from simrob_drake.parts.resolved import WORLD
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.geometry import LeggedGeometry
@@ -229,7 +230,12 @@ class LeggedRobot(LeggedGeometry):
         Raises:
             SimrobError: a program without moves, a damaged file, or as :meth:`test_move`, naming the move.
         """
-        instance(program, "program", (Program, Path, str), "a Program, or the YAML file of one")
+        instance(
+            program,
+            "program",
+            (Program, Path, str),
+            message("programs.a_program_or_yaml", "a Program, or the YAML file of one"),
+        )
         loaded = program if isinstance(program, Program) else Program.load(program)
         file = "" if loaded is program else str(program)
         with following(self.cell, loaded.grid, loaded.changes):
@@ -243,7 +249,9 @@ class LeggedRobot(LeggedGeometry):
         Raises:
             SimrobError: as :meth:`run`; or a program with a walk, an act or a piece.
         """
-        return joint_reference(self, leg_moves(instance(program, "program", Program, "a Program")))
+        return joint_reference(
+            self, leg_moves(instance(program, "program", Program, message("programs.a_program", "a Program")))
+        )
 
     def simulate(self, *, automatic: bool | Mapping[str, Any] | None = None, strict: bool = False) -> SimulationResult:
         """Run all that is stored from the start (Sim); the robot goes on from its end.
@@ -276,7 +284,7 @@ class LeggedRobot(LeggedGeometry):
         Nothing moves. Arguments and errors are those of :meth:`test_move`; ``duration`` is that of the way there.
         """
         cell = move_of(target_deg, duration)
-        targets_on(self.model, cell.target_deg, "the reference", cell.duration)
+        targets_on(self.model, cell.target_deg, message("programs.the_reference", "the reference"), cell.duration)
         self._remember()
         self.program = self.program.with_reference(cell)
 
@@ -320,7 +328,11 @@ class LeggedRobot(LeggedGeometry):
     def undo(self) -> None:
         """Take back the last thing that was done, a test, a run or a change of the program: robot and program."""
         if not self._past:
-            raise InvalidParameter("undo", "asked for before anything was done", "called after a move or a change")
+            raise InvalidParameter(
+                "undo",
+                message("programs.asked_before_moves", "asked for before anything was done"),
+                message("programs.called_after_move", "called after a move or a change"),
+            )
         self._restore(self._past.pop())
 
     def save(self, file: Path | str) -> Path:

@@ -23,6 +23,7 @@ from simrob_drake.base.frames import (
     transform_from_xyz_quaternion,
     xyz_quaternion_from_transform,
 )
+from simrob_drake.base.messages import message
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.parts.resolved import WORLD
@@ -229,9 +230,9 @@ class StationModel(PosedStation):
 
     def piece_frame(self, piece: str, frame: str = TCP) -> Frame:
         """Return a piece's named frame, else its tool centre point; raises UnknownName: no such piece or frame."""
-        one_of("piece", piece, self.config.pieces)
+        one_of(message("base.piece", "piece"), piece, self.config.pieces)
         known = self.resolved.pieces[piece].model.frame_poses
-        one_of(f"frame of {piece}", frame, known)
+        one_of(message("programs.frame_of_piece", "frame of {piece}", piece=piece), frame, known)
         return self.station.piece_frame(piece, f"{piece}_{frame}")
 
     def piece_origin(self, piece: str) -> Frame:
@@ -255,7 +256,11 @@ class StationModel(PosedStation):
             return self.plant.world_frame()
         own = self.robots[parent]
         if frame is not None:
-            one_of(f"tool or link of {parent}", frame, [*own.model.tools, *own.model.links])
+            one_of(
+                message("programs.tool_or_link", "tool or link of {parent}", parent=parent),
+                frame,
+                [*own.model.tools, *own.model.links],
+            )
         return self.plant.GetFrameByName(flange(own.model.tools, own.model.root, frame), own.instance)
 
     def dynamics(self, robot: str) -> Dynamics:
@@ -277,16 +282,24 @@ def reparented(
     piece, parent or frame; InvalidParameter: the piece itself as its parent, or one that hangs on it.
     """
     config = model.config
-    one_of("piece", piece, config.pieces)
+    one_of(message("base.piece", "piece"), piece, config.pieces)
     if parent != piece:
-        one_of("parent", parent, [name for name in (WORLD, *config.robots, *config.pieces) if name != piece])
+        one_of(
+            message("programs.parent", "parent"),
+            parent,
+            [name for name in (WORLD, *config.robots, *config.pieces) if name != piece],
+        )
     if frame is not None and parent == WORLD:
-        raise Unsuitable("frame", "the world has no frames")
+        raise Unsuitable("frame", message("programs.world_without_frames", "the world has no frames"))
     above = parent
     while above in config.pieces:
         if above == piece:
-            expected = "world, a robot, or a piece that does not hang on it"
-            raise InvalidParameter(f"parent of {piece}", "the piece itself" if parent == piece else parent, expected)
+            expected = message("programs.parent_of_piece", "world, a robot, or a piece that does not hang on it")
+            raise InvalidParameter(
+                message("programs.parent_of", "parent of {piece}", piece=piece),
+                message("programs.piece_itself", "the piece itself") if parent == piece else parent,
+                expected,
+            )
         above = model.resolved.pieces[above].parent
     mount = model.pose(model.mount(parent, frame))
     place = mount.inverse() @ model.pose(model.piece_origin(piece)) if pose is None else as_transform(pose)
@@ -324,5 +337,7 @@ def one_posture(values: npt.ArrayLike, axes: int, name: str) -> Vector:
     """Return one posture (n,); raises InvalidParameter: another shape, or numbers that are not finite."""
     found = finite(values)
     if found.shape != (axes,):
-        raise InvalidParameter(name, values, f"a posture of {axes} axes, finite numbers [rad]")
+        raise InvalidParameter(
+            name, values, message("programs.a_posture", "a posture of {axes} axes, finite numbers [rad]", axes=axes)
+        )
     return found

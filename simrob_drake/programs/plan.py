@@ -16,6 +16,7 @@ from pydrake.trajectories import Trajectory
 from simrob_drake.base.arguments import instance
 from simrob_drake.base.errors import shortened
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.programs.errors import (
     AccelerationLimitExceeded,
@@ -142,7 +143,7 @@ class Plan:
 
 def target_name(index: int, count: int) -> str:
     """Name of the target with an index among `count` targets, for messages."""
-    return f"targets[{index}]" if count > 1 else "the target"
+    return f"targets[{index}]" if count > 1 else message("programs.the_target", "the target")
 
 
 PointNaming = Callable[[float], PathPoint]
@@ -178,7 +179,14 @@ def check_limits(chain: Chain, times: Vector, postures: Vector, naming: PointNam
         point=point.number,
         time=time,
         value=float(postures[violation.row, violation.axis]),
-        shown=f"{violation.value} {violation.unit}, beyond its limits of {violation.limits}{hint}",
+        shown=message(
+            "programs.position_beyond_limits",
+            "{position} {unit}, beyond its limits of {limits}{hint}",
+            position=violation.value,
+            unit=violation.unit,
+            limits=violation.limits,
+            hint=hint,
+        ),
     )
 
 
@@ -241,7 +249,13 @@ def check_rates(
         time=time,
         rate=float(rates[row, axis]),
         duration=duration,
-        shown=f"{rate}, beyond its limit of {limit}; {remedy(factor, duration)}",
+        shown=message(
+            "programs.rate_beyond_limit",
+            "{rate}, beyond its limit of {limit}; {remedy}",
+            rate=rate,
+            limit=limit,
+            remedy=remedy(factor, duration),
+        ),
     )
 
 
@@ -270,15 +284,20 @@ def check_tool_speed(chain: Chain, plan: Plan, limit: float, remedy: Remedy) -> 
     time = float(times[row])
     point = plan.point_at(time)
     duration = factor * float(times[-1])
-    speed = f"{speeds[row]:.3g} m/s, beyond the {limit:g} m/s that it is rated for"
+    speed = message(
+        "programs.tool_speed",
+        "{speed:.3g} m/s, beyond the {limit:g} m/s that it is rated for",
+        speed=speeds[row],
+        limit=limit,
+    )
     raise SpeedLimitExceeded(
         point.name,
-        "the tool",
+        message("programs.the_tool", "the tool"),
         point=point.number,
         time=time,
         rate=float(speeds[row]),
         duration=duration,
-        shown=f"{speed}; {remedy(factor, duration)}",
+        shown=compound("{speed}; {remedy}", speed=speed, remedy=remedy(factor, duration)),
     )
 
 
@@ -297,7 +316,11 @@ def _rates(trajectory: Trajectory, times: Vector, order: int) -> Vector:
 
 def axis_text(value: float, is_revolute: bool) -> str:
     """Position of an axis as messages show it: in degrees for a revolute axis [rad], otherwise in metres [m]."""
-    return f"{np.rad2deg(value):.1f} deg" if is_revolute else f"{value:.3f} m"
+    return (
+        message("programs.degrees", "{degrees:.1f} deg", degrees=np.rad2deg(value))
+        if is_revolute
+        else compound("{value:.3f} m", value=value)
+    )
 
 
 def check_collisions(
@@ -363,7 +386,7 @@ def check_moves(model: StationModel, plans: Sequence[Plan]) -> None:
         PathCollision: names the first collision, by the point of the longest move.
     """
     for plan in plans:
-        instance(plan, "plan", Plan, "made by arm.plan, such as arm.plan.move_l(...)")
+        instance(plan, "plan", Plan, message("programs.a_plan", "made by arm.plan, such as arm.plan.move_l(...)"))
     # Messages name the point of the longest move, which is still under way at any time.
     longest = max(plans, key=lambda plan: plan.duration)
     times = np.unique(np.concatenate([plan.looks for plan in plans]))

@@ -24,6 +24,7 @@ from simrob_drake.base.frames import (
     poses_from_matrices,
 )
 from simrob_drake.base.interpolation import stacked
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import FARTHEST, MOST_TURN
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.registry import SolverLike, solver_for
@@ -72,7 +73,7 @@ def places(points: npt.ArrayLike | PoseTargets, wobj: RigidTransform, name: str)
         return np.asarray((wobj.GetAsMatrix4() @ pose_matrices(points, name))[:, :3, 3])
     rows = np.atleast_2d(finite(points))
     if not rows.size:
-        raise InvalidParameter(name, points, "places of three finite numbers [m]")
+        raise InvalidParameter(name, points, message("programs.places_of_three", "places of three finite numbers [m]"))
     return np.asarray(rows @ wobj.rotation().matrix().T + wobj.translation())
 
 
@@ -89,12 +90,28 @@ def check_units(targets: Any, name: str) -> None:
     """Refuse poses and places whose numbers can only be millimetres or degrees; raises InvalidParameter: which."""
     rows = np.atleast_2d(numbers_or_nothing(targets))
     for values, most, unit, other, hint in (
-        (rows[:, :3], FARTHEST, "m", "millimetres", "lengths are in metres"),
-        (rows[:, 3:], MOST_TURN, "rad", "degrees", "angles are in radians, as np.deg2rad() or targets_deg give them"),
+        (
+            rows[:, :3],
+            FARTHEST,
+            "m",
+            message("programs.millimetres", "millimetres"),
+            message("programs.lengths_in_metres", "lengths are in metres"),
+        ),
+        (
+            rows[:, 3:],
+            MOST_TURN,
+            "rad",
+            message("programs.degrees_word", "degrees"),
+            message("programs.angles_in_radians", "angles are in radians, as np.deg2rad() or targets_deg give them"),
+        ),
     ):
         beyond = values[np.abs(values) > most]
         if beyond.size:
-            raise InvalidParameter(name, f"one with {beyond[0]:g} {unit}", f"in SI units; were these {other}? {hint}")
+            raise InvalidParameter(
+                name,
+                message("programs.one_with_value", "one with {beyond:g} {unit}", beyond=beyond[0], unit=unit),
+                message("programs.in_si_units", "in SI units; were these {other}? {hint}", other=other, hint=hint),
+            )
 
 
 def is_place(targets: npt.ArrayLike | PoseTargets) -> bool:
@@ -219,7 +236,7 @@ class Planning:
         """Look at the limits of a plan, first of its ends (k, n), for which messages may have a hint."""
         asked = how.get("check", CHECKED)
         check: Check = "limits" if asked is None else asked
-        one_of("check", check, get_args(Check))
+        one_of(message("programs.check", "check"), check, get_args(Check))
         if check != "nothing":
             count = len(plan.arrivals)
             names = [PathPoint(plan.points, target_name(index, count)) for index in range(count)]
@@ -239,10 +256,16 @@ def zone_of(how: How, count: int) -> float:
     """Return the zone of a move to so many targets [m]; 0 to rest at each."""
     zone = zone_size(how.get("zone", "fine"))
     if zone and count < 2:
-        expected = "with several targets in one call, such as move_l([first, second]): a move rests at its last"
+        expected = message(
+            "programs.several_targets",
+            "with several targets in one call, such as move_l([first, second]): a move rests at its last",
+        )
         raise InvalidParameter("zone", how["zone"], expected)
     if zone and "times" in how:
-        raise Unsuitable("times", "targets with a zone are passed, and have no times of their own")
+        raise Unsuitable(
+            "times",
+            message("programs.zone_without_times", "targets with a zone are passed, and have no times of their own"),
+        )
     return zone
 
 
@@ -258,7 +281,7 @@ def grouped(ways: Sequence[Way], zone: float, points: int) -> list[tuple[Way, in
 def points_of(how: How, default: int) -> int:
     """Return how many points are on the way to a target; other keys than those of :class:`How` are refused."""
     for key in how:
-        one_of("option of a move", key, How.__annotations__)
+        one_of(message("programs.option_of_move", "option of a move"), key, How.__annotations__)
     return whole(how.get("points", default), "points", 1, _MOST_POINTS)
 
 
@@ -268,5 +291,9 @@ def degrees_hint(chain: Chain, rows: npt.NDArray[np.float64]) -> str:
     fit = chain.limits.are_within(turned)
     whole_turns = (np.abs(rows) > 2 * np.pi) & chain.revolute
     return (
-        "; angles are in radians: were these degrees? np.deg2rad(...) turns them" if fit and whole_turns.any() else ""
+        message(
+            "programs.were_these_degrees", "; angles are in radians: were these degrees? np.deg2rad(...) turns them"
+        )
+        if fit and whole_turns.any()
+        else ""
     )

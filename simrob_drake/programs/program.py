@@ -13,6 +13,7 @@ from pydantic import BeforeValidator, PlainSerializer, model_validator
 from simrob_drake.base.arguments import as_path, instance
 from simrob_drake.base.errors import InvalidParameter, counted, shortened
 from simrob_drake.base.folders import written_at_once
+from simrob_drake.base.messages import message
 from simrob_drake.base.packages import Border
 from simrob_drake.base.sections import Duration, Positive, Strict, validated
 from simrob_drake.base.yaml_files import parse_yaml, read_yaml
@@ -20,8 +21,8 @@ from simrob_drake.parts.controllers import loops_of
 from simrob_drake.parts.controllers.postures import Cell, Pace, Sequencer
 from simrob_drake.programs.geometry import CellRobot
 from simrob_drake.programs.moves.joints import JointMove
-from simrob_drake.programs.moves.kinds import KINDS, AnyMove, check_move
-from simrob_drake.programs.moves.move import Move
+from simrob_drake.programs.moves.kinds import AnyMove, check_move
+from simrob_drake.programs.moves.move import Move, move_name, reference_name
 from simrob_drake.programs.timeline import Change
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.located import located_changes
@@ -45,7 +46,7 @@ def pace_of(value: bool | Automatic | Mapping[str, Any]) -> Automatic:
     """
     if value is True:
         return Automatic()
-    expected = "True, or a mapping such as {'tolerance_deg': 3, 'timeout': 20}"
+    expected = message("programs.true_or_reach", "True, or a mapping such as {{'tolerance_deg': 3, 'timeout': 20}}")
     if isinstance(value, Automatic):
         return value
     return validated(Automatic, dict(instance(value, NAME, Mapping, expected)), NAME)
@@ -58,7 +59,11 @@ def run_cells(robot: CellRobot, cells: Sequence[JointMove], pace: Automatic) -> 
     beyond its limits, or a kinematic station; InvalidConfig: a cell whose way takes longer than the time-out.
     """
     if not cells:
-        raise InvalidParameter("the program", "without references", "one with some: add_reference() stores them")
+        raise InvalidParameter(
+            message("programs.the_program", "the program"),
+            message("programs.without_references", "without references"),
+            message("programs.with_references", "one with some: add_reference() stores them"),
+        )
     own = robot.cell.config
     others = {
         name: one
@@ -120,7 +125,9 @@ class Program(Strict):
     @model_validator(mode="after")
     def _something_automatic(self) -> Self:
         if self.automatic and not self.references:
-            raise ValueError("automatic: references are run, and there are none")
+            raise ValueError(
+                message("programs.automatic_without_references", "automatic: references are run, and there are none")
+            )
         return self
 
     @property
@@ -184,7 +191,12 @@ class Program(Strict):
 
     def with_reference(self, cell: JointMove) -> "Program":
         """Return the program with a cell behind the others."""
-        instance(cell, "cell", JointMove, "a JointMove, such as JointMove(target_deg={'waist': 10})")
+        instance(
+            cell,
+            "cell",
+            JointMove,
+            message("programs.a_joint_move", "a JointMove, such as JointMove(target_deg={{'waist': 10}})"),
+        )
         return self.model_copy(update={"references": (*self.references, cell)})
 
     def save(self, file: Path | str) -> Path:
@@ -219,31 +231,48 @@ class Program(Strict):
         return program.model_copy(update={"changes": changes}) if changes else program
 
     @classmethod
-    def of_text(cls, text: str, where: str = "the program") -> "Program":
+    def of_text(cls, text: str, where: str = message("programs.the_program", "the program")) -> "Program":
         """Return the program that a YAML text holds, likewise; errors call it as ``where`` says."""
         content = parse_yaml(text, where)
-        return cls.of_content(instance(content, where, dict, "a mapping with moves"), where)
+        return cls.of_content(
+            instance(content, where, dict, message("programs.mapping_with_moves", "a mapping with moves")), where
+        )
 
     @classmethod
     def of_content(cls, content: dict[str, Any], source: Path | str) -> "Program":
         """Return the program of a mapping, likewise; errors call it as ``source`` says."""
-        for key in ("moves", "references"):
-            entries = content.get(key)
-            for number, entry in enumerate(entries if isinstance(entries, list) else []):
-                kinds = {JointMove.key: JointMove} if key == "references" else KINDS
-                check_move(entry, f"{source}: {key}[{number}]", kinds)
+        for index, entry in enumerate(_entries(content, "moves")):
+            check_move(entry, move_name(index, len(content["moves"]), str(source)))
+        for index, entry in enumerate(_entries(content, "references")):
+            check_move(entry, reference_name(index, str(source)), {JointMove.key: JointMove})
         return validated(cls, content, source)
 
     def _place(self, index: int, last: int) -> int:
         count = len(self.moves)
-        instance(index, "index", int, "the number of a move")
+        instance(index, "index", int, message("programs.number_of_move", "the number of a move"))
         place = index + count if index < 0 else index
         if not 0 <= place <= last:
-            known = f"from {-count} to {last}, the program has {counted(count, 'move')}"
-            raise InvalidParameter("index", index, known if last >= 0 else "of a move; there is none")
+            known = message(
+                "programs.known_numbers",
+                "from {first} to {last}, the program has {moves} {moves:move|moves}",
+                first=-count,
+                last=last,
+                moves=count,
+            )
+            raise InvalidParameter(
+                "index", index, known if last >= 0 else message("programs.no_move_yet", "of a move; there is none")
+            )
         return place
+
+
+def _entries(content: Mapping[str, Any], key: str) -> list[Any]:
+    """Entries of a list in a program's file. Empty if the key is missing, or holds something else than a list."""
+    entries = content.get(key)
+    return entries if isinstance(entries, list) else []
 
 
 def _check_moves(*moves: object) -> None:
     for move in moves:
-        instance(move, "move", Move, "a move, such as JointMove(target_deg={'waist': 10})")
+        instance(
+            move, "move", Move, message("programs.a_move", "a move, such as JointMove(target_deg={{'waist': 10}})")
+        )

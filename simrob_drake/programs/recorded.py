@@ -6,6 +6,7 @@ from typing import Literal, Unpack
 
 from simrob_drake.base.arguments import instance
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.programs.model import one_posture
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.stateful_station import GOES_ON, StatefulStation
@@ -44,8 +45,15 @@ class RecordedStation(StatefulStation):
 
     def draw(self, postures: dict[str, Vector]) -> None:
         """Show robots in postures (n,) in the window, without moving them."""
-        shown = instance(postures, "postures", Mapping, "a mapping by robot").items()
-        postures = {name: one_posture(q, len(self.robot(name).axes), f"postures: {name}") for name, q in shown}
+        shown = instance(
+            postures, "postures", Mapping, message("programs.mapping_by_robot", "a mapping by robot")
+        ).items()
+        postures = {
+            name: one_posture(
+                q, len(self.robot(name).axes), message("programs.posture_called", "postures: {name}", name=name)
+            )
+            for name, q in shown
+        }
         self.show()
         assert self._window is not None
         now = self._shown_state()

@@ -22,6 +22,7 @@ from simrob_drake.base.arguments import positive
 from simrob_drake.base.errors import InvalidParameter, angle, quoted
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.interpolation import stacked, turned_by
+from simrob_drake.base.messages import compound, message
 from simrob_drake.blocks.cruise import TimeLaw
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.incremental import IncrementalSolver
@@ -30,7 +31,12 @@ from simrob_drake.programs.errors import BrokenPath
 
 _LARGEST = 200  # mm, of RAPID's zones
 _SMALLEST = 3e-4  # m: z0
-_KNOWN = f"'fine', 'z0' to 'z{_LARGEST}' for so many millimetres, or a number from {_SMALLEST:g} [m]"
+_KNOWN = message(
+    "programs.known_zones",
+    "'fine', 'z0' to 'z{largest}' for so many millimetres, or a number from {smallest:g} [m]",
+    largest=_LARGEST,
+    smallest=_SMALLEST,
+)
 _TOO_WIDE = 1 + 1e-9
 
 Curve = Callable[[Vector], Vector]  # gives postures (k, n), or poses (k, 4, 4), at parts (k,) of a way
@@ -73,8 +79,13 @@ def through_zones(ways: Sequence[Way], zone: float) -> Way:
     for index, pair in enumerate(pairwise(ways)):
         most = min(way.length for way in pair) / 2
         if zone > most * _TOO_WIDE:
-            expected = f"at most {1e3 * most:.4g} mm at targets[{index}]: half of the shorter way that meets there"
-            raise InvalidParameter("zone", f"{1e3 * zone:.4g} mm", expected)
+            expected = message(
+                "programs.largest_zone",
+                "at most {most:.4g} mm at targets[{index}]: half of the shorter way that meets there",
+                most=1e3 * most,
+                index=index,
+            )
+            raise InvalidParameter("zone", compound("{zone:.4g} mm", zone=1e3 * zone), expected)
 
     def curve(parts: Vector) -> Vector:
         gone = parts * ends[-1]
@@ -216,7 +227,16 @@ def named_point(part: float, points: int, target: str) -> PathPoint:
     # A place that is beyond a point only by rounding belongs to this point. No point is at the beginning, 0: it
     # belongs to point 1.
     number = max(int(np.ceil(part * points - 1e-9)), 1)
-    return PathPoint(number, f"point {number} of {points} on the way to {target}")
+    return PathPoint(
+        number,
+        message(
+            "programs.point_on_way",
+            "point {number} of {points} on the way to {target}",
+            number=number,
+            points=points,
+            target=target,
+        ),
+    )
 
 
 def _away(chain: Chain, postures: Vector, targets: Vector) -> float:
@@ -235,7 +255,13 @@ def _require(solutions: Solutions, parts: Vector, targets: Vector, points: int, 
     row = solutions.first_missed
     number, name = named_point(float(parts[row]), points, target)
     place = ", ".join(f"{value:.4g}" for value in targets[row, :3, 3])
-    raise solutions.unreachable(row, target if parts[row] == 1.0 else f"{name} (at {place} m)", index=number - 1)
+    raise solutions.unreachable(
+        row,
+        target
+        if parts[row] == 1.0
+        else message("programs.target_at_place", "{name} (at {place} m)", name=name, place=place),
+        index=number - 1,
+    )
 
 
 def _broken(chain: Chain, postures: Vector, parts: Vector, points: int, target: str) -> BrokenPath:
@@ -243,7 +269,7 @@ def _broken(chain: Chain, postures: Vector, parts: Vector, points: int, target: 
     row, axis = np.unravel_index(int(np.argmax(jumps)), jumps.shape)
     number, name = named_point(float(parts[row]), points, target)
     jump = float(jumps[row, axis])
-    shown = angle(jump) if chain.revolute[axis] else f"{jump:.3g} m"
+    shown = angle(jump) if chain.revolute[axis] else compound("{jump:.3g} m", jump=jump)
     return BrokenPath(name, chain.names[axis], point=number, jump=jump, shown=shown)
 
 

@@ -12,16 +12,17 @@ import numpy as np
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.blocks.references import sequence
 from simrob_drake.programs.gaits.registry import carries, first_gait, gaits_of
 from simrob_drake.programs.gaits.sequences import Posing
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.moves.joints import JointMove, move_of, targets_on
 from simrob_drake.programs.moves.kinds import leg_kinds
-from simrob_drake.programs.moves.move import Move, Outlook, Stage, checked, move_name, naming
+from simrob_drake.programs.moves.move import Move, Outlook, Stage, checked, move_name, naming, reference_name
 from simrob_drake.programs.moves.walk import WalkMove
 from simrob_drake.programs.program import Program, run_cells
-from simrob_drake.results.record.run import MoveSpan
+from simrob_drake.results.record.run import MoveSpan, move_title
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import RobotModel
@@ -122,7 +123,9 @@ def leg_moves(program: Program, file: str = "") -> tuple[Move, ...]:
     """Return the moves of a program for a robot with legs; raises InvalidParameter: one for arms."""
     for number, move in enumerate(program.moves):
         if not move.of_legs:
-            expected = f"one of {', '.join(leg_kinds())}: the others are for arms"
+            expected = message(
+                "programs.one_of_leg_kinds", "one of {kinds}: the others are for arms", kinds=", ".join(leg_kinds())
+            )
             raise InvalidParameter(move_name(number, len(program.moves), file), move.key, expected)
     return program.moves
 
@@ -134,11 +137,13 @@ def check_program(robot: LeggedGeometry, program: Program, station: StationConfi
 
 
 def check_takes_time(
-    moves: Sequence[Move], name: str = "the program", expected: str = "one with moves: add_move() stores them"
+    moves: Sequence[Move],
+    name: str = message("programs.the_program", "the program"),
+    expected: str = message("programs.moves_stored", "one with moves: add_move() stores them"),
 ) -> None:
     """Check that a program to be run does something that takes time; raises InvalidParameter: it does not."""
     if not any(move.takes_time for move in moves):
-        state = "without a move that takes time" if moves else "empty"
+        state = message("programs.without_taking_time", "without a move that takes time") if moves else "empty"
         raise InvalidParameter(name, state, expected)
 
 
@@ -152,7 +157,11 @@ def joint_reference(robot: LeggedGeometry, moves: Sequence[Move]) -> tuple[Refer
     joint_moves = list[JointMove]()
     for number, move in enumerate(moves):
         if not isinstance(move, JointMove):
-            raise InvalidParameter(f"move {number}", move.key, "a move of joints, to be run with other robots'")
+            raise InvalidParameter(
+                move_title(number),
+                move.key,
+                message("programs.move_with_other_robots", "a move of joints, to be run with other robots'"),
+            )
         joint_moves.append(move)
     times, postures = postures_of(robot.model, joint_moves, robot.reference)
     if robot.cell.config.engine.moves_by_forces:
@@ -183,7 +192,9 @@ def step_moves(model: RobotModel, feet: str | None, move_time: float | None = No
     gaits, without a gait for the feet that it wears, or a time that is not positive.
     """
     if model.feet is None:
-        raise InvalidParameter("robot", model.name, "one with legs: step() is for legged robots")
+        raise InvalidParameter(
+            "robot", model.name, message("programs.robot_with_legs", "one with legs: step() is for legged robots")
+        )
     own = gaits_of(model, steps=False).get(SEQUENCE)
     if isinstance(own, Posing) and carries(model, feet, own.made_for(model)):
         return _moves_of(model, own, move_time)
@@ -208,7 +219,7 @@ def _moves_of(model: RobotModel, own: Posing, move_time: float | None) -> list[M
 
 def _check_references(robot: LeggedGeometry, program: Program, file: str) -> None:
     for number, cell in enumerate(program.references):
-        targets_on(robot.model, cell.target_deg, f"{file}: references[{number}]" if file else f"reference {number}")
+        targets_on(robot.model, cell.target_deg, reference_name(number, file))
 
 
 def _move_joints(robot: LeggedGeometry, moves: Sequence[Move]) -> SimulationResult:

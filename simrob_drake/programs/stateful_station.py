@@ -12,6 +12,7 @@ from pydrake.math import RigidTransform
 from simrob_drake.base.arguments import instance, seconds
 from simrob_drake.base.errors import InvalidParameter, Unsuitable, one_of
 from simrob_drake.base.frames import PoseLike, Vector, as_transform, pose_from_transform
+from simrob_drake.base.messages import message
 from simrob_drake.parts.resolved import WORLD
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.programs.free_path import FreeSpace
@@ -68,8 +69,8 @@ class StatefulStation(ABC):
         else:
             raise Unsuitable(
                 "overrides",
-                "the configuration is complete already",
-                "change it with model_copy(), or give the name of a station",
+                message("programs.complete_already", "the configuration is complete already"),
+                message("programs.change_by_copy", "change it with model_copy(), or give the name of a station"),
             )
         self.config = config.model_copy(update={"program": None})  # who has the station at hand says what is done
         self.state = State.at_start_of(self.config)
@@ -112,16 +113,27 @@ class StatefulStation(ABC):
 
     def robot(self, name: str) -> StationRobot:
         """Return what a robot is in the station's plant."""
-        return self._model.robots[one_of("robot", name, self._model.robots)]
+        return self._model.robots[one_of(message("base.robot", "robot"), name, self._model.robots)]
 
     def robot_name(self, name: str | None) -> str:
         """Return a robot's name, the only one's unless named; raises UnknownName, InvalidParameter: none, several."""
         robots = self.config.robots
         if not robots:
-            raise InvalidParameter("station", self.config.name, "one with a robot; it has none")
+            raise InvalidParameter(
+                "station", self.config.name, message("programs.station_with_robot", "one with a robot; it has none")
+            )
         if name is None and self.config.only_robot is None:
-            raise InvalidParameter("robot", "not named", f"one of {', '.join(robots)}: robot='{next(iter(robots))}'")
-        return one_of("robot", self.config.only_robot if name is None else name, robots)
+            raise InvalidParameter(
+                "robot",
+                message("programs.not_named", "not named"),
+                message(
+                    "programs.name_one_robot",
+                    "one of {robots}: robot='{first}'",
+                    robots=", ".join(robots),
+                    first=next(iter(robots)),
+                ),
+            )
+        return one_of(message("base.robot", "robot"), self.config.only_robot if name is None else name, robots)
 
     def frame(self, wobj: WorkObject) -> RigidTransform:
         """Return the pose of a work object in the world.
@@ -145,7 +157,7 @@ class StatefulStation(ABC):
         if name in model.robots and not frame:
             robot = model.robots[name]
             return model.pose(robot.tools[robot.tcp] if robot.tcp else robot.root)
-        one_of("work object", name, [*self.config.pieces, WORLD, *self.config.robots])
+        one_of(message("programs.work_object", "work object"), name, [*self.config.pieces, WORLD, *self.config.robots])
         return model.pose(model.piece_frame(name, *frame))
 
     def run(self, *plans: Plan, duration: float | None = None) -> SimulationResult:
@@ -160,7 +172,11 @@ class StatefulStation(ABC):
         """
         self.check_together(*plans)
         if not plans and duration is None:
-            raise InvalidParameter("plans", "empty", "some, such as arm.plan.move_l(...), or a duration to wait")
+            raise InvalidParameter(
+                "plans",
+                "empty",
+                message("programs.plans_or_duration", "some, such as arm.plan.move_l(...), or a duration to wait"),
+            )
         end = seconds(max(plan.duration for plan in plans) if duration is None else duration)
         own = {plan.robot: plan.stretches for plan in plans}
         stretches = {robot: until(own.get(robot, ()), self.reference(robot), end) for robot in self.config.robots}
@@ -178,12 +194,18 @@ class StatefulStation(ABC):
             PathCollision: they would run into something, where that is to be looked at.
         """
         for plan in plans:
-            instance(plan, "plans", Plan, "made by arm.plan, such as arm.plan.move_l(...)")
+            instance(plan, "plans", Plan, message("programs.a_plan", "made by arm.plan, such as arm.plan.move_l(...)"))
         if len({plan.robot for plan in plans}) < len(plans):
-            raise InvalidParameter("plans", [plan.robot for plan in plans], "of different robots")
+            raise InvalidParameter(
+                "plans", [plan.robot for plan in plans], message("programs.of_different_robots", "of different robots")
+            )
         for plan in plans:
             if np.abs(plan.start - self.reference(plan.robot)).max() > _SAME_PLACE:
-                raise InvalidParameter(f"plan of {plan.robot}", "made for another place", "planned where the robot is")
+                raise InvalidParameter(
+                    message("programs.plan_of", "plan of {robot}", robot=plan.robot),
+                    message("programs.made_for_other_place", "made for another place"),
+                    message("programs.planned_at_robot", "planned where the robot is"),
+                )
         if any(plan.check == "collision" for plan in plans):  # each alone was, with the others as they stood then
             self.check_collisions(*plans)
 
@@ -197,7 +219,7 @@ class StatefulStation(ABC):
         Returns:
             the run; unless it diverged or was interrupted, the next one begins where it ended.
         """
-        instance(references, "references", Mapping, "a mapping by robot")
+        instance(references, "references", Mapping, message("programs.mapping_by_robot", "a mapping by robot"))
         seconds(duration)
         still = [robot for robot in self.config.robots if robot not in references]
         held = {robot: trajectory((rest(self.reference(robot), 0.0, duration),)) for robot in still}
@@ -328,7 +350,9 @@ class StatefulStation(ABC):
         """
         entry, own = self.config.robots[robot], self.model.robots[robot]
         if isinstance(tool, str):
-            one_of(f"tool of {robot}", tool, [*own.tools, *own.model.links])
+            one_of(
+                message("programs.tool_of_robot", "tool of {robot}", robot=robot), tool, [*own.tools, *own.model.links]
+            )
             changes: dict[str, object] = {} if tool == own.tcp else {"tcp": tool, "tcp_offset": None}
         else:
             offset = as_transform(tool)
@@ -350,9 +374,13 @@ class StatefulStation(ABC):
         self.tape.note(None)
 
     def _change(self, config: StationConfig) -> None:
-        instance(config, "config", StationConfig, "what load_station() gives")
+        instance(config, "config", StationConfig, message("programs.loaded_station", "what load_station() gives"))
         if list(config.robots) != list(self.config.robots):
-            raise InvalidParameter("config", list(config.robots), f"of a station with {', '.join(self.config.robots)}")
+            raise InvalidParameter(
+                "config",
+                list(config.robots),
+                message("programs.of_station_with", "of a station with {robots}", robots=", ".join(self.config.robots)),
+            )
         model = StationModel(config)  # if it cannot be built, all stays as it was
         self.config, self._model = config, model
         if self._window:

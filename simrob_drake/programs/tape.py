@@ -10,6 +10,7 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.base.arguments import plain, seconds
 from simrob_drake.base.errors import InvalidParameter, SimrobError, Unsuitable
+from simrob_drake.base.messages import message
 from simrob_drake.kinematics.registry import SolverLike
 from simrob_drake.parts.resolved import WORLD
 from simrob_drake.programs.branches import approaches
@@ -94,7 +95,11 @@ class Tape:
     def check_some(self) -> None:
         """Check that something was recorded; raises InvalidParameter: nothing."""
         if not self.entries:
-            raise InvalidParameter("the recording", "empty", "begun with record() before the moves")
+            raise InvalidParameter(
+                message("programs.the_recording", "the recording"),
+                "empty",
+                message("programs.begun_with_record", "begun with record() before the moves"),
+            )
 
     def stages(self, duration: float | None = None) -> list[Stage | Entry]:
         """Return all that was recorded in stages, so long [s]; raises InvalidParameter: nothing, or not joined."""
@@ -103,11 +108,19 @@ class Tape:
         factor = 1.0 if duration is None else seconds(duration) / sum(take.duration for take in takes)
         for one, other in pairwise(takes):
             if one.stretches is None or other.stretches is None:
-                raise InvalidParameter("the recording", "with references of its own", "replayed take by take: replay()")
+                raise InvalidParameter(
+                    message("programs.the_recording", "the recording"),
+                    message("programs.with_own_references", "with references of its own"),
+                    message("programs.replayed_by_takes", "replayed take by take: replay()"),
+                )
             after = other.stretches
             gaps = [np.abs(own[-1].postures[-1] - after[robot][0].postures[0]) for robot, own in one.stretches.items()]
             if max(gap.max() for gap in gaps) > _JOINS:
-                raise InvalidParameter("the recording", "with gaps", "replayed take by take: replay()")
+                raise InvalidParameter(
+                    message("programs.the_recording", "the recording"),
+                    message("programs.with_gaps", "with gaps"),
+                    message("programs.replayed_by_takes", "replayed take by take: replay()"),
+                )
         found: list[Stage | Entry] = []
         for runs, group in groupby(self.entries, lambda entry: isinstance(entry, Take)):
             entries = list(group)
@@ -118,10 +131,16 @@ class Tape:
 
 def _as_one(takes: list[Take], factor: float) -> Stage:
     if any(take.config != takes[0].config for take in takes):
-        raise InvalidParameter("the recording", "of a station that changed", "replayed take by take: replay()")
+        raise InvalidParameter(
+            message("programs.the_recording", "the recording"),
+            message("programs.of_changed_station", "of a station that changed"),
+            message("programs.replayed_by_takes", "replayed take by take: replay()"),
+        )
     if len(takes) == 1 and takes[0].stretches is None:
         if factor != 1.0:
-            raise Unsuitable("duration", "the references have a duration of their own")
+            raise Unsuitable(
+                "duration", message("programs.own_duration", "the references have a duration of their own")
+            )
         return takes[0].references, takes[0].duration
     motions: dict[str, list[Stretch]] = {}
     begin = 0.0
@@ -214,5 +233,8 @@ def in_words(plans: Sequence[Plan], duration: float | None, *, several: bool) ->
     names = [next(iter(plan.entry)) if plan.entry else "" for plan in plans]
     if not all(names):
         return ""
-    words = (f"{name} of {plan.robot}" if several else name for name, plan in zip(names, plans, strict=True))
+    words = (
+        message("programs.plan_of_robot", "{name} of {robot}", name=name, robot=plan.robot) if several else name
+        for name, plan in zip(names, plans, strict=True)
+    )
     return ", ".join(words) or "wait"

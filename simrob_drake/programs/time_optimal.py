@@ -15,6 +15,7 @@ from scipy.interpolate import BSpline
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.programs.model import StationModel
@@ -78,7 +79,9 @@ class Motors:
         found = problem.SolvePathParameterization()
         if found is None:
             raise InvalidParameter(
-                "profile", "time_optimal", "another one: the motors cannot hold the robot on this way"
+                "profile",
+                "time_optimal",
+                message("programs.motors_cannot_hold", "another one: the motors cannot hold the robot on this way"),
             )
         return found
 

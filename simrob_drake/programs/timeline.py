@@ -17,6 +17,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from simrob_drake.base.errors import one_of
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Duration, Instant, NotNegative, Number, Positive, Strict, Triple
 from simrob_drake.blocks.references import Reference, later
 from simrob_drake.parts.controllers.section import commanded_sections
@@ -98,7 +99,7 @@ class Change(Strict):
         """Check that exactly one kind of change is given."""
         kinds = [thing for thing in (self.set, self.push, self.drag, self.drive) if thing is not None]
         if len(kinds) != 1:
-            raise ValueError("a change is one of set, push, drag and drive")
+            raise ValueError(message("programs.one_of_changes", "a change is one of set, push, drag and drive"))
         return self
 
     def entry(self) -> dict[str, Any]:
@@ -182,7 +183,11 @@ class Timeline:
             InvalidConfig: a change sets a wrong key or value.
         """
         settings = _for_robots(self.settings(), config)
-        changed = with_settings(config, settings, "changes of the program") if settings else config
+        changed = (
+            with_settings(config, settings, message("programs.changes_of_program", "changes of the program"))
+            if settings
+            else config
+        )
         forces = {**changed.forces, **self.forces(duration)}
         return changed.model_copy(update={"forces": forces})
 
@@ -195,7 +200,11 @@ class Timeline:
         for number, change in enumerate(self.changes):
             where = f"changes[{number}]"
             if change.drive is not None and change.drive.at is not None:
-                one_of(f"robot of {where}.drive", change.drive.at, config.robots)
+                one_of(
+                    message("programs.robot_of_drive", "robot of {where}.drive", where=where),
+                    change.drive.at,
+                    config.robots,
+                )
             if change.set is not None:
                 with_settings(config, _for_robots(change.set, config), where)
         until_all_begin = self.changes[-1].time + 1.0 if self.changes else 0.0
@@ -419,8 +428,8 @@ def run_timed(cell: Timed, references: Mapping[str, ReferenceLike], duration: fl
             run = replace(run, config=run.config.model_copy(update={"forces": forces}))
             line.now = line.time_of(line.steps(line.now + run.stop_time))
             if run.ending == "completed" and is_ended_by_timeline:
-                message = f"stopped by the user at {line.now - begin:.6g} s"
-                run = replace(run, ending="monitor", stopped_by=USER, message=message)
+                text = message("programs.stopped_by_user", "stopped by the user at {time:.6g} s", time=line.now - begin)
+                run = replace(run, ending="monitor", stopped_by=USER, message=text)
             runs.append(run)
             if run.ending != "completed":
                 break

@@ -11,6 +11,7 @@ from simrob_drake.base.arguments import LONGEST, SHORTEST, positive, seconds
 from simrob_drake.base.errors import InvalidParameter, Unsuitable, one_of
 from simrob_drake.base.extras import needed
 from simrob_drake.base.frames import Vector, numbers
+from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.blocks.cruise import LONGEST_RAMP, TimeLaw, cruise, cruise_in, smooth_law
 from simrob_drake.blocks.references import PEAK
 from simrob_drake.parts.station_plant import StationRobot
@@ -29,30 +30,49 @@ def jerk_limited(robots: Sequence[StationRobot], postures: Vector) -> tuple[Stre
     All axes arrive at the same time; they stay on the line where that takes no longer. Raises InvalidParameter: an axis
     of which a limit is not known, or a way that is not straight in the axes.
     """
-    with needed("profile jerk_limited", "plan"):
+    with needed(message("programs.jerk_limited", "profile jerk_limited"), "plan"):
         from ruckig import InputParameter, Ruckig, Synchronization, Trajectory
     start, end = postures[0], postures[-1]
     parts = np.linspace(0.0, 1.0, len(postures))[:, np.newaxis]
     if np.abs(start + parts * (end - start) - postures).max() > _STRAIGHT:
-        expected = "another one: it goes with moves that are straight in the axes, without zones"
+        expected = message(
+            "programs.straight_without_zones",
+            "another one: it goes with moves that are straight in the axes, without zones",
+        )
         raise InvalidParameter("profile", "jerk_limited", expected)
     names = [axis for robot in robots for axis in robot.axes]
     rate_limits = (
-        ("velocity", [robot.speed_limits for robot in robots], "its URDF"),
-        ("acceleration", [robot.model.accelerations for robot in robots], "acceleration_deg in its robot.yaml"),
-        ("jerk", [robot.model.jerks for robot in robots], "jerk_deg in its robot.yaml"),
+        ("velocity", [robot.speed_limits for robot in robots], message("programs.its_urdf", "its URDF")),
+        (
+            "acceleration",
+            [robot.model.accelerations for robot in robots],
+            message("programs.acceleration_in_robot", "acceleration_deg in its robot.yaml"),
+        ),
+        (
+            "jerk",
+            [robot.model.jerks for robot in robots],
+            message("programs.jerk_in_robot", "jerk_deg in its robot.yaml"),
+        ),
     )
     task = InputParameter(len(names))
     task.current_position, task.target_position = start.tolist(), end.tolist()
     for key, limits_of_robots, where in rate_limits:
         limits = np.concatenate(limits_of_robots)
         if not np.isfinite(limits).all():
-            raise InvalidParameter(f"the {key} of {names[limits.argmax()]}", "not limited", f"limited by {where}")
+            raise InvalidParameter(
+                message("programs.rate_of_axis", "the {key} of {axis}", key=key, axis=names[limits.argmax()]),
+                message("programs.not_limited", "not limited"),
+                message("programs.limited_by", "limited by {where}", where=where),
+            )
         setattr(task, f"max_{key}", limits.tolist())
     task.synchronization = Synchronization.Phase
     found = Trajectory(len(names))
     if (said := Ruckig(len(names)).calculate(task, found)).value < 0:
-        raise InvalidParameter("profile", "jerk_limited", f"another one: Ruckig found no motion ({said.name})")
+        raise InvalidParameter(
+            "profile",
+            "jerk_limited",
+            message("programs.no_ruckig_motion", "another one: Ruckig found no motion ({result})", result=said.name),
+        )
     times = np.cumsum([[0.0, *profile.t] for profile in found.profiles[0]], axis=1).ravel()
     breaks = np.unique(np.clip(times, 0.0, found.duration))
     breaks = np.append(breaks[:-1][np.diff(breaks) > _SHORTEST], found.duration)
@@ -112,12 +132,19 @@ class How(TypedDict, total=False):
 def profile_of(how: How) -> Profile:
     """Return by which profile a move is done; raises UnknownName: none; InvalidParameter: a needless acceleration."""
     profile: Profile = how.get("profile", "s_curve" if "speed" in how else "smooth")
-    one_of("profile", profile, get_args(Profile))
+    one_of(message("programs.profile", "profile"), profile, get_args(Profile))
     taken = ("duration", "times", *(("speed",) if profile == "jerk_limited" else ()))
     if profile in _LEAST and (key := next((key for key in taken if key in how), None)):
-        raise Unsuitable(key, f"profile='{profile}' takes the least time")
+        raise Unsuitable(
+            key,
+            message("programs.profile_takes_least_time", "profile='{profile}' takes the least time", profile=profile),
+        )
     if "acceleration" in how and ("speed" not in how or profile in ("smooth", *_LEAST)):
-        raise InvalidParameter("acceleration", how["acceleration"], "given with a speed, of a move that cruises")
+        raise InvalidParameter(
+            "acceleration",
+            how["acceleration"],
+            message("programs.with_a_speed", "given with a speed, of a move that cruises"),
+        )
     return profile
 
 
@@ -130,8 +157,13 @@ def speed_of(how: How) -> float:
     """Return the speed of a move that has one [m/s]; raises InvalidParameter: none that a tool can have."""
     speed = positive(how["speed"], "speed", "m/s")
     if speed > _FASTEST:
-        expected = f"at most {_FASTEST:g} m/s; were these mm/s? Then it is {speed / 1e3:g}"
-        raise InvalidParameter("speed", f"{speed:g} m/s", expected)
+        expected = message(
+            "programs.speed_in_millimetres",
+            "at most {fastest:g} m/s; were these mm/s? Then it is {speed:g}",
+            fastest=_FASTEST,
+            speed=speed / 1e3,
+        )
+        raise InvalidParameter("speed", compound("{speed:g} m/s", speed=speed), expected)
     return speed
 
 
@@ -184,11 +216,20 @@ def remedy(how: How, order: int, slower: float, duration: float) -> str:
     Because of speeds (order 1) or accelerations (2).
     """
     if order == 2 and "acceleration" in how:
-        return f"give it an acceleration of {how['acceleration'] / slower**2:.3g} m/s² or less, or a lower speed"
+        return message(
+            "programs.give_acceleration",
+            "give it an acceleration of {acceleration:.3g} m/s² or less, or a lower speed",
+            acceleration=how["acceleration"] / slower**2,
+        )
     if "speed" in how:
-        wider = ", or a larger zone" if "zone" in how else ""
-        return f"give the move a speed of {how['speed'] / slower:.3g} m/s or less{wider}"
-    return f"give the move a duration of {duration:.3g} s or more"
+        wider = message("programs.or_larger_zone", ", or a larger zone") if "zone" in how else ""
+        return message(
+            "programs.give_speed",
+            "give the move a speed of {speed:.3g} m/s or less{wider}",
+            speed=how["speed"] / slower,
+            wider=wider,
+        )
+    return message("programs.give_duration", "give the move a duration of {duration:.3g} s or more", duration=duration)
 
 
 def _needed(plan: Plan, limits: Limits) -> float:
@@ -246,7 +287,11 @@ def arrivals(segments: Sequence[Segment], how: How, points: int) -> tuple[Vector
     """
     stated = [key for key in ("duration", "times", "speed") if key in how]
     if len(stated) > 1:
-        raise InvalidParameter("the time of the move", f"given by {' and '.join(stated)}", "given by one of them")
+        raise InvalidParameter(
+            message("programs.time_of_move", "the time of the move"),
+            message("programs.given_by", "given by {stated}", stated=join_texts(stated, message("base.and", " and "))),
+            message("programs.given_by_one", "given by one of them"),
+        )
     if "times" in how:
         return _checked_times(how["times"], len(segments)), False
     if "duration" in how:
@@ -277,12 +322,22 @@ def _ways(segments: Sequence[Segment]) -> Vector:
 def _checked_times(times: npt.ArrayLike, count: int) -> Vector:
     values = np.atleast_1d(numbers(times))
     if values.shape != (count,):
-        raise InvalidParameter("times", times, f"{count} times [s], one a target")
+        raise InvalidParameter(
+            "times", times, message("programs.times_a_target", "{count} times [s], one a target", count=count)
+        )
     return _apart(values, "times", times)
 
 
 def _apart(times: Vector, name: str, value: object) -> Vector:
     """Check that times (k,) [s] rise from 0, and are times that a station knows."""
     if not ((np.diff(times, prepend=0.0) >= SHORTEST).all() and times[-1] <= LONGEST):
-        raise InvalidParameter(name, value, f"such that each target has its time, up to {LONGEST:g} s")
+        raise InvalidParameter(
+            name,
+            value,
+            message(
+                "programs.time_for_each_target",
+                "such that each target has its time, up to {longest:g} s",
+                longest=LONGEST,
+            ),
+        )
     return times

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.programs.errors import TorqueLimitExceeded
 from simrob_drake.programs.plan import MARGIN, Plan, Remedy
 from simrob_drake.programs.time_optimal import Motors
@@ -81,11 +82,18 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
         if shares[row, axis] <= _FULL:
             continue
         unit = own.model.effort_units[axis]
-        needed = f"{abs(torques[row, axis]):.4g} {unit}"
-        maximum = f"the limit of its motor is {limits[axis]:.4g} {unit}"
+        needed = compound("{torques:.4g} {unit}", torques=abs(torques[row, axis]), unit=unit)
+        maximum = message(
+            "programs.limit_of_motor", "the limit of its motor is {limit:.4g} {unit}", limit=limits[axis], unit=unit
+        )
         if own.gains.line is not None:
             at_speed = np.where(torques[row] < 0.0, *own.gains.line.bounds(speeds[row], own.gains.torque_limit))
-            maximum += f", {abs(at_speed[axis]):.4g} {unit} at the speed that it has there"
+            maximum += message(
+                "programs.limit_at_speed",
+                ", {torque:.4g} {unit} at the speed that it has there",
+                torque=abs(at_speed[axis]),
+                unit=unit,
+            )
         time = float(plan.looks[row])
         point = plan.point_at(time)
         if speed == 0.0:
@@ -95,13 +103,25 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
                 point=point.number,
                 time=time,
                 torque=float(torques[row, axis]),
-                shown=f"{needed} to hold still there, and {maximum}; raise servo.torque_limit or lighten the load",
+                shown=message(
+                    "programs.needed_to_hold",
+                    "{needed} to hold still there, and {maximum}; raise servo.torque_limit or lighten the load",
+                    needed=needed,
+                    maximum=maximum,
+                ),
             )
         factor = slower_factor(motors, plan)
         advice = remedy(factor, factor * plan.duration)
-        subject = f"{point.name}: {own.axes[axis]}"
-        text = f"{subject} would need {needed} at {time:.2f} s, and {maximum}, so that it lags behind"
-        warnings.warn(f"{text}; {advice}", TorqueShortage, stacklevel=2)
+        subject = compound("{point}: {axes}", point=point.name, axes=own.axes[axis])
+        text = message(
+            "programs.would_lag_behind",
+            "{subject} would need {needed} at {time:.2f} s, and {maximum}, so that it lags behind",
+            subject=subject,
+            needed=needed,
+            time=time,
+            maximum=maximum,
+        )
+        warnings.warn(compound("{text}; {advice}", text=text, advice=advice), TorqueShortage, stacklevel=2)
 
 
 def slower_factor(motors: Motors, plan: Plan) -> float:

@@ -18,13 +18,16 @@ import numpy as np
 from simrob_drake.base.arguments import as_path, truth
 from simrob_drake.base.errors import InvalidParameter, VerdictError, shortened
 from simrob_drake.base.folders import check_ending
+from simrob_drake.base.remarks import Remark
 from simrob_drake.results.files import default_folder, save_result
+from simrob_drake.results.html import html_of_verdict, html_table
 from simrob_drake.results.plots.formats import PlotFormat
 from simrob_drake.results.record.run import DIVERGED, FAILED, RecordedRun
 from simrob_drake.results.record.summary import summary_of
 from simrob_drake.results.verdict.judge import verdict_of
 from simrob_drake.results.verdict.moves import judge_move
-from simrob_drake.results.verdict.verdict import Verdict, join_verdicts
+from simrob_drake.results.verdict.severity import severity_of_end
+from simrob_drake.results.verdict.verdict import Verdict, join_verdicts, with_move_names
 
 if TYPE_CHECKING:
     from simrob_drake.results.footage import Footage
@@ -71,16 +74,6 @@ def table_of(result: RecordedRun) -> list[list[str]]:
     return table
 
 
-def html_table(lines: Sequence[Sequence[str]]) -> str:
-    """Return lines of cells, headings first, as a table of HTML."""
-
-    def line(cells: Sequence[str], kind: str) -> str:
-        return f"<tr>{''.join(f'<{kind}>{escape(cell)}</{kind}>' for cell in cells)}</tr>"
-
-    head, *body = lines
-    return f"<table>{line(head, 'th')}{''.join(line(cells, 'td') for cells in body)}</table>"
-
-
 @dataclass(frozen=True)
 class SimulationResult(RecordedRun):
     """A run, and what can be made of it. One exists however the run ended.
@@ -92,7 +85,17 @@ class SimulationResult(RecordedRun):
     def verdict(self) -> Verdict:
         """What was asked of the run against what became of it; see ``verdict:`` in a station's file."""
         if self.runs:
-            whole = join_verdicts([part.verdict for part in self.runs], [part.stop_time for part in self.runs])
+            whole = join_verdicts(
+                [part.verdict for part in self.runs],
+                [part.stop_time for part in self.runs],
+                [part.place for part in self.runs],
+            )
+            whole = replace(
+                with_move_names(whole, self.move_spans),
+                ended=self.end_in_words,
+                severity_of_end=severity_of_end(self),
+                doubts=tuple(self.solver_warnings),
+            )
         else:
             whole = verdict_of(self)
         return replace(whole, moves=(*(judge_move(self, move) for move in self.moves), *whole.moves))
@@ -109,19 +112,26 @@ class SimulationResult(RecordedRun):
         """Why the result may be wrong, or other than was asked, though the run went to its end, in words."""
         return [*self.solver_warnings, *self.verdict.warnings]
 
+    @property
+    def remarks(self) -> list[Remark]:
+        """Remarks about the run with severity and remedy: the sentence of its verdict, then one for each warning."""
+        return self.verdict.remarks
+
     def __repr__(self) -> str:
-        """Return three lines: how the run ended, how much of it there is, and what became of what was asked."""
+        """Three lines: how the run ended, how much of it there is, and what missed its bound."""
         samples = f"{len(self.times)} samples of {len(self.names)} columns to {self.stop_time:.4g} s"
-        judged = shortened("; ".join(self.warnings) or str(self.verdict), _WIDTH)
-        return f"{self.config.name}: {self.message}\n{samples}, {self.pace}\n{judged}"
+        judgement = shortened("; ".join(self.warnings) or self.verdict.judgement, _WIDTH)
+        return f"{self.config.name}: {self.message}\n{samples}, {self.pace}\n{judgement}"
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows: these lines, a film strip and where all ended."""
+        """What a notebook shows: how the run ended, its verdict, a film strip, and where all joints ended."""
         from simrob_drake.results.animation.pictures import film_strip  # which takes its time to load
 
         strip = b64encode(film_strip(self)).decode()
+        end_and_size = repr(self).splitlines()[:2]
         return (
-            f"<p>{'<br>'.join(escape(repr(self)).splitlines())}</p>"
+            f"<p>{'<br>'.join(map(escape, end_and_size))}</p>"
+            f"{html_of_verdict(self.verdict, with_end=False)}"
             f'<img alt="film strip" style="max-width: 100%" src="data:image/png;base64,{strip}">'
             f"{html_table(table_of(self))}"
         )
@@ -255,6 +265,7 @@ def joined(
         solver_warnings=list(dict.fromkeys(warning for run in runs for warning in run.solver_warnings)),
         contacts_at=last.contacts_at if len(runs) == 1 and not wandering else None,
         did="",
+        place="",
         moves=(),
         runs=tuple(runs),
         begun=station,

@@ -13,6 +13,7 @@ from pydrake.systems.framework import Context
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.sections import Number
 
 
@@ -51,7 +52,11 @@ class AxisMap:
         """
         senses = np.ones(len(joints)) if signs is None else np.asarray(signs, dtype=float)
         if senses.shape != (len(joints),) or not (np.abs(senses) == 1.0).all():
-            raise InvalidParameter("signs", signs, f"{len(joints)} numbers 1 or -1, one a joint")
+            raise InvalidParameter(
+                "signs",
+                signs,
+                message("robots.numbers_1_or_minus_1", "{joints} numbers 1 or -1, one a joint", joints=len(joints)),
+            )
         return cls(
             position_places=np.array([joint.position_start() for joint in joints], dtype=np.intp),
             velocity_places=np.array([joint.velocity_start() for joint in joints], dtype=np.intp),
@@ -147,8 +152,12 @@ def every_axis(accepts: Callable[[float], bool], meaning: str) -> AfterValidator
     return AfterValidator(checked)
 
 
-NotNegativeAxisValues = Annotated[AxisValues, every_axis(lambda value: value >= 0, "it must not be negative")]
-PositiveAxisValues = Annotated[AxisValues, every_axis(lambda value: value > 0, "it must be positive")]
+NotNegativeAxisValues = Annotated[
+    AxisValues, every_axis(lambda value: value >= 0, message("robots.not_negative", "it must not be negative"))
+]
+PositiveAxisValues = Annotated[
+    AxisValues, every_axis(lambda value: value > 0, message("robots.positive", "it must be positive"))
+]
 
 
 @dataclass(frozen=True)
@@ -163,7 +172,7 @@ class AxisUnit:
 
     def shown(self, position: float) -> str:
         """Return a position [rad or m] in the user's unit: "110.0 deg"."""
-        return f"{position / self.size:{self.digits}} {self.name}"
+        return compound("{position} {name}", position=f"{position / self.size:{self.digits}}", name=self.name)
 
 
 REVOLUTE = AxisUnit(float(np.deg2rad(1.0)), "deg", "rad", "N·m", ".1f")
@@ -173,4 +182,10 @@ PRISMATIC = AxisUnit(1.0, "m", "m", "N", ".4g")
 def with_units(values: Vector, units: Sequence[str], written: Callable[[Vector], str]) -> str:
     """Return values (n,) or (n, k) as ``written`` writes them, those of each unit together with it."""
     kinds = list(dict.fromkeys(units))
-    return ", ".join(f"{written(values[[unit == kind for unit in units]])} {kind}" for kind in kinds)
+    return join_texts(
+        (
+            compound("{written} {kind}", written=written(values[[unit == kind for unit in units]]), kind=kind)
+            for kind in kinds
+        ),
+        ", ",
+    )

@@ -19,6 +19,7 @@ from simrob_drake.base.errors import InvalidParameter, UnknownName, one_of
 from simrob_drake.base.file_cache import file_state
 from simrob_drake.base.files import ROBOT_FILE, model_file, robot_files
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import FileName, Number, Positive, Strict, default_of, is_file_name, validated
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.robots.axis import Axis, axes_by_name
@@ -105,9 +106,15 @@ class RobotModel(Strict):
     def _one_origin(self) -> "RobotModel":
         """Check that the robot has a URDF or a table, not both, and that the URDF is in the robot's folder."""
         if (self.urdf is None) == (self.dh is None):
-            raise ValueError("a robot has either a urdf or a dh table")
+            raise ValueError(message("robots.urdf_or_dh", "a robot has either a urdf or a dh table"))
         if self.urdf is not None and not self.urdf_path.resolve().is_relative_to(self.folder.resolve()):
-            raise ValueError(f"the urdf {self.urdf} lies outside of the robot's folder; copy it there")
+            raise ValueError(
+                message(
+                    "robots.urdf_outside_folder",
+                    "the urdf {urdf} lies outside of the robot's folder; copy it there",
+                    urdf=self.urdf,
+                )
+            )
         return self
 
     def __repr__(self) -> str:
@@ -139,7 +146,13 @@ class RobotModel(Strict):
             root = dh_robot(self.name, self.dh)
             check_urdf(root, self.urdf_path)
         if self.root != root_link(root):
-            raise InvalidParameter("root", self.root, f"{root_link(root)}, the root link of {self.urdf_path}")
+            raise InvalidParameter(
+                "root",
+                self.root,
+                message(
+                    "robots.root_link_of", "{link}, the root link of {file}", link=root_link(root), file=self.urdf_path
+                ),
+            )
         # Values of the description take the place of those in the URDF.
         joints = [axis.joint for axis in self.axes.values()]
         for key in ("rotor_inertia", "gear_ratio", "damping", "friction"):
@@ -196,7 +209,7 @@ class RobotModel(Strict):
         known = {name_of(joint): joint for joint in self.element.iterfind("joint")}
         unknown = next((axis.joint for axis in self.axes.values() if axis.joint not in known), None)
         if unknown is not None:
-            raise UnknownName("joint", unknown, movable_joints(self.element))
+            raise UnknownName(message("base.joint", "joint"), unknown, movable_joints(self.element))
         return [known[axis.joint] for axis in self.axes.values()]
 
     @property
@@ -312,7 +325,7 @@ class RobotModel(Strict):
             UnknownName: there is no such posture, or it names an axis that the robot does not have.
         """
         known = {"home": self.home_deg, **self.postures}
-        one_of(f"posture of {self.name}", name, known)
+        one_of(message("base.posture_of", "posture of {name}", name=self.name), name, known)
         if name not in self.postures:  # it is `home`, which need not be among the named postures
             return self.home
         position = self.axis_vector(self.postures[name], f"postures.{name}", others / self.user_units)
@@ -372,7 +385,16 @@ class RobotModel(Strict):
         # A number becomes a vector without dimensions, which is spread over all axes below.
         vector = np.asarray(values, dtype=float)
         if vector.ndim == 1 and vector.size != count:
-            raise InvalidParameter(name, values, f"one number, or {count} numbers, one an axis of {self.name}")
+            raise InvalidParameter(
+                name,
+                values,
+                message(
+                    "robots.number_for_each_axis",
+                    "one number, or {count} numbers, one an axis of {name}",
+                    count=count,
+                    name=self.name,
+                ),
+            )
         return np.broadcast_to(vector, (count,)).copy()
 
     def firmness(self, values: AxisValues | None) -> list[Firmness]:
@@ -388,7 +410,9 @@ class RobotModel(Strict):
         for index, (name, entry) in enumerate(self.axes.items()):
             if axis == name or axis in entry.aliases:
                 return index
-        kind = f"axis of {self.name}" + (f" (under {where})" if where else "")
+        kind = message("base.axis_of", "axis of {name}", name=self.name) + (
+            message("robots.under_section", " (under {where})", where=where) if where else ""
+        )
         aliases = [alias for entry in self.axes.values() for alias in entry.aliases]
         raise UnknownName(kind, axis, [*self.axes, *aliases])
 
@@ -406,7 +430,7 @@ def load_robot(name: str) -> RobotModel:
         InvalidConfig: its ``robot.yaml`` has a wrong entry.
     """
     file = model_file("robots", name) if isinstance(name, str) else None
-    return load_robot_file(file or robot_files()[one_of("robot", name, robot_names())])
+    return load_robot_file(file or robot_files()[one_of(message("base.robot", "robot"), name, robot_names())])
 
 
 def load_robot_file(file: Path | str) -> RobotModel:
@@ -442,7 +466,9 @@ def load_robot_from_urdf(path: Path | str) -> RobotModel:
         return described
     root = checked_urdf(path)
     if not movable_joints(root):
-        raise InvalidParameter("robot.urdf", str(path), "a robot with at least one joint that moves")
+        raise InvalidParameter(
+            "robot.urdf", str(path), message("robots.robot_that_moves", "a robot with at least one joint that moves")
+        )
     names = [name for name in (root.get("name", ""), path.stem) if is_file_name(name)]
     hand = fingers_of(root)
     robot = RobotModel(

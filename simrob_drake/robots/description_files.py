@@ -4,6 +4,7 @@ from os.path import isfile
 from pathlib import Path
 
 from simrob_drake.base.folders import is_cached
+from simrob_drake.base.messages import message
 from simrob_drake.base.yaml_files import is_yaml_name, read_yaml
 from simrob_drake.robots.catalog import RobotModel
 
@@ -34,7 +35,12 @@ def gripper_advice(robot: RobotModel) -> str:
     is_users_file = isfile(file) and not is_cached(file)
     if not is_users_file:
         entry = f"import_options: {{gripper: {joint}}}"
-        return f"for a moving jaw {joint} write `{entry}` below urdf in the station, or import with --gripper {joint}"
+        return message(
+            "robots.gripper_option",
+            "for a moving jaw {joint} write `{entry}` below urdf in the station, or import with --gripper {joint}",
+            joint=joint,
+            entry=entry,
+        )
     # The limits of the last axis, in degrees or metres.
     unit_size = robot.user_units[-1]
     lower, upper = robot.axis_limits
@@ -42,4 +48,11 @@ def gripper_advice(robot: RobotModel) -> str:
     upper_text = f"{float(upper[-1] / unit_size):.4g}"
     entry = f"gripper: {{axes: {{{jaw_axis}: [{lower_text}, {upper_text}]}}}}"
     unit = robot.unit_names[-1]
-    return f"for a moving jaw {jaw_axis} write `{entry}` into {file}: closed and open [{unit}]"
+    return message(
+        "robots.gripper_entry",
+        "for a moving jaw {axis} write `{entry}` into {file}: closed and open [{unit}]",
+        axis=jaw_axis,
+        entry=entry,
+        file=file,
+        unit=unit,
+    )

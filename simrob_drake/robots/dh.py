@@ -13,6 +13,7 @@ from pydrake.geometry import Cylinder, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from simrob_drake.base.frames import Vector, transform_from_pose
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import ORIGIN, Colour, Inertia, NotNegative, Number, Pose, Positive, Strict, Triple
 from simrob_drake.robots.pieces import solid_inertia
 from simrob_drake.robots.urdf import Solid, add_colour, add_joint, add_motor, add_solid, set_inertia, written
@@ -67,11 +68,27 @@ class DhRow(Strict):
         spared = "velocity" if revolute else "velocity_deg"
         limits = getattr(self, own)
         if limits is None:
-            raise ValueError(f"a {self.type} joint needs {own}")
+            raise ValueError(message("robots.dh_joint_needs", "a {kind} joint needs {key}", kind=self.type, key=own))
         if getattr(self, other) is not None or getattr(self, spared) is not None:
-            raise ValueError(f"a {self.type} joint has {own} and {own.replace('limit', 'velocity')}")
+            raise ValueError(
+                message(
+                    "robots.dh_joint_has_both",
+                    "a {kind} joint has {key} and {other_key}",
+                    kind=self.type,
+                    key=own,
+                    other_key=own.replace("limit", "velocity"),
+                )
+            )
         if limits[0] >= limits[1]:
-            raise ValueError(f"{own} is not a lower and a higher figure: {limits[0]:g}, {limits[1]:g}")
+            raise ValueError(
+                message(
+                    "robots.dh_limits_order",
+                    "{key} is not a lower and a higher figure: {lower:g}, {upper:g}",
+                    key=own,
+                    lower=limits[0],
+                    upper=limits[1],
+                )
+            )
         return self
 
     @property

@@ -13,6 +13,7 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import NotNegative, Positive, Strict, Triple
 from simrob_drake.robots.urdf import Solid, add_contact, add_solid, name_of
 
@@ -54,9 +55,16 @@ class FootContact(FootSurface):
     @model_validator(mode="after")
     def _one_kind(self) -> "FootContact":
         if bool(self.points) == bool(self.boxes):
-            raise ValueError("feet are either spheres about points, or boxes")
+            raise ValueError(message("robots.spheres_or_boxes", "feet are either spheres about points, or boxes"))
         if strange := self.others.keys() - {*self.links}:
-            raise ValueError(f"others has {', '.join(sorted(strange))}; the feet are {', '.join(self.links)}")
+            raise ValueError(
+                message(
+                    "robots.strange_others",
+                    "others has {strange}; the feet are {feet}",
+                    strange=", ".join(sorted(strange)),
+                    feet=", ".join(self.links),
+                )
+            )
         return self
 
     @property
@@ -97,12 +105,23 @@ class Feet(Strict):
     @model_validator(mode="after")
     def _default_is_one(self) -> "Feet":
         if self.default not in self.contacts:
-            raise ValueError(f"default '{self.default}' is none of {', '.join(self.contacts)}")
+            raise ValueError(
+                message(
+                    "robots.unknown_default_contact",
+                    "default '{default}' is none of {contacts}",
+                    default=self.default,
+                    contacts=", ".join(self.contacts),
+                )
+            )
         return self
 
     def kind(self, name: str | None) -> FootContact:
         """Return a kind of feet by its name, or the default one; raises UnknownName: there is no such kind."""
-        return self.contacts[self.default if name is None else one_of("kind of feet", name, self.contacts)]
+        return self.contacts[
+            self.default
+            if name is None
+            else one_of(message("robots.kind_of_feet", "kind of feet"), name, self.contacts)
+        ]
 
 
 def put_on_feet(robot: ET.Element, feet: FootContact) -> None:
@@ -113,7 +132,7 @@ def put_on_feet(robot: ET.Element, feet: FootContact) -> None:
     """
     links = {name_of(link): link for link in robot.iterfind("link")}
     for name in feet.links:
-        link = links[one_of("link (under feet)", name, links)]
+        link = links[one_of(message("robots.link_under_feet", "link (under feet)"), name, links)]
         for old in link.findall("collision"):
             link.remove(old)
         surface = feet.surface(name)

@@ -23,6 +23,7 @@ from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Number, Positive, Strict
 from simrob_drake.robots.bodies import SHAPE_TAGS, carriers
 from simrob_drake.robots.urdf import MOVABLE_JOINTS, joint_limits, joints_at, link_of, name_of, outward, pose_of
@@ -51,7 +52,9 @@ class Gripper(Strict):
         """Check that each finger is closed and open at different positions."""
         still = [axis for axis, (closed, opened) in self.axes.items() if closed == opened]
         if still:
-            raise ValueError(f"{', '.join(still)} must be open elsewhere than closed")
+            raise ValueError(
+                message("robots.open_unlike_closed", "{axes} must be open elsewhere than closed", axes=", ".join(still))
+            )
         return self
 
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.robots.axis import Axis
 from simrob_drake.robots.coupled_axes import CoupledAxes, Equation, Firmness
 from simrob_drake.robots.fingers import FOLLOWS, mimic_line
@@ -76,7 +77,13 @@ def with_followers(axes: Sequence[str], followers: Mapping[str, MimicFollower], 
         return positions
     equations = []
     for axis, follower in followers.items():
-        equations.append(Equation(f"{axis} follows {follower.leader}", follower.ratios(axis), follower.offset))
+        equations.append(
+            Equation(
+                message("robots.axis_follows", "{axis} follows {leader}", axis=axis, leader=follower.leader),
+                follower.ratios(axis),
+                follower.offset,
+            )
+        )
     coupled = CoupledAxes(axes, equations)
     # Axes with the firmness NAMED keep their positions; the UNNAMED ones, the followers, are computed from them.
     firmness = [Firmness.UNNAMED if axis in followers else Firmness.NAMED for axis in axes]

@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict
 
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.files import robot_files
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Number, validated
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.robots.catalog import RobotModel, robot_names
@@ -49,10 +50,14 @@ def gaits_file(robot: str | RobotModel) -> GaitsFile:
     Raises UnknownName: no such robot, proposes the nearest; InvalidParameter: one without gaits; InvalidConfig: a file
     that cannot be read.
     """
-    name = one_of("robot", robot, robot_names()) if isinstance(robot, str) else robot.name
+    name = one_of(message("base.robot", "robot"), robot, robot_names()) if isinstance(robot, str) else robot.name
     folder = robot_files()[name].parent if isinstance(robot, str) else robot.folder
     file = folder / GAITS_FILE
     if not file.is_file():
-        raise InvalidParameter(f"robot {name}", "one without gaits", f"one with a file {GAITS_FILE}")
+        raise InvalidParameter(
+            message("base.robot_called", "robot {name}", name=name),
+            message("robots.robot_without_gaits", "one without gaits"),
+            message("robots.robot_with_gaits_file", "one with a file {file}", file=GAITS_FILE),
+        )
     content = read_yaml(file)
     return GaitsFile(file, validated(_Head, content, file).facing_deg, content)

@@ -7,6 +7,7 @@ from typing import Any, Literal, get_args
 
 from simrob_drake.base.errors import InvalidConfig, InvalidModel
 from simrob_drake.base.files import NotRead, text_of
+from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.sections import ORIGIN, Boolean, Pose, Positive, Strict
 from simrob_drake.base.yaml_files import parse_json
 
@@ -53,6 +54,18 @@ class ImportOptions(Strict):
 EntryKind = Literal["read", "repaired", "approximated", "defaulted", "dropped", "open", "lost", "refused"]
 ENTRY_KINDS: tuple[EntryKind, ...] = get_args(EntryKind)
 
+CHANGES: dict[EntryKind, str] = {
+    "read": message("robots.changes_read", "read"),
+    "repaired": message("robots.changes_repaired", "repaired"),
+    "approximated": message("robots.changes_approximated", "approximated"),
+    "defaulted": message("robots.changes_defaulted", "defaulted"),
+    "dropped": message("robots.changes_dropped", "dropped"),
+    "open": message("robots.changes_open", "open"),
+    "lost": message("robots.changes_lost", "lost"),
+    "refused": message("robots.changes_refused", "refused"),
+}
+"""The kinds of entries, as a summary counts them."""
+
 
 @dataclass(frozen=True)
 class Entry:
@@ -93,8 +106,12 @@ class ImportReport:
     def summary(self) -> str:
         """Return the counts in one line, as in ``3 repaired, 6 defaulted``."""
         counts = Counter(entry.kind for entry in self.entries)
-        parts = [f"{counts[kind]} {kind}" for kind in ENTRY_KINDS if counts[kind] and kind != "read"]
-        return ", ".join(parts) or "nothing to repair"
+        parts = [
+            compound("{count} {changes}", count=counts[kind], changes=CHANGES[kind])
+            for kind in ENTRY_KINDS
+            if counts[kind] and kind != "read"
+        ]
+        return join_texts(parts) if parts else message("robots.nothing_to_repair", "nothing to repair")
 
     def as_json(self) -> dict[str, Any]:
         """Return what is written to the report file."""

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
 """An array of booleans; the shape is in the docstrings."""
@@ -134,7 +135,9 @@ class AxisLimits:
             row=row,
             axis=axis,
             value=value_text,
-            limits=f"{lower_text} to {upper_text} {unit}",
+            limits=message(
+                "robots.range_of", "{lower} to {upper} {unit}", lower=lower_text, upper=upper_text, unit=unit
+            ),
             limit=limit_text,
             excess=f"{abs(value - limit):.3g}",
             unit=unit,
@@ -158,8 +161,18 @@ class AxisLimits:
         by_posture = is_moved.reshape(-1, len(self.names))
         moved_axes = np.flatnonzero(by_posture.any(axis=0))
         for axis in moved_axes.tolist():
-            tolerance = f"{ANGLE_TOLERANCE:g} rad" if self.revolute[axis] else f"{LENGTH_TOLERANCE:g} m"
-            text = f"{what}: {self.names[axis]} is beyond its limit by less than {tolerance}, and is taken to the limit"
+            tolerance = (
+                compound("{angle_tolerance:g} rad", angle_tolerance=ANGLE_TOLERANCE)
+                if self.revolute[axis]
+                else compound("{length_tolerance:g} m", length_tolerance=LENGTH_TOLERANCE)
+            )
+            text = message(
+                "robots.taken_to_limit",
+                "{what}: {axis} is beyond its limit by less than {tolerance}, and is taken to the limit",
+                what=what,
+                axis=self.names[axis],
+                tolerance=tolerance,
+            )
             # No bookkeeping of earlier warnings is needed: Python shows the same text from the same line only once.
             warnings.warn(text, ClampedPosition, stacklevel=2)
         return np.asarray(clamped)

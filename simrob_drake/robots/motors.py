@@ -25,6 +25,7 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.base.files import models_root
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import NotNegative, Number, Positive, Strict, validated
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.robots.axis_map import AxisValues, every_axis
@@ -144,8 +145,16 @@ def rated_torques(motors: Iterable[Motor | None]) -> Vector:
 PLAY = "_play"  # how the joints end, after the names of their motors' sides, between which links are free
 _GEAR_MASS, _GEAR_INERTIA = 1e-3, 1e-7  # kg, kg m²: cenic takes no body without any
 
-_Figure = Annotated[AxisValues, every_axis(lambda value: 0 <= value <= 1e9, "it is not negative, and at most 1e9")]
-_Ratio = Annotated[AxisValues, every_axis(lambda value: 1e-6 <= value <= 1e6, "it is positive, of 1e-6 to 1e6")]
+_Figure = Annotated[
+    AxisValues,
+    every_axis(
+        lambda value: 0 <= value <= 1e9, message("robots.not_negative_below", "it is not negative, and at most 1e9")
+    ),
+]
+_Ratio = Annotated[
+    AxisValues,
+    every_axis(lambda value: 1e-6 <= value <= 1e6, message("robots.positive_within", "it is positive, of 1e-6 to 1e6")),
+]
 
 
 class Drives(Strict):

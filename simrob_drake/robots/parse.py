@@ -18,6 +18,7 @@ from pydrake.systems.framework import DiagramBuilder
 from simrob_drake.base.constants import STANDARD_GRAVITY
 from simrob_drake.base.errors import InvalidModel
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.bodies import merge_fixed_links
 from simrob_drake.robots.catalog import RobotModel
@@ -46,8 +47,10 @@ def add_urdf(
     try:
         return parser.AddModelsFromString(ET.tostring(reduced, encoding="unicode"), "urdf")[0]
     except (RuntimeError, ValueError, SystemExit) as problem:  # failed assertions come as SystemExit
-        message = re.sub(r"<literal-string>\S*:\d+: (error: )?", "", " ".join(str(problem).split()))
-        raise InvalidModel(where, "", f"Drake cannot read it: {message}") from problem
+        text = re.sub(r"<literal-string>\S*:\d+: (error: )?", "", " ".join(str(problem).split()))
+        raise InvalidModel(
+            where, "", message("robots.drake_cannot_read", "Drake cannot read it: {problem}", problem=text)
+        ) from problem
 
 
 def held_robot(model: RobotModel, element: ET.Element | None = None) -> tuple[MultibodyPlant, Frame]:

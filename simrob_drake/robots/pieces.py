@@ -18,6 +18,7 @@ from simrob_drake.base.errors import InvalidModel, one_of
 from simrob_drake.base.file_cache import FileCache, FileState, file_state
 from simrob_drake.base.files import model_file, piece_files
 from simrob_drake.base.frames import Vector, pose_from_transform, transform_from_pose
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import (
     ORIGIN,
     Colour,
@@ -99,14 +100,23 @@ def _mesh_inertia(file: Path, scale: float, closed: bool, state: FileState | Non
     try:
         encloses_volume = _is_closed(file)
         if closed and not encloses_volume:
-            problem = "is no OBJ that encloses a volume, so a density does not tell its mass; give the mass instead"
+            problem = message(
+                "robots.no_closed_obj",
+                "is no OBJ that encloses a volume, so a density does not tell its mass; give the mass instead",
+            )
             raise InvalidModel(file, "", problem)
         shape = Mesh(str(file), scale) if encloses_volume else Convex(str(file), scale)
         return CalcSpatialInertia(shape, 1.0)
     except (RuntimeError, ValueError, SystemExit) as problem:  # failed assertions come as SystemExit
         if isinstance(problem, InvalidModel):
             raise
-        raise InvalidModel(file, "", f"Drake cannot read it: {' '.join(str(problem).split())}") from problem
+        raise InvalidModel(
+            file,
+            "",
+            message(
+                "robots.drake_cannot_read", "Drake cannot read it: {problem}", problem=" ".join(str(problem).split())
+            ),
+        ) from problem
 
 
 def _is_closed(file: Path) -> bool:
@@ -192,7 +202,9 @@ class PieceShape(Strict):
     @model_validator(mode="after")
     def _exactly_one(self) -> "PieceShape":
         if sum(kind is not None for kind in (self.box, self.cylinder, self.sphere, self.mesh)) != 1:
-            raise ValueError("a shape has exactly one of box, cylinder, sphere and mesh")
+            raise ValueError(
+                message("robots.one_of_shapes", "a shape has exactly one of box, cylinder, sphere and mesh")
+            )
         return self
 
 
@@ -245,15 +257,17 @@ class PieceModel(Strict):
     @model_validator(mode="after")
     def _consistent(self) -> "PieceModel":
         if self.density is not None and "mass" in self.model_fields_set:
-            raise ValueError("a piece has either a mass or a density")
+            raise ValueError(message("robots.mass_or_density", "a piece has either a mass or a density"))
         series = [entry.series for entry in self.frames.values() if isinstance(entry, FrameSeries)]
         if any(np.prod([step.count for step in steps]) > _MOST_FRAMES for steps in series):
-            raise ValueError(f"a series of frames has at most {_MOST_FRAMES}")
+            raise ValueError(
+                message("robots.too_many_frames", "a series of frames has at most {most}", most=_MOST_FRAMES)
+            )
         names = [name for name, _ in self._named_poses()]
         for index, name in enumerate(names):
             check_plain(name)
             if name in names[:index]:
-                raise ValueError(f"the frame '{name}' stands twice")
+                raise ValueError(message("robots.frame_twice", "the frame '{name}' stands twice", name=name))
         return self
 
     @property
@@ -280,7 +294,7 @@ def piece_names() -> list[str]:
 
 def piece_file(name: str) -> Path:
     """Return the file of a piece of the package; raises UnknownName: no such piece."""
-    return model_file("pieces", name) or piece_files()[one_of("piece", name, piece_names())]
+    return model_file("pieces", name) or piece_files()[one_of(message("base.piece", "piece"), name, piece_names())]
 
 
 def described_piece(file: Path) -> PieceModel:
@@ -318,7 +332,11 @@ def weighed(piece: PieceModel) -> PieceModel:
     if piece.density is None and ("inertia" in stated or piece.mass == 0 or not shapes):
         return piece
     if not shapes:
-        raise InvalidModel(piece.folder, "density", "is given, but the piece has no shapes to fill")
+        raise InvalidModel(
+            piece.folder,
+            "density",
+            message("robots.density_without_shapes", "is given, but the piece has no shapes to fill"),
+        )
     whole = solid_inertia([shape.solid(piece.folder) for shape in shapes], closed=piece.density is not None)
     density = piece.density or piece.mass / whole.volume
     found: dict[str, Any] = {

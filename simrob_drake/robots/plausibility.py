@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.robots.bodies import carriers
 from simrob_drake.robots.shape_inertia import inertia_of_shapes
 from simrob_drake.robots.urdf import ENDLESS, joint_limits, link_of, mass_of, moments_of, name_of, pose_of, root_link
@@ -122,7 +123,7 @@ def _link_doubts(link: ET.Element, size: float, folder: Path | None) -> list[Dou
     inertial = link.find("inertial")
     if inertial is None:
         return []
-    where = f"link '{name_of(link)}' <inertial>"
+    where = message("robots.inertial_of_link", "link '{link}' <inertial>", link=name_of(link))
     own = MassProperties(mass_of(link), pose_of(inertial).translation(), float(np.trace(moments_of(inertial))))
     # With a density of 1 kg/m³ the mass of the shapes is their volume in m³.
     solid = inertia_of_shapes(link, folder, 1.0)
@@ -144,18 +145,38 @@ def doubts_by_shapes(own: MassProperties, shapes: MassProperties) -> list[str]:
     texts = []
     density = own.mass / shapes.mass
     if not LIGHTEST <= density <= HEAVIEST:
-        texts.append(f"mass {own.mass:g} kg in {shapes.mass:.3g} m³ is {density:.3g} kg/m³; grams, or mm?")
+        texts.append(
+            message(
+                "robots.odd_density",
+                "mass {mass:g} kg in {volume:.3g} m³ is {density:.3g} kg/m³; grams, or mm?",
+                mass=own.mass,
+                volume=shapes.mass,
+                density=density,
+            )
+        )
     # Moments of shapes that lie absurdly far from the frame are lost in rounding; "not > 0" covers NaN, too.
     if not shapes.spread > 0:
         return texts
     apart = float(np.linalg.norm(own.centre - shapes.centre))
     size_of_shapes = math.sqrt(shapes.spread)
     if apart > _FAR + _SIZES * size_of_shapes:
-        texts.append(f"its centre of mass lies {apart:.3g} m from the middle of its shapes; in mm?")
+        texts.append(
+            message(
+                "robots.far_from_shapes",
+                "its centre of mass lies {distance:.3g} m from the middle of its shapes; in mm?",
+                distance=apart,
+            )
+        )
     ratio = own.spread / shapes.spread
     # Moments of exactly 0 are no slip with units: they describe a point mass.
     if ratio > _MOST_MOMENTS or 0 < ratio < _LEAST_MOMENTS:
-        texts.append(f"its moments are {ratio:.3g} times those of a solid body of its mass and shapes")
+        texts.append(
+            message(
+                "robots.odd_moments",
+                "its moments are {ratio:.3g} times those of a solid body of its mass and shapes",
+                ratio=ratio,
+            )
+        )
     return texts
 
 
@@ -169,13 +190,32 @@ def _doubts_by_size(own: MassProperties, size: float) -> list[str]:
     texts = []
     apart = float(np.linalg.norm(own.centre))
     if apart > _FAR + _SIZES * size:
-        texts.append(f"its centre of mass lies {apart:.3g} m from its joint, and the joints at it {size:.3g} m; in mm?")
+        texts.append(
+            message(
+                "robots.far_from_joint",
+                "its centre of mass lies {distance:.3g} m from its joint, and the joints at it {size:.3g} m; in mm?",
+                distance=apart,
+                size=size,
+            )
+        )
     # The spread is twice the mean square distance from the centre of mass. Of a link at the end of the robot the joints
     # show no size, so that the distance of its centre of mass counts as a size, too.
     gyration = math.sqrt(own.spread / 2)  # root mean square distance from the centre of mass [m]
     if gyration > _FAR + _SIZES * max(size, apart):
-        moments = f"its moments are those of {own.mass:.4g} kg {gyration:.3g} m from the centre of mass"
-        texts.append(f"{moments}, and the joints at it are {size:.3g} m apart; in kg mm², or g m²?")
+        moments = message(
+            "robots.moments_of_mass",
+            "its moments are those of {mass:.4g} kg {gyration:.3g} m from the centre of mass",
+            mass=own.mass,
+            gyration=gyration,
+        )
+        texts.append(
+            message(
+                "robots.moments_and_joints",
+                "{moments}, and the joints at it are {size:.3g} m apart; in kg mm², or g m²?",
+                moments=moments,
+                size=size,
+            )
+        )
     return texts
 
 
@@ -187,9 +227,16 @@ def payload_doubt(payload: float, mass: float) -> str:
         mass: mass of the robot's moving links [kg].
     """
     if payload <= 0:
-        return "its motors do not hold its own links; are masses, lengths or efforts in other units?"
+        return message(
+            "robots.motors_too_weak",
+            "its motors do not hold its own links; are masses, lengths or efforts in other units?",
+        )
     if payload > _STRONG * mass and payload > _HEAVY:
-        return f"{payload / mass:.3g} times its own mass; are masses, lengths or efforts in other units?"
+        return message(
+            "robots.payload_too_large",
+            "{ratio:.3g} times its own mass; are masses, lengths or efforts in other units?",
+            ratio=payload / mass,
+        )
     return ""
 
 
@@ -207,14 +254,21 @@ def _joint_doubts(robot: ET.Element) -> Iterator[Doubt]:
     for joint in robot.iterfind("joint"):
         offset = float(np.linalg.norm(pose_of(joint).translation()))
         if offset > _LONGEST:
-            question = "were millimetres meant? lengths of a URDF are in metres"
-            text = f"is {offset:.4g} m from the joint before it; {question}"
-            yield Doubt(f"joint '{name_of(joint)}'", text)
+            question = message(
+                "robots.were_millimetres_meant", "were millimetres meant? lengths of a URDF are in metres"
+            )
+            text = message(
+                "robots.far_from_last_joint",
+                "is {offset:.4g} m from the joint before it; {question}",
+                offset=offset,
+                question=question,
+            )
+            yield Doubt(message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)), text)
             break
     for joint in robot.iterfind("joint"):
         text = _limit_doubt(joint)
         if text:
-            yield Doubt(f"joint '{name_of(joint)}' <limit>", text)
+            yield Doubt(message("robots.limit_of_joint", "joint '{joint}' <limit>", joint=name_of(joint)), text)
 
 
 def _limit_doubt(joint: ET.Element) -> str:
@@ -224,10 +278,21 @@ def _limit_doubt(joint: ET.Element) -> str:
     if not math.isfinite(largest) or largest > ENDLESS:
         return ""  # the joint has no limits
     if joint.get("type") == "prismatic" and largest > _LONGEST:
-        return f"lower {lower:g}, upper {upper:g} m; were millimetres meant?"
+        return message(
+            "robots.limits_in_millimetres",
+            "lower {lower:g}, upper {upper:g} m; were millimetres meant?",
+            lower=lower,
+            upper=upper,
+        )
     # A limit such as 8 pi is a whole number of half turns, and was certainly meant in radians.
     half_turns = largest / math.pi
     is_whole = abs(half_turns - round(half_turns)) < _WHOLE
     if joint.get("type") == "revolute" and largest > _MOST_TURNS and not is_whole:
-        return f"lower {lower:g}, upper {upper:g} rad are {largest / math.tau:.1f} turns; were degrees meant?"
+        return message(
+            "robots.limits_in_degrees",
+            "lower {lower:g}, upper {upper:g} rad are {turns:.1f} turns; were degrees meant?",
+            lower=lower,
+            upper=upper,
+            turns=largest / math.tau,
+        )
     return ""

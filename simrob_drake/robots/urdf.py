@@ -19,6 +19,7 @@ from pydrake.multibody.tree import RotationalInertia
 from simrob_drake.base.errors import InvalidModel, one_of, shortened
 from simrob_drake.base.files import NotRead, models_root, text_of
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
@@ -165,7 +166,11 @@ def impossible(moments: Vector) -> str:
     if RotationalInertia(*six_moments(moments)).CouldBePhysicallyValid():
         return ""
     listed = ", ".join(f"{moment:.6g}" for moment in np.linalg.eigvalsh(moments))
-    return f"no body has the principal moments {listed} kg m²: none is negative, none exceeds the others' sum"
+    return message(
+        "robots.impossible_principal_moments",
+        "no body has the principal moments {moments} kg m²: none is negative, none exceeds the others' sum",
+        moments=listed,
+    )
 
 
 LARGEST_URDF = 10_000_000  # of a description [bytes]: published ones stay far below, for meshes are files of their own
@@ -186,22 +191,30 @@ def read_urdf(path: Path) -> ET.Element:
     try:
         text = text_of(path, LARGEST_URDF)
     except NotRead as problem:
-        raise InvalidModel(path, "", f"cannot be read ({problem})") from problem
+        raise InvalidModel(
+            path, "", message("base.cannot_be_read", "cannot be read ({problem})", problem=problem)
+        ) from problem
     if text.count("<") > MOST_TAGS:
-        raise InvalidModel(path, "", f"has more than {MOST_TAGS} tags")
+        raise InvalidModel(path, "", message("robots.too_many_tags", "has more than {most} tags", most=MOST_TAGS))
     if path.suffix.lower() == ".xacro" or "xmlns:xacro" in text:
-        raise InvalidModel(path, "", "is a xacro file; expand it first, with simrob import")
+        raise InvalidModel(
+            path, "", message("robots.expand_xacro", "is a xacro file; expand it first, with simrob import")
+        )
     if "<!ENTITY" in text or "<!DOCTYPE" in text:
-        raise InvalidModel(path, "", "declares entities or a document type, which a URDF never needs")
+        raise InvalidModel(
+            path, "", message("robots.has_entities", "declares entities or a document type, which a URDF never needs")
+        )
     try:
         # the prefix ``drake:`` is declared in several ways or, since Drake does not mind, not at all
         text = re.sub(r"""\sxmlns:drake\s*=\s*(".*?"|'.*?')""", "", text)
         declared = rf'\g<0> xmlns:drake="{DRAKE.strip("{}")}"'
         root = ET.fromstring(_OUTERMOST.sub(declared, text) if "drake:" in text else text)
     except ET.ParseError as problem:
-        raise InvalidModel(path, "", f"is not XML: {problem}") from problem
+        raise InvalidModel(path, "", message("robots.not_xml", "is not XML: {problem}", problem=problem)) from problem
     if root.tag != "robot":
-        raise InvalidModel(path, f"<{root.tag}>", "the outermost element of a URDF is <robot>")
+        raise InvalidModel(
+            path, f"<{root.tag}>", message("robots.outermost_robot", "the outermost element of a URDF is <robot>")
+        )
     return root
 
 
@@ -266,7 +279,7 @@ def scale_masses(robot: ET.Element, factors: Mapping[str, float]) -> None:
     """Make links, by name, so many times as heavy, moments of inertia as well; raises UnknownName: no such link."""
     links = {name_of(link): link for link in robot.iterfind("link")}
     for name, factor in factors.items():
-        link = links[one_of("link (under mass_factors)", name, links)]
+        link = links[one_of(message("robots.link_under_mass_factors", "link (under mass_factors)"), name, links)]
         for element in (*link.iterfind("inertial/mass"), *link.iterfind("inertial/inertia")):
             element.attrib.update({key: repr(factor * float(value)) for key, value in element.attrib.items()})
 
@@ -287,18 +300,36 @@ def mesh_file(uri: str, folder: Path) -> Path:
         path = (folder / uri.removeprefix("file://")).resolve()
         found = path.is_file()
     except (OSError, RuntimeError, ValueError) as problem:  # names that no file can have, links that go in a circle
-        raise InvalidModel(folder, f"mesh '{shortened(uri)}'", "cannot be a file's name") from problem
+        raise InvalidModel(
+            folder,
+            message("robots.mesh_called", "mesh '{uri}'", uri=shortened(uri)),
+            message("robots.no_name_of_file", "cannot be a file's name"),
+        ) from problem
     if "://" in uri.removeprefix("file://"):
         raise InvalidModel(
-            folder, f"mesh '{uri}'", "packages are not resolved here; name the mesh relative to the URDF"
+            folder,
+            message("robots.mesh_called", "mesh '{uri}'", uri=uri),
+            message("robots.no_packages_here", "packages are not resolved here; name the mesh relative to the URDF"),
         )
     border = models_root() if folder.resolve().is_relative_to(models_root()) else folder.resolve()
     if not path.is_relative_to(border):
-        raise InvalidModel(folder, f"mesh '{uri}'", "lies outside the robot's folder; copy it there")
+        raise InvalidModel(
+            folder,
+            message("robots.mesh_called", "mesh '{uri}'", uri=uri),
+            message("robots.mesh_outside_folder", "lies outside the robot's folder; copy it there"),
+        )
     if not found:
-        raise InvalidModel(folder, f"mesh '{uri}'", f"there is no file {path}")
+        raise InvalidModel(
+            folder,
+            message("robots.mesh_called", "mesh '{uri}'", uri=uri),
+            message("robots.no_file", "there is no file {path}", path=path),
+        )
     if path.suffix.lower() not in MESH_FORMATS:
-        raise InvalidModel(folder, f"mesh '{uri}'", f"Drake reads {', '.join(MESH_FORMATS)}; convert the mesh")
+        raise InvalidModel(
+            folder,
+            message("robots.mesh_called", "mesh '{uri}'", uri=uri),
+            message("robots.mesh_format", "Drake reads {formats}; convert the mesh", formats=", ".join(MESH_FORMATS)),
+        )
     return path
 
 

@@ -9,8 +9,9 @@ from functools import lru_cache, partial
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
-from simrob_drake.base.errors import InvalidModel, counted
+from simrob_drake.base.errors import InvalidModel
 from simrob_drake.base.file_cache import FileState, file_state
+from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.robots.urdf import (
     DRAKE,
     LIMITED_JOINTS,
@@ -90,7 +91,9 @@ def check_urdf(root: ET.Element, path: Path) -> None:
         for shape in link.iterfind("*/geometry/*"):
             problem = shape_defect(shape)
             if problem:
-                raise refuse(f"link '{name_of(link)}' <{shape.tag}>", problem)
+                raise refuse(
+                    message("robots.tag_of_link", "link '{link}' <{tag}>", link=name_of(link), tag=shape.tag), problem
+                )
     _check_actuators(root, refuse)
     _check_materials(root, refuse)
 
@@ -99,12 +102,20 @@ def check_size(root: ET.Element, refuse: Refuse) -> None:
     """Check that a robot is none that Drake has no memory for; raises InvalidModel: it has too many links."""
     count = len(root.findall("link"))
     if count > MOST_LINKS:
-        raise refuse("", f"has {count} links; at most {MOST_LINKS} are taken, for memory grows with their square")
+        raise refuse(
+            "",
+            message(
+                "robots.too_many_links",
+                "has {count} links; at most {most} are taken, for memory grows with their square",
+                count=count,
+                most=MOST_LINKS,
+            ),
+        )
 
 
 def _check_numbers(element: ET.Element, refuse: Refuse) -> None:
     """Check that every number is one, and that there are as many as there must be."""
-    owner = f"{element.tag} '{name_of(element)}'"
+    owner = compound("{tag} '{name_of}'", tag=element.tag, name_of=name_of(element))
     for part in element.iter():
         for key, counts in NUMBER_COUNTS.items():
             if key not in part.attrib:
@@ -113,35 +124,62 @@ def _check_numbers(element: ET.Element, refuse: Refuse) -> None:
             words = text.split()
             if len(words) not in counts:
                 expected = " or ".join(str(count) for count in counts)
-                raise refuse(where, f'{key}="{text}" holds {len(words)} numbers, not {expected}')
+                raise refuse(
+                    where,
+                    message(
+                        "robots.count_of_numbers",
+                        '{key}="{text}" holds {count} numbers, not {expected}',
+                        key=key,
+                        text=text,
+                        count=len(words),
+                        expected=expected,
+                    ),
+                )
             for word in words:
                 if word.lower().lstrip("+-") in ("nan", "inf", "infinity"):
-                    raise refuse(where, f"'{text}' is not finite")
+                    raise refuse(where, message("robots.not_finite", "'{text}' is not finite", text=text))
                 if not NUMBER.fullmatch(word):
-                    raise refuse(where, f"'{text}' is not a number")
+                    raise refuse(where, message("robots.not_a_number", "'{text}' is not a number", text=text))
                 if not math.isfinite(float(word)):
-                    raise refuse(where, f"'{text}' is not finite")
+                    raise refuse(where, message("robots.not_finite", "'{text}' is not finite", text=text))
 
 
 def _check_tree(root: ET.Element, refuse: Refuse) -> None:
     for tag in ("link", "joint"):
         names = [name_of(element) for element in root.iterfind(tag)]
         if "" in names:
-            raise refuse(f"<{tag}> number {names.index('') + 1}", "has no name")
+            raise refuse(
+                message("robots.element_number", "<{tag}> number {index}", tag=tag, index=names.index("") + 1),
+                message("robots.without_name", "has no name"),
+            )
         for name in [name for name, count in Counter(names).items() if count > 1]:
-            raise refuse(f"{tag} '{name}'", "stands twice; names are unique")
+            raise refuse(f"{tag} '{name}'", message("robots.name_twice", "stands twice; names are unique"))
     links = {name_of(link): None for link in root.iterfind("link")}
     if _WORLD in links:
-        raise refuse(f"link '{_WORLD}'", "has the name of Drake's own world; rename it")
+        raise refuse(
+            message("robots.link_called", "link '{link}'", link=_WORLD),
+            message("robots.name_of_the_world", "has the name of Drake's own world; rename it"),
+        )
     for joint in root.iterfind("joint"):
         for end in ("parent", "child"):
             if link_of(joint, end) not in links:
-                raise refuse(f"joint '{name_of(joint)}'", f"its {end} '{link_of(joint, end)}' is no link")
+                raise refuse(
+                    message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)),
+                    message("robots.no_such_link", "its {end} '{link}' is no link", end=end, link=link_of(joint, end)),
+                )
     parents = check_parents(root, refuse)
     roots = [link for link in links if link not in parents]
     if len(roots) != 1:
         listed = f" ({', '.join(roots[:5])})" if roots else ""
-        raise refuse("", f"has {len(roots)} root links{listed}; a URDF is a tree with one root")
+        raise refuse(
+            "",
+            message(
+                "robots.root_links",
+                "has {count} root links{names}; a URDF is a tree with one root",
+                count=len(roots),
+                names=listed,
+            ),
+        )
 
 
 def check_parents(root: ET.Element, refuse: Refuse) -> dict[str, str]:
@@ -150,10 +188,18 @@ def check_parents(root: ET.Element, refuse: Refuse) -> dict[str, str]:
     for joint in root.iterfind("joint"):
         child = link_of(joint, "child")
         if link_of(joint, "parent") == child:
-            raise refuse(f"joint '{name_of(joint)}'", f"joins link '{child}' to itself")
+            raise refuse(
+                message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)),
+                message("robots.joins_to_itself", "joins link '{child}' to itself", child=child),
+            )
         if child in holders:
-            both = f"'{name_of(holders[child])}' and '{name_of(joint)}'"
-            raise refuse(f"link '{child}'", f"is the child of two joints, {both}; a URDF is a tree")
+            both = message(
+                "robots.two_joints", "'{first}' and '{second}'", first=name_of(holders[child]), second=name_of(joint)
+            )
+            raise refuse(
+                message("robots.link_called", "link '{link}'", link=child),
+                message("robots.child_of_two", "is the child of two joints, {both}; a URDF is a tree", both=both),
+            )
         holders[child] = joint
     parents = {child: link_of(joint, "parent") for child, joint in holders.items()}
     held = [name for name in map(name_of, root.iterfind("link")) if name in parents]
@@ -161,59 +207,95 @@ def check_parents(root: ET.Element, refuse: Refuse) -> dict[str, str]:
         TopologicalSorter({name: [parents[name]] for name in held}).prepare()
     except CycleError as problem:
         loop = " - ".join(problem.args[1])
-        raise refuse("", f"has a loop: {loop}; a URDF is a tree, so leave one joint out") from None
+        raise refuse(
+            "", message("robots.loop", "has a loop: {loop}; a URDF is a tree, so leave one joint out", loop=loop)
+        ) from None
     return parents
 
 
 def _check_joint(joint: ET.Element, refuse: Refuse) -> None:
-    where, kind = f"joint '{name_of(joint)}'", joint.get("type", "")
+    where, kind = message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)), joint.get("type", "")
     if kind not in (*MOVABLE_JOINTS, "fixed"):
         known = ", ".join((*MOVABLE_JOINTS, "fixed"))
-        raise refuse(where, f"its type is '{kind}'; a station's robot has joints of the types {known}")
+        raise refuse(
+            where,
+            message(
+                "robots.type_of_joint",
+                "its type is '{kind}'; a station's robot has joints of the types {known}",
+                kind=kind,
+                known=known,
+            ),
+        )
     if kind == "fixed":
         return
     if joint.find("mimic") is not None:
-        raise refuse(where, "mimics another joint; import the robot, so that stations couple the two")
+        raise refuse(
+            where, message("robots.mimics", "mimics another joint; import the robot, so that stations couple the two")
+        )
     axis = joint.find("axis")
     if axis is not None and not any(float(number) for number in axis.get("xyz", "1 0 0").split()):
-        raise refuse(f"{where} <axis>", "is zero; it is a direction")
+        raise refuse(compound("{where} <axis>", where=where), message("robots.zero_axis", "is zero; it is a direction"))
     _check_limit(joint, where, refuse)
     if joint_figure(joint, "damping", "dynamics") < 0:
-        raise refuse(f"{where} <dynamics>", "damping is negative")
+        raise refuse(
+            compound("{where} <dynamics>", where=where), message("robots.negative_damping", "damping is negative")
+        )
 
 
 def _check_limit(joint: ET.Element, where: str, refuse: Refuse) -> None:
     limit = joint.find("limit")
     if limit is None:
         if joint.get("type") in LIMITED_JOINTS:
-            raise refuse(where, "a revolute or prismatic joint needs a <limit>")
+            raise refuse(where, message("robots.needs_limit", "a revolute or prismatic joint needs a <limit>"))
         return
-    where = f"{where} <limit>"
+    where = compound("{where} <limit>", where=where)
     if "lower" in limit.attrib or "upper" in limit.attrib or joint.get("type") in LIMITED_JOINTS:
         missing = [key for key in ("lower", "upper") if key not in limit.attrib]
         if missing:
-            raise refuse(where, f"has no {' and no '.join(missing)}")
+            raise refuse(
+                where,
+                message(
+                    "robots.has_no",
+                    "has no {missing}",
+                    missing=join_texts(missing, message("robots.and_no", " and no ")),
+                ),
+            )
         lower, upper = float(limit.attrib["lower"]), float(limit.attrib["upper"])
         if lower >= upper:
-            raise refuse(where, f"lower {lower:g} is not below upper {upper:g}")
+            raise refuse(
+                where,
+                message(
+                    "robots.lower_not_below_upper",
+                    "lower {lower:g} is not below upper {upper:g}",
+                    lower=lower,
+                    upper=upper,
+                ),
+            )
     for key in ("velocity", "effort"):
         if float(limit.get(key, 0)) < 0:
-            raise refuse(where, f"{key} {limit.get(key)} is negative")
+            raise refuse(
+                where, message("robots.negative_value", "{key} {value} is negative", key=key, value=limit.get(key))
+            )
 
 
 def _check_inertial(link: ET.Element, refuse: Refuse) -> None:
     inertial = link.find("inertial")
     if inertial is None:
         return
-    where = f"link '{name_of(link)}' <inertial>"
+    where = message("robots.inertial_of_link", "link '{link}' <inertial>", link=name_of(link))
     mass, inertia = inertial.find("mass"), inertial.find("inertia")
     if mass is None or inertia is None:
-        raise refuse(where, "needs <mass> and <inertia>")
+        raise refuse(where, message("robots.needs_mass_and_inertia", "needs <mass> and <inertia>"))
     if mass_of(link) < 0:
-        raise refuse(where, f"mass {mass.get('value')} kg is negative")
+        raise refuse(where, message("robots.negative_mass", "mass {mass} kg is negative", mass=mass.get("value")))
     moments = moments_of(inertial)
     if mass_of(link) == 0 and moments.diagonal().any():
-        raise refuse(where, "has moments of inertia but no mass; Drake would give it 1 kg in silence")
+        raise refuse(
+            where,
+            message(
+                "robots.moments_without_mass", "has moments of inertia but no mass; Drake would give it 1 kg in silence"
+            ),
+        )
     problem = impossible(moments)  # Drake would put a sphere's in silence
     if problem:
         raise refuse(where, problem)
@@ -222,16 +304,22 @@ def _check_inertial(link: ET.Element, refuse: Refuse) -> None:
 def shape_defect(shape: ET.Element) -> str:
     """Return what is wrong with the sizes of a shape, in words; empty where nothing is."""
     if shape.tag == "mesh" and "filename" not in shape.attrib:
-        return "has no filename"
+        return message("robots.has_no_filename", "has no filename")
     for key, count in SHAPE_SIZES.get(shape.tag, {}).items():
         text = shape.get(key)
         if text is None:
-            return f"has no {key}"
+            return message("robots.has_no_key", "has no {key}", key=key)
         numbers = numbers_in(text)
         if numbers is None or len(numbers) != count:
-            return f'has {key}="{text}" where {counted(count, "number")} should be'
+            return message(
+                "robots.words_where_numbers",
+                'has {key}="{text}" where {count} {count:number|numbers} should be',
+                key=key,
+                text=text,
+                count=count,
+            )
         if not all(number > 0 for number in numbers):
-            return f'has {key}="{text}", which is not positive'
+            return message("robots.not_positive", 'has {key}="{text}", which is not positive', key=key, text=text)
     return ""
 
 
@@ -247,7 +335,10 @@ def _check_materials(root: ET.Element, refuse: Refuse) -> None:
     defined = {name_of(material) for material in materials if material.find("color[@rgba]") is not None}
     for material in materials:
         if material.find("texture") is not None or name_of(material) not in defined:
-            raise refuse(f"material '{name_of(material)}'", "needs a name and a colour, and has no texture")
+            raise refuse(
+                message("robots.material_called", "material '{name}'", name=name_of(material)),
+                message("robots.material_needs", "needs a name and a colour, and has no texture"),
+            )
 
 
 def _check_actuators(root: ET.Element, refuse: Refuse) -> None:
@@ -258,12 +349,21 @@ def _check_actuators(root: ET.Element, refuse: Refuse) -> None:
     for joint in root.iterfind("joint"):
         if joint.get("type") not in MOVABLE_JOINTS:
             continue
-        where, own = f"joint '{name_of(joint)}'", drives.get(name_of(joint), [])
+        where, own = (
+            message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)),
+            drives.get(name_of(joint), []),
+        )
         if len(own) != 1:
-            missing = "has no <transmission>, so no motor can move it; add one"
-            raise refuse(where, "has two transmissions" if own else missing)
+            missing = message("robots.no_transmission", "has no <transmission>, so no motor can move it; add one")
+            raise refuse(where, message("robots.two_transmissions", "has two transmissions") if own else missing)
         if not (own[0].findtext("type") or "").strip().endswith("SimpleTransmission"):
-            expected = "Drake makes motors of a SimpleTransmission only; change the <type> of its transmission"
+            expected = message(
+                "robots.simple_transmission",
+                "Drake makes motors of a SimpleTransmission only; change the <type> of its transmission",
+            )
             raise refuse(where, expected)
         if joint_figure(joint, "effort") <= 0:
-            raise refuse(f"{where} <limit>", "effort is not positive [N·m], so its motor could not move it")
+            raise refuse(
+                compound("{where} <limit>", where=where),
+                message("robots.effort_not_positive", "effort is not positive [N·m], so its motor could not move it"),
+            )

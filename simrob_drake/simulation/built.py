@@ -10,6 +10,7 @@ from pydrake.systems.framework import Context, Diagram, LeafSystem
 from simrob_drake.base.arguments import instance
 from simrob_drake.base.errors import InvalidParameter, one_of, quoted
 from simrob_drake.base.frames import numbers
+from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.blocks.references import Reference, as_reference, corner_times, hold
 from simrob_drake.parts.controllers import readers_of
 from simrob_drake.parts.controllers.loop import sensors_read
@@ -148,13 +149,25 @@ class ByHand:
             InvalidParameter: `hands` is no mapping of names to functions.
             UnknownName: no controller of this name takes commands.
         """
-        self._hands = {} if hands is None else instance(hands, "commands", Mapping, "a mapping by controller")
+        self._hands = (
+            {}
+            if hands is None
+            else instance(
+                hands, "commands", Mapping, message("simulation.commands_by_controller", "a mapping by controller")
+            )
+        )
         self._sections = commanded_sections(config.controllers)
         self._commands: dict[str, list[TimedCommand]] = {}  # commands up to now, by controller
         for name, ask in self._hands.items():
-            one_of("controller that takes commands", name, self._sections)
+            one_of(
+                message("simulation.controller_with_commands", "controller that takes commands"), name, self._sections
+            )
             if not callable(ask):
-                raise InvalidParameter(f"commands: {name}", ask, "a function of the time")
+                raise InvalidParameter(
+                    message("simulation.commands_of", "commands: {name}", name=name),
+                    ask,
+                    message("simulation.function_of_time", "a function of the time"),
+                )
 
     def look(self, diagram: Diagram, context: Context) -> None:
         """Call the functions for commands, and pass on the commands that have changed.
@@ -219,7 +232,16 @@ def _checked_command(section: ControllerSection, name: str, time: float, answer:
     values = numbers(answer)
     parts = section.command_parts
     if values.shape != (len(parts),) or not np.isfinite(values).all():
-        described = ", ".join(f"{part.name} [{part.unit}]" for part in parts)
-        expected = f"a list of {len(parts)} numbers: {described}"
-        raise InvalidParameter(f"commands: {name} at {time:g} s", quoted(answer), expected)
+        described = join_texts((compound("{part} [{unit}]", part=part.name, unit=part.unit) for part in parts), ", ")
+        expected = message(
+            "simulation.list_of_numbers",
+            "a list of {count} numbers: {described}",
+            count=len(parts),
+            described=described,
+        )
+        raise InvalidParameter(
+            message("simulation.commands_at", "commands: {name} at {time:g} s", name=name, time=time),
+            quoted(answer),
+            expected,
+        )
     return TimedCommand(time, tuple(values.tolist()))

@@ -26,6 +26,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
 
 from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.messages import join_texts, message
 from simrob_drake.base.progress import Advance
 from simrob_drake.blocks.sampled import SampledBlock
 from simrob_drake.parts.targets import owner_of_shape
@@ -91,20 +92,37 @@ class Slow:
         solver = controlled_by(self.config)
         # Steps of a fixed length, or long ones: the run is slow because each step takes long.
         if solver is None or self.step > _SHORT * solver.max_step:
-            return f"each step of {self.step:.2g} s takes {self.cost:.2g} s{self._largest_expense(solver)}"
+            return message(
+                "simulation.slow_steps",
+                "each step of {step:.2g} s takes {cost:.2g} s{expense}",
+                step=self.step,
+                cost=self.cost,
+                expense=self._largest_expense(solver),
+            )
         # The steps are short: either a contact or a stiff spring forces the solver to take them.
         pair = self._blamed_pair()
         if pair is not None:
-            problem = f"the contact of {' and '.join(sorted(pair))} makes"
+            problem = message(
+                "simulation.contact_makes",
+                "the contact of {pair} makes",
+                pair=join_texts(sorted(pair), message("base.and", " and ")),
+            )
         else:
             plant = self.built.ports.plant
             spring = stiffest(self.config, plant, plant.plant.GetMyContextFromRoot(self.context))
-            problem = "forces that are stiff for what they move make"
+            problem = message("simulation.stiff_forces_make", "forces that are stiff for what they move make")
             if spring:
-                problem = f"{spring} is so stiff that it makes"
+                problem = message("simulation.stiff_spring_makes", "{spring} is so stiff that it makes", spring=spring)
         is_cenic_better = pair is not None and not solver.engine.takes_any_contact_stiffness
         remedy = _cenic(self.config) if is_cenic_better else _discrete(self.config)
-        return f"{problem} {solver.scheme} take steps of {self.step:.2g} s; {self._with_trial(remedy)}"
+        return message(
+            "simulation.small_steps",
+            "{problem} {scheme} take steps of {step:.2g} s; {remedy}",
+            problem=problem,
+            scheme=solver.scheme,
+            step=self.step,
+            remedy=self._with_trial(remedy),
+        )
 
     def _blamed_pair(self) -> Pair | None:
         """Find the two bodies whose contact makes the run slow. Returns None if no contact does."""
@@ -163,7 +181,12 @@ class Slow:
             State.of(self.built.diagram, self.built.ports, self.context).put(other.diagram, other.ports, root)
             root.SetTime(self.context.get_time())
             rate = _time_reached(simulator, remedy.config, self.step) / _TRIAL
-            return f"{remedy.text} ({rate:.2g} × real time in a trial)"
+            return message(
+                "simulation.remedy_in_trial",
+                "{remedy} ({rate:.2g} × real time in a trial)",
+                remedy=remedy.text,
+                rate=rate,
+            )
         return remedy.text
 
     def _largest_expense(self, controlled: ContinuousSolver | None) -> str:
@@ -174,13 +197,19 @@ class Slow:
         """
         largest = max(self._expenses(), key=lambda expense: expense.cost, default=None)
         if largest is not None and largest.cost > _HALF * self.cost:
-            return f", of it {largest.name} {largest.cost:.2g} s; {largest.remedy}"
+            return message(
+                "simulation.largest_expense",
+                ", of it {name} {cost:.2g} s; {remedy}",
+                name=largest.name,
+                cost=largest.cost,
+                remedy=largest.remedy,
+            )
         # Nothing dominates: only fewer, longer steps help.
         if controlled is not None and self.step < _HALF * controlled.max_step:
             key = "accuracy"  # the steps are shorter than allowed, so the accuracy limits them
         else:
             key = self.config.solver.step_key
-        return f"; take longer ones (solver.{key})"
+        return message("simulation.take_longer_steps", "; take longer ones (solver.{key})", key=key)
 
     def _expenses(self) -> list[Expense]:
         """Measure the costs of finding contacts, and of each block that samples, such as a camera."""
@@ -188,16 +217,18 @@ class Slow:
         if self.config.contact is not None and self.config.engine.moves_by_forces:
             has_surfaces = self.config.contact.model != "point"
             cost = _seconds(partial(self._find_contacts, self.context.Clone(), has_surfaces))
-            remedy = "give bodies fewer collision shapes"
+            remedy = message("simulation.fewer_shapes", "give bodies fewer collision shapes")
             if has_surfaces:
-                remedy = "set contact.model=point or a coarser contact.resolution"
-            expenses.append(Expense("finding contacts", cost, remedy))
+                remedy = message("simulation.point_contact", "set contact.model=point or a coarser contact.resolution")
+            expenses.append(Expense(message("simulation.finding_contacts", "finding contacts"), cost, remedy))
         for block in self.built.diagram.GetSystems():
             if isinstance(block, SampledBlock):
                 name = block.get_name()
                 cost = _seconds(partial(_sample, block, self.context.Clone()))
-                remedy = f"lower {name.replace('controller.', 'controllers.')}.rate"
-                expenses.append(Expense(f"the block {name}", cost, remedy))
+                remedy = message(
+                    "simulation.lower_rate", "lower {name}.rate", name=name.replace("controller.", "controllers.")
+                )
+                expenses.append(Expense(message("simulation.the_block", "the block {name}", name=name), cost, remedy))
         return expenses
 
     def _find_contacts(self, root: Context, surfaces: bool) -> None:
@@ -267,7 +298,7 @@ def _seconds(work: Callable[[], object]) -> float:
 def _cenic(config: StationConfig) -> Remedy:
     """Remedy: the scheme ``cenic``, which takes long steps in contact."""
     solver = ContinuousSolver(kind="continuous", scheme="cenic", accuracy=1e-3, max_step=0.01)
-    text = f"set solver.scheme=cenic and solver.max_step={solver.max_step:g}"
+    text = message("simulation.use_cenic", "set solver.scheme=cenic and solver.max_step={step:g}", step=solver.max_step)
     return Remedy(text, config.model_copy(update={"solver": solver}))
 
 
@@ -316,7 +347,13 @@ def creeping(config: StationConfig, times: Sequence[float]) -> str:
     if step >= _CREEPING:
         return ""
     left = config.duration - times[-1]
-    return f"it creeps in steps of {step:.2g} s with {left:.3g} s left; {DISCRETE}"
+    return message(
+        "simulation.creeping_steps",
+        "it creeps in steps of {step:.2g} s with {left:.3g} s left; {remedy}",
+        step=step,
+        left=left,
+        remedy=DISCRETE,
+    )
 
 
 class _Clocks(NamedTuple):
@@ -388,18 +425,30 @@ class PaceWatch:
         advanced = context.get_time() - self._since
         left = self.config.duration - context.get_time()
         share = self._worked / self._waited
-        rate = f"{advanced / self._waited:.2g} × real time"
+        rate = message("simulation.times_real_time", "{rate:.2g} × real time", rate=advanced / self._waited)
         rate_alone = advanced / self._worked if self._worked > 0 else np.inf
         is_machine_busy = share < _BUSY
         if is_machine_busy:
-            rate += f" on {100 * share:.0f} % of a processor ({rate_alone:.2g} × on a whole one)"
+            rate += message(
+                "simulation.on_share_of_processor",
+                " on {share:.0f} % of a processor ({rate:.2g} × on a whole one)",
+                share=100 * share,
+                rate=rate_alone,
+            )
         if is_machine_busy and rate_alone >= _SLOWEST:
-            cause = "the machine is busy with other work"
+            cause = message("simulation.machine_is_busy", "the machine is busy with other work")
         else:
             step = advanced / self._steps
             cost = self._worked / self._steps
             cause = Slow(self.config, self._built(), context, step, cost, self._own_blocks).cause()
-        return f"{self.config.name} makes {rate} with {left:.3g} s left: {cause}"
+        return message(
+            "simulation.rate_with_time_left",
+            "{station} makes {rate} with {left:.3g} s left: {cause}",
+            station=self.config.name,
+            rate=rate,
+            left=left,
+            cause=cause,
+        )
 
     def _count_step(self) -> None:
         """Count a step and, about every 20 ms, add the elapsed times to those of the period unless it was a pause."""

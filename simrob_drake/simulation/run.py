@@ -19,6 +19,7 @@ from pydrake.trajectories import PiecewisePolynomial, Trajectory
 from simrob_drake.base.arguments import instance, seconds, truth
 from simrob_drake.base.errors import InvalidParameter, one_of, quoted
 from simrob_drake.base.frames import Vector, numbers
+from simrob_drake.base.messages import message
 from simrob_drake.base.progress import note, progress_bar
 from simrob_drake.blocks.references import Reference, ReferenceSignal, Samples
 from simrob_drake.parts.forces import Push
@@ -89,7 +90,7 @@ class Run:
         watchers = [] if hand is None else [hand]
         if on_step is not None:
             watchers.append(_positions_watcher(self.stepper, on_step))
-        title = f"simulating {self.config.name}"
+        title = message("simulation.simulating", "simulating {station}", station=self.config.name)
         with progress_bar(title, self.config.duration, shown=truth(progress, "progress")) as show:
             stepper = self.stepper
             pace = PaceWatch(self.config, lambda: stepper.built, own_blocks=stepper.has_own_blocks, show=show)
@@ -102,7 +103,13 @@ class Run:
         try:
             return self._make_result(recorder, watch, outcome, **known)
         except KeyboardInterrupt:  # the user does not want to lose the run
-            note("interrupted; the signals are computed first, interrupt again to abandon them", shown=progress)
+            note(
+                message(
+                    "simulation.interrupted_computing",
+                    "interrupted; the signals are computed first, interrupt again to abandon them",
+                ),
+                shown=progress,
+            )
             return self._make_result(recorder, watch, interruption_outcome(self.config, recorder), **known)
 
     def _make_result(self, recorder: Recorder, watch: Watch, outcome: Outcome, **known: Any) -> SimulationResult:
@@ -127,7 +134,10 @@ class Run:
         self.forget()
         end = sampler.history.end
         if outcome.ending == "monitor":
-            outcome = replace(outcome, message=f"{outcome.message}, at {end:.4g} s")
+            outcome = replace(
+                outcome,
+                message=message("simulation.ending_at", "{ending}, at {end:.4g} s", ending=outcome.message, end=end),
+            )
         config = self.config
         if outcome.ending == "completed" and end < config.duration:
             # The callback of a tick has ended the run: that is its duration now.
@@ -328,14 +338,18 @@ def with_pushes(config: StationConfig, pushes: Mapping[str, Any] | None) -> Stat
     """
     if pushes is None:
         return config
-    instance(pushes, "pushes", Mapping, "a mapping of names to pushes")
+    instance(pushes, "pushes", Mapping, message("simulation.pushes_by_name", "a mapping of names to pushes"))
     forces: dict[str, Any] = {name: force for name, force in config.forces.items() if not isinstance(force, Push)}
     for name, push in pushes.items():
         try:
             forces[name] = push if isinstance(push, Push) else Push.model_validate({"kind": "push", **push})
         except (ValidationError, TypeError) as problem:
-            expected = "a mapping of at, start, duration and force, as under forces: in a station"
-            raise InvalidParameter(f"pushes: {name}", quoted(push), expected) from problem
+            expected = message(
+                "simulation.a_push", "a mapping of at, start, duration and force, as under forces: in a station"
+            )
+            raise InvalidParameter(
+                message("simulation.push_called", "pushes: {name}", name=name), quoted(push), expected
+            ) from problem
     return config.model_copy(update={"forces": forces})
 
 
@@ -358,9 +372,16 @@ def by_robot(config: StationConfig, reference: Any) -> dict[str, Reference | Sam
     references = reference
     if not isinstance(reference, Mapping):
         if config.only_robot is None:
-            raise InvalidParameter("reference", "one for all", f"a mapping by robot: {', '.join(config.robots)}")
+            raise InvalidParameter(
+                "reference",
+                message("simulation.one_for_all", "one for all"),
+                message("simulation.mapping_by_robot", "a mapping by robot: {robots}", robots=", ".join(config.robots)),
+            )
         references = {config.only_robot: reference}
-    return {one_of("robot", name, config.robots): _trajectory_or_samples(own) for name, own in references.items()}
+    return {
+        one_of(message("base.robot", "robot"), name, config.robots): _trajectory_or_samples(own)
+        for name, own in references.items()
+    }
 
 
 def _trajectory_or_samples(reference: Any) -> Reference | Samples:
@@ -377,13 +398,22 @@ def _trajectory_or_samples(reference: Any) -> Reference | Samples:
     if isinstance(reference, Trajectory):
         empty = isinstance(reference, PiecewisePolynomial) and reference.get_number_of_segments() < 1
         if empty or not reference.rows() or reference.cols() != 1:
-            shape = "no segment" if empty else f"{reference.rows()} x {reference.cols()}"
-            raise InvalidParameter("reference", f"a trajectory of {shape}", "of shape (n, 1), one row a joint")
+            shape = (
+                message("simulation.no_segment", "no segment") if empty else f"{reference.rows()} x {reference.cols()}"
+            )
+            raise InvalidParameter(
+                "reference",
+                message("simulation.trajectory_of", "a trajectory of {shape}", shape=shape),
+                message("simulation.of_shape_n_1", "of shape (n, 1), one row a joint"),
+            )
         return reference
     is_pair = isinstance(reference, tuple) and len(reference) == 2
     times, positions = map(numbers, reference) if is_pair else _split(numbers(reference))
     if times.ndim != 1 or positions.ndim != 2 or not (times.size and positions.size):
-        expected = "a trajectory, an array (m, 1 + n) whose first column is the time, or a pair of times and positions"
+        expected = message(
+            "simulation.a_reference",
+            "a trajectory, an array (m, 1 + n) whose first column is the time, or a pair of times and positions",
+        )
         raise InvalidParameter("reference", quoted(reference), expected)
     return times, positions
 

@@ -10,6 +10,7 @@ from pydrake.systems.framework import Context, Diagram, LeafSystem
 
 from simrob_drake.base.arguments import drake_asserts, instance
 from simrob_drake.base.errors import InvalidParameter, SimrobError
+from simrob_drake.base.messages import message
 from simrob_drake.blocks.references import Reference, Samples
 from simrob_drake.parts.controllers import own_blocks
 from simrob_drake.parts.controllers.own import OwnController, driven_inputs, named_blocks, with_driven
@@ -140,7 +141,11 @@ class Runner:
         """
         config = with_pushes(with_duration(self.config, duration), pushes)
         if on_step is not None and not callable(on_step):
-            raise InvalidParameter("on_step", on_step, "a function of time and positions")
+            raise InvalidParameter(
+                "on_step",
+                on_step,
+                message("simulation.function_of_time_and_positions", "a function of time and positions"),
+            )
         # A start that the caller or the station gives continues another run. This is evaluated before _started(), which
         # also makes a start for a robot with prescribed axes.
         begins_in_motion = _checked_start(config, start) is not None
@@ -187,7 +192,15 @@ class Runner:
         """
         config = self.config
         if not 0 < at < config.duration:
-            raise InvalidParameter("at", at, f"a moment within the run, over 0 and below {config.duration:g} s")
+            raise InvalidParameter(
+                "at",
+                at,
+                message(
+                    "simulation.moment_within_run",
+                    "a moment within the run, over 0 and below {duration:g} s",
+                    duration=config.duration,
+                ),
+            )
         start = self._started(config, None)
         diagrams = self._playing(config, by_robot(config, reference), start)
         begins_in_motion = _checked_start(config, None) is not None
@@ -240,8 +253,11 @@ class Runner:
         diagrams = self._diagrams.get(places)
         if diagrams is None or not diagrams.fits(references):
             if self._diagrams and self._blocks:
-                message = "blocks stand in one diagram: pushes at other places, and sines, need a Runner with new ones"
-                raise SimrobError(message)
+                text = message(
+                    "simulation.blocks_in_one_diagram",
+                    "blocks stand in one diagram: pushes at other places, and sines, need a Runner with new ones",
+                )
+                raise SimrobError(text)
             station = self._station
             if config.forces != self.config.forces:
                 station = resolve(station.config.model_copy(update={"forces": config.forces}))
@@ -284,8 +300,15 @@ def simulate_diagram(
     Raises:
         SimrobError: a solver that cannot run the station where it stands.
     """
-    instance(diagram, "diagram", Diagram, "a Diagram of Drake that contains a station")
-    instance(ports, "ports", StationPorts, "what add_station() gave, or station.ports")
+    instance(
+        diagram,
+        "diagram",
+        Diagram,
+        message("simulation.diagram_with_station", "a Diagram of Drake that contains a station"),
+    )
+    instance(
+        ports, "ports", StationPorts, message("simulation.station_ports", "what add_station() gave, or station.ports")
+    )
     config = with_duration(ports.config, duration)
     built = ClosedStation(diagram, ports)
     names = [
@@ -294,7 +317,9 @@ def simulate_diagram(
     blocks = {name: diagram.GetSubsystemByName(name) for name in names}
     begins_in_motion = False
     if context is not None:
-        expected = "a Context of the diagram, such as diagram.CreateDefaultContext() gives"
+        expected = message(
+            "simulation.context_of_diagram", "a Context of the diagram, such as diagram.CreateDefaultContext() gives"
+        )
         instance(context, "context", Context, expected)
         begins_in_motion = _is_moving(ports, context)
     stepper = Stepper(
@@ -330,7 +355,9 @@ def _built_of(config: StationConfig) -> StationConfig:
 def _checked_start(config: StationConfig, start: State | None) -> State | None:
     if start is None:
         return State.at_start_of(config)
-    instance(start, "start", State, "a State, such as the final_state of a result").check()
+    instance(
+        start, "start", State, message("simulation.a_state", "a State, such as the final_state of a result")
+    ).check()
     return start
 
 

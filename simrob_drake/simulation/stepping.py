@@ -16,6 +16,8 @@ from pydrake.systems.analysis import Simulator, SimulatorStatus
 from pydrake.systems.framework import Context, LeafSystem
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import Message, compound, message, message_of
+from simrob_drake.blocks.monitor import Monitor
 from simrob_drake.blocks.sampled import BlockFails
 from simrob_drake.parts.forces import ForceConfig
 from simrob_drake.results.record.history import Recorder, StateHistory
@@ -220,10 +222,27 @@ class Stepper:
         if stopped is not None:
             return stopped
         if not recorder.is_sane():
-            return self._divergence_outcome(recorder, RuntimeError("a state ran away to infinity"))
+            return self._divergence_outcome(
+                recorder, RuntimeError(message("simulation.state_ran_away", "a state ran away to infinity"))
+            )
         if status.reason() == _ENDED:
-            return Outcome("monitor", status.system().get_name().rpartition(".")[2], status.message())
-        return Outcome("completed", None, f"ran to its end at {self.simulator.get_context().get_time():.6g} s")
+            return Outcome("monitor", status.system().get_name().rpartition(".")[2], self._reason(status))
+        return Outcome(
+            "completed",
+            None,
+            message(
+                "simulation.ran_to_its_end",
+                "ran to its end at {time:.6g} s",
+                time=self.simulator.get_context().get_time(),
+            ),
+        )
+
+    def _reason(self, status: SimulatorStatus) -> str:
+        """Reason why a block ended the run. A monitor's has its id, which Drake's status does not keep."""
+        block = status.system()
+        if isinstance(block, Monitor):
+            return block.reason(block.GetMyContextFromRoot(self.simulator.get_context()))
+        return status.message()
 
     def step(self, history: StateHistory, time: float) -> StateHistory:
         """Compute the state at a time by stepping from the last recorded state before it.
@@ -242,7 +261,9 @@ class Stepper:
         recorder = Recorder(simulator, pace=self._pace(built, simulator))
         simulator.AdvanceTo(time)
         if not recorder.is_sane():
-            raise RuntimeError("a state ran away between two recorded ones")
+            raise RuntimeError(
+                message("simulation.state_ran_away_between", "a state ran away between two recorded ones")
+            )
         return recorder.history().last()
 
     def _ends_at_tick(self, time: float, recorder: Recorder) -> bool:
@@ -332,21 +353,47 @@ class Stepper:
             time: time for the message [s]: the last recorded time, or the time at which signals were evaluated.
         """
         if isinstance(problem, BlockFails):
-            return Outcome("failed", problem.block, f"{problem.block} failed at {time:.4g} s: it {problem}")
+            return Outcome(
+                "failed",
+                problem.block,
+                message(
+                    "simulation.block_failed",
+                    "{block} failed at {time:.4g} s: it {problem}",
+                    block=problem.block,
+                    time=time,
+                    problem=problem,
+                ),
+            )
         # A block of the user's own is to blame if one of its methods is in the traceback. The innermost one counts.
-        error = f"{type(problem).__name__}: {problem}"
+        error = compound("{name}: {problem}", name=type(problem).__name__, problem=problem)
         trace = list(walk_tb(problem.__traceback__))
         for frame, line in reversed(trace):
             for name, block in self._blocks.items():
                 if _runs_code_of(frame, block):
                     where = _failing_port(block, context, type(problem)) or frame.f_code.co_name
-                    message = f"the block {name} failed at {time:.4g} s in {where}: {error} (line {line})"
-                    return Outcome("failed", name, message)
+                    text = message(
+                        "simulation.code_of_block_failed",
+                        "the block {name} failed at {time:.4g} s in {where}: {error} (line {line})",
+                        name=name,
+                        time=time,
+                        where=where,
+                        error=error,
+                        line=line,
+                    )
+                    return Outcome("failed", name, text)
         if isinstance(problem, _PROGRAMMING_ERRORS):
             frame, line = trace[-1]
-            where = f"{frame.f_globals.get('__name__')}, line {line}"
-            message = f"a fault of the program, at {time:.4g} s: {error} ({where})"
-            return Outcome("failed", frame.f_code.co_qualname, message)
+            where = message(
+                "simulation.module_and_line", "{module}, line {line}", module=frame.f_globals.get("__name__"), line=line
+            )
+            text = message(
+                "simulation.fault_of_program",
+                "a fault of the program, at {time:.4g} s: {error} ({where})",
+                time=time,
+                error=error,
+                where=where,
+            )
+            return Outcome("failed", frame.f_code.co_qualname, text)
         return None
 
     def _divergence_outcome(self, recorder: Recorder, problem: BaseException) -> Outcome:
@@ -356,21 +403,32 @@ class Stepper:
             recorder: the recorded states.
             problem: the exception, whose first sentence is shown.
         """
-        message = " ".join(str(problem).split())
-        first_sentence = message.split(". ")[0].rstrip(".")
+        first_sentence = message_of(problem)
+        if not isinstance(first_sentence, Message):  # an error of Drake, which may have several sentences and lines
+            first_sentence = " ".join(first_sentence.split()).split(". ")[0].rstrip(".")
         # A block that cannot compute its output says so itself. Otherwise solver and servos are examined.
         has_cause = isinstance(problem, ValueError) or "cannot be computed" in first_sentence
-        cause = "" if has_cause else f"; {likely_cause(self._config, self.built.ports.plant)}"
-        return Outcome("diverged", DIVERGED, f"diverged at {recorder.history().end:.4g} s: {first_sentence}{cause}")
+        cause = "" if has_cause else compound("; {cause}", cause=likely_cause(self._config, self.built.ports.plant))
+        return Outcome(
+            "diverged",
+            DIVERGED,
+            message(
+                "simulation.diverged",
+                "diverged at {end:.4g} s: {problem}{cause}",
+                end=recorder.history().end,
+                problem=first_sentence,
+                cause=cause,
+            ),
+        )
 
 
 def interruption_outcome(config: StationConfig, recorder: Recorder) -> Outcome:
     """Outcome of a run that its user interrupted. The message contains a hint if the run was slow."""
-    message = f"interrupted at {recorder.times[-1]:.4g} s"
+    text = message("simulation.interrupted", "interrupted at {time:.4g} s", time=recorder.times[-1])
     slow = creeping(config, recorder.times)
     if slow:
-        message += f"; {slow}"
-    return Outcome("interrupted", INTERRUPTED, message)
+        text += compound("; {slow}", slow=slow)
+    return Outcome("interrupted", INTERRUPTED, text)
 
 
 def _runs_code_of(frame: FrameType, block: LeafSystem) -> bool:
@@ -391,7 +449,7 @@ def _failing_port(block: LeafSystem, context: Context, kind: type[BaseException]
         try:
             port.Eval(block.GetMyContextFromRoot(context))
         except kind:
-            return f"its output {port.get_name()}"
+            return message("simulation.output_called", "its output {port}", port=port.get_name())
     return ""
 
 

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel
 
+from simrob_drake.base.messages import message
 from simrob_drake.parts import controllers, couplings, forces, monitors, references, sensors
 from simrob_drake.parts.kinds import Kinds
 from simrob_drake.stations.solver_config import SOLVERS
@@ -98,8 +99,16 @@ class KeyLosses:
         if lost:
             where = ".".join(path)
             self.texts.append(
-                f"{where}.kind is {kind} in place of {old_kind}: {where} begins from the defaults of {kind}, "
-                f"without what was given for {old_kind} ({', '.join(lost)}); set {where}.<key> for the new kind"
+                message(
+                    "stations.change_of_kind",
+                    "{where}.kind is {kind} in place of {old_kind}: {where} begins from the defaults of "
+                    "{kind}, without what was given for {old_kind} ({lost}); set {where}.<key> for the "
+                    "new kind",
+                    where=where,
+                    kind=kind,
+                    old_kind=old_kind,
+                    lost=", ".join(lost),
+                )
             )
 
     def warn(self) -> None:

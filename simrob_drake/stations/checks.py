@@ -9,6 +9,7 @@ from pydrake.systems.framework import Diagram
 
 from simrob_drake.base.errors import listed
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.signals import Signal
 from simrob_drake.blocks.references import Reference
 from simrob_drake.parts.resolved import WORLD, ResolvedPiece
@@ -23,7 +24,7 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.findings import Finding, Level
 from simrob_drake.stations.holding import error_bound, holding_findings, too_warm
 from simrob_drake.stations.ignored_settings import rounded_delays
-from simrob_drake.stations.physics_findings import physics_findings
+from simrob_drake.stations.physics_findings import CONTACT, physics_findings
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.solver_config import bound_value
@@ -60,7 +61,10 @@ def check_station(config: StationConfig) -> list[Finding]:
     for name, coupling in ports.config.couplings.items():
         findings.append(Finding("note", f"couplings.{name}", coupling.caption()))
     for name in config.controllers:
-        text = "what it asks of the robot beyond the reference is not looked at: a run shows it"
+        text = message(
+            "stations.controller_not_examined",
+            "what it asks of the robot beyond the reference is not looked at: a run shows it",
+        )
         findings.append(Finding("note", f"controllers.{name}", text))
     findings += physics_findings(config, ports, closed.references)
     findings += rounded_delays(config)
@@ -81,7 +85,11 @@ def _signal_finding(signal: Signal) -> Finding:
         words = [name.removeprefix(f"{stem}.") for name in signal.names]
         columns = f"{stem}.{words[0]} … {words[-1]}"
     units = ", ".join(dict.fromkeys(signal.units))  # each unit once
-    return Finding("note", f"signals of {signal.part}", f"{columns} [{units}]")
+    return Finding(
+        "note",
+        message("stations.signals_of", "signals of {part}", part=signal.part),
+        compound("{columns} [{units}]", columns=columns, units=units),
+    )
 
 
 def holding_torque(plant: StationPlant, robot: StationRobot, position: Vector) -> Vector:
@@ -96,7 +104,11 @@ def _piece_findings(ports: StationPorts) -> list[Finding]:
     """Describe for each piece what it is fixed to."""
     findings = []
     for name, piece in ports.station.pieces.items():
-        text = "hangs on nothing: gravity and contact move it" if piece.free else _mount_text(piece)
+        text = (
+            message("stations.hangs_on_nothing", "hangs on nothing: gravity and contact move it")
+            if piece.free
+            else _mount_text(piece)
+        )
         findings.append(Finding("note", f"pieces.{name}", text))
     return findings
 
@@ -105,14 +117,14 @@ def _mount_text(piece: ResolvedPiece) -> str:
     """Describe where a piece is fixed: to the world, to a robot or to another piece, which a robot may carry."""
     # Adding 0.0 turns -0.0 into 0.0.
     origin = " ".join(f"{value:.4g}" for value in piece.pose.translation() + 0.0)
-    text = f"hangs on {piece.parent}"
+    text = message("stations.hangs_on", "hangs on {parent}", parent=piece.parent)
     if piece.mount:  # the frame on which it hangs, whose name begins with that of the parent; empty for the world
         frame = piece.mount.removeprefix(f"{piece.parent}_")
-        text += f", at {frame}"
-    text += f", its origin at {origin} m"
+        text += message("stations.at_frame", ", at {frame}", frame=frame)
+    text += message("stations.its_origin_at", ", its origin at {origin} m", origin=origin)
     # The carrier is the robot that moves it, perhaps through other pieces.
     if piece.carrier not in (piece.parent, WORLD):
-        text += f"; {piece.carrier} carries it"
+        text += message("stations.carried_by", "; {carrier} carries it", carrier=piece.carrier)
     return text
 
 
@@ -127,9 +139,15 @@ def _reference_findings(config: StationConfig, robot: StationRobot, reference: R
     Raises:
         InvalidParameter: the reference leaves the range of an axis.
     """
-    subject = f"reference of {robot.name}"
+    subject = message("stations.reference_of", "reference of {robot}", robot=robot.name)
     if reference is None:
-        return [Finding("note", subject, "not looked at: a controller says where the robot goes")]
+        return [
+            Finding(
+                "note",
+                subject,
+                message("stations.controller_decides", "not looked at: a controller says where the robot goes"),
+            )
+        ]
     check_reference(robot, reference, config.duration)
     times, positions = reference_samples(reference, config.duration)
     step = times[1]  # the samples are evenly spaced and begin at 0
@@ -140,15 +158,34 @@ def _reference_findings(config: StationConfig, robot: StationRobot, reference: R
     for axis in np.flatnonzero(speeds > allowed_share * limits):
         unit = robot.model.user_units[axis]
         unit_name = f"{robot.model.unit_names[axis]}/s"
-        text = f"{robot.prefix}{robot.axes[axis]} is asked for {speeds[axis] / unit:.4g} {unit_name}"
-        text += f", its limit is {limits[axis] / unit:.4g} {unit_name}; give it more time"
+        text = message(
+            "stations.asked_for_speed",
+            "{prefix}{axis} is asked for {speed:.4g} {unit}",
+            prefix=robot.prefix,
+            axis=robot.axes[axis],
+            speed=speeds[axis] / unit,
+            unit=unit_name,
+        )
+        text += message(
+            "stations.its_speed_limit",
+            ", its limit is {limit:.4g} {unit}; give it more time",
+            limit=limits[axis] / unit,
+            unit=unit_name,
+        )
         findings.append(Finding("warning", subject, text))
     if findings:
         return findings
-    text = f"within the joints' limits at {len(times)} times from 0 to {config.duration:g} s"
+    text = message(
+        "stations.within_joint_limits",
+        "within the joints' limits at {count} times from 0 to {duration:g} s",
+        count=len(times),
+        duration=config.duration,
+    )
     if np.isfinite(limits).any():
         # An axis without a speed limit (inf) has a share of 0. An axis at rest with the limit 0 has none (NaN).
-        text += f", at most {np.nanmax(speeds / limits):.0%} of their speed"
+        text += message(
+            "stations.share_of_speed", ", at most {share:.0%} of their speed", share=np.nanmax(speeds / limits)
+        )
     return [Finding("ok", subject, text)]
 
 
@@ -160,11 +197,20 @@ def _effort_findings(config: StationConfig, robot: StationRobot) -> list[Finding
     if config.servo_of(robot.name).torque_limit is not None or any(robot.motors):
         return []
     doubtful = doubtful_efforts(robot.model.element)
-    axes = [f"{name} ({effort:g} N·m, {mass:.3g} kg)" for name, (effort, mass) in doubtful.items()]
+    axes = [
+        message(
+            "stations.axis_and_effort", "{name} ({effort:g} N·m, {mass:.3g} kg)", name=name, effort=effort, mass=mass
+        )
+        for name, (effort, mass) in doubtful.items()
+    ]
     if not axes:
         return []
-    text = f"more than their links' motors may have: {listed(axes)}; set servo.torque_limit"
-    return [Finding("warning", f"efforts of {robot.name}", text)]
+    text = message(
+        "stations.implausible_efforts",
+        "more than their links' motors may have: {axes}; set servo.torque_limit",
+        axes=listed(axes),
+    )
+    return [Finding("warning", message("stations.efforts_of", "efforts of {robot}", robot=robot.name), text)]
 
 
 def _motor_findings(robot: StationRobot) -> list[Finding]:
@@ -173,8 +219,11 @@ def _motor_findings(robot: StationRobot) -> list[Finding]:
     for axis, unit, motor in zip(robot.axes, robot.model.units, robot.motors, strict=True):
         if motor is not None:
             axes_by_text.setdefault(_motor_text(motor, unit), []).append(axis)
-    subject = f"motors of {robot.name}"
-    return [Finding("note", subject, f"{listed(axes)}: {text}") for text, axes in axes_by_text.items()]
+    subject = message("stations.motors_of", "motors of {robot}", robot=robot.name)
+    return [
+        Finding("note", subject, compound("{axes}: {text}", axes=listed(axes), text=text))
+        for text, axes in axes_by_text.items()
+    ]
 
 
 def _motor_text(motor: Motor, unit: AxisUnit) -> str:
@@ -183,19 +232,37 @@ def _motor_text(motor: Motor, unit: AxisUnit) -> str:
     The torque falls along a line from standstill to the speed without load. The current may limit it further.
     """
     stall_torque, no_load_speed = motor.line
-    text = f"{stall_torque:.3g} {unit.effort} at rest, {no_load_speed:.3g} {unit.si}/s without load"
+    text = message(
+        "stations.stall_and_speed",
+        "{torque:.3g} {effort} at rest, {speed:.3g} {si}/s without load",
+        torque=stall_torque,
+        effort=unit.effort,
+        speed=no_load_speed,
+        si=unit.si,
+    )
     if motor.peak_torque:
-        text += f", {motor.peak_torque:g} {unit.effort} by its current"
+        text += message(
+            "stations.peak_by_current",
+            ", {torque:g} {effort} by its current",
+            torque=motor.peak_torque,
+            effort=unit.effort,
+        )
     if motor.rated_torque:
-        text += f", {motor.rated_torque:g} {unit.effort} continuously"
-    return f"{text} ({motor.source or 'figures of the station'})"
+        text += message(
+            "stations.continuously", ", {torque:g} {effort} continuously", torque=motor.rated_torque, effort=unit.effort
+        )
+    return compound(
+        "{text} ({source})",
+        text=text,
+        source=motor.source or message("stations.values_of_station", "figures of the station"),
+    )
 
 
 def _holding_findings(ports: StationPorts, robot: StationRobot, reference: Reference | None) -> list[Finding]:
     """Predict torques and sag of a robot along its reference. Returns a note if the robot has no reference."""
     if reference is None:
-        text = "not looked at: a controller says where the robot goes"
-        return [Finding("note", f"torques of {robot.name}", text)]
+        text = message("stations.controller_decides", "not looked at: a controller says where the robot goes")
+        return [Finding("note", message("stations.torques_of", "torques of {robot}", robot=robot.name), text)]
     positions = reference_samples(reference, ports.config.duration)[1]
     return holding_findings(ports, robot, positions)
 
@@ -211,23 +278,35 @@ def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding
     has_ground = ground.has_floor or ground.boxes
     if not has_ground or config.contact is None or found is None:
         if not has_ground:
-            missing = "floor"
+            missing = message("stations.floor", "floor")
         elif config.contact is None:
-            missing = "contact"
+            missing = CONTACT
         else:
-            missing = "collision shapes"
-        text = f"the base is free and the robot has no {missing} to stand on: it falls"
+            missing = message("stations.collision_shapes", "collision shapes")
+        text = message(
+            "stations.falls_without",
+            "the base is free and the robot has no {missing} to stand on: it falls",
+            missing=missing,
+        )
         return [Finding("warning", f"{robot.prefix}base", text)]
     findings = [_gap_finding(robot, found), _balance_finding(robot, found)]
     # A link that carries near its joint kneels; `ends` are distances from the joint as parts of the link's length. Feet
     # that the robot's description names may carry anywhere.
     kneeling = [link for link, end in found.ends.items() if end < KNEELING]
     if kneeling and not robot.feet:
-        text = f"it stands on the near end of {', '.join(kneeling)}, by the joint, as on knees: bend the joints above"
+        text = message(
+            "stations.kneeling",
+            "it stands on the near end of {links}, by the joint, as on knees: bend the joints above",
+            links=", ".join(kneeling),
+        )
         findings.append(Finding("warning", f"{robot.prefix}base", text))
     if robot.feet and robot.feet.boxes and config.contact.model == "point":
-        text = "box soles rock in point contact, which pushes at one point a box; set contact.model to "
-        findings.append(Finding("warning", f"{robot.prefix}feet", f"{text}hydroelastic_with_fallback"))
+        text = message(
+            "stations.box_soles_rock",
+            "box soles rock in point contact, which pushes at one point a box; set contact.model to {model}",
+            model="hydroelastic_with_fallback",
+        )
+        findings.append(Finding("warning", f"{robot.prefix}feet", text))
     for axis, torque in enumerate(found.torque):
         findings.append(_standing_torque(config, robot, axis, float(torque)))
     return findings
@@ -235,28 +314,49 @@ def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding
 
 def _gap_finding(robot: StationRobot, found: Standing) -> Finding:
     """Check the height of a robot's lowest point: the robot must not drop on the ground, and not begin inside of it."""
-    parts = "feet's" if robot.feet else "collision shapes'"
-    side = "over" if found.gap >= 0 else "below"
-    text = f"the {parts} lowest point is {abs(found.gap) * 1e3:.2f} mm {side} the floor at the start"
+    parts = message("stations.of_feet", "feet's") if robot.feet else message("stations.of_shapes", "collision shapes'")
+    side = message("stations.over", "over") if found.gap >= 0 else message("stations.below", "below")
+    text = message(
+        "stations.lowest_point",
+        "the {parts} lowest point is {gap:.2f} mm {side} the floor at the start",
+        parts=parts,
+        gap=abs(found.gap) * 1e3,
+        side=side,
+    )
     is_on_ground = -TOUCHING <= found.gap <= _DROP
     return Finding("ok" if is_on_ground else "warning", f"{robot.prefix}base", text)
 
 
 def _balance_finding(robot: StationRobot, found: Standing) -> Finding:
     """Check that the centre of mass of a robot that stands is well inside of the support area."""
-    side = "inside" if found.margin >= 0 else "outside"
-    links = f" of {', '.join(found.ends)}" if len(found.ends) <= _LISTED else ""
-    text = f"{found.mass:.3f} kg on {found.contacts} points{links}, "
-    text += f"the centre of mass {abs(found.margin) * 1e3:.0f} mm {side} of the support area"
+    side = message("stations.inside", "inside") if found.margin >= 0 else message("stations.outside", "outside")
+    links = message("stations.of_ends", " of {ends}", ends=", ".join(found.ends)) if len(found.ends) <= _LISTED else ""
+    text = message(
+        "stations.mass_on_points",
+        "{mass:.3f} kg on {contacts} points{links}, ",
+        mass=found.mass,
+        contacts=found.contacts,
+        links=links,
+    )
+    text += message(
+        "stations.margin_of_support",
+        "the centre of mass {margin:.0f} mm {side} of the support area",
+        margin=abs(found.margin) * 1e3,
+        side=side,
+    )
     is_steady = found.margin > _STEADY * found.height
     if is_steady:
         return Finding("ok", f"{robot.prefix}base", text)
     if found.margin <= 0:
-        text += ": it tips over, unless it moves"
+        text += message("stations.tips_over", ": it tips over, unless it moves")
     else:
         # The robot tips when its centre of mass is over the edge: tan(angle) = margin / height.
         angle = np.rad2deg(np.arctan2(found.margin, found.height))
-        text += f": it tips over if it leans by {angle:.1f} deg, unless a controller balances it"
+        text += message(
+            "stations.tips_over_leaning",
+            ": it tips over if it leans by {angle:.1f} deg, unless a controller balances it",
+            angle=angle,
+        )
     return Finding("warning", f"{robot.prefix}base", text)
 
 
@@ -272,19 +372,32 @@ def _standing_torque(config: StationConfig, robot: StationRobot, axis: int, torq
     unit = robot.model.units[axis]
     limit = robot.gains.limit_at_rest[axis]
     kp = robot.gains.kp[axis]
-    subject = f"torque of {robot.prefix}{robot.axes[axis]}"
-    text = f"standing takes {torque:z.2f} {unit.effort} and the limit is {limit:g} {unit.effort}"
+    subject = message("stations.torque_of", "torque of {prefix}{axis}", prefix=robot.prefix, axis=robot.axes[axis])
+    text = message(
+        "stations.standing_takes",
+        "standing takes {torque:z.2f} {effort} and the limit is {limit:g} {effort}",
+        torque=torque,
+        effort=unit.effort,
+        limit=limit,
+    )
     if abs(torque) > limit:
-        return Finding("warning", subject, f"{text}: the joint will not hold")
+        return Finding(
+            "warning", subject, message("stations.will_not_hold", "{text}: the joint will not hold", text=text)
+        )
     level: Level = "ok"
     if kp > 0:
         # The servo's spring balances the torque: torque = kp * sag. Without kp there is no spring to sag.
         sag = abs(torque) / kp
-        text += f"; it sags by {sag / unit.size:.2f} {unit.name}"
+        text += message("stations.sags_by", "; it sags by {sag:.2f} {unit}", sag=sag / unit.size, unit=unit.name)
         bound = error_bound(config.verdict, slides=bool(robot.model.prismatic[axis]))
         if sag > bound:
             level = "warning"
-            text += f" (bound {bound / unit.size:.3g} {unit.name}); raise servo.kp"
+            text += message(
+                "stations.bound_raise_kp",
+                " (bound {bound:.3g} {unit}); raise servo.kp",
+                bound=bound / unit.size,
+                unit=unit.name,
+            )
     warmth = too_warm(robot, axis, torque)  # empty if the motor does not get too warm
     if warmth:
         return Finding("warning", subject, text + warmth)
@@ -300,11 +413,14 @@ def _contact_model_findings(ports: StationPorts) -> list[Finding]:
     if config.contact is None:
         return []
     if ports.plant.contact_points:
-        text = "shapes meet at points; flat bodies that stand free, also at their corners and along their edges"
+        text = message(
+            "stations.points_at_corners",
+            "shapes meet at points; flat bodies that stand free, also at their corners and along their edges",
+        )
     elif config.contact.model == "point":
-        text = "shapes meet at points"
+        text = message("stations.meet_at_points", "shapes meet at points")
     else:
-        text = f"shapes meet over surfaces ({config.contact.model})"
+        text = message("stations.meet_over_surfaces", "shapes meet over surfaces ({model})", model=config.contact.model)
     return [Finding("ok", "contact.model", text)]
 
 
@@ -314,14 +430,37 @@ def contact_findings(diagram: Diagram, ports: StationPorts) -> list[Finding]:
     Returns one finding: a warning if they overlap by more than a touch, otherwise that it is in order.
     """
     if ports.config.contact is None:
-        return [Finding("note", "contact", "the station has none: whatever meets passes through each other")]
+        return [
+            Finding(
+                "note",
+                CONTACT,
+                message("stations.has_no_contact", "the station has none: whatever meets passes through each other"),
+            )
+        ]
     overlap = deepest_overlap(ports, diagram.CreateDefaultContext())
     if overlap is None:
-        return [Finding("ok", "contact", "of what can touch nothing penetrates at the start")]
+        return [
+            Finding(
+                "ok",
+                CONTACT,
+                message("stations.nothing_penetrates", "of what can touch nothing penetrates at the start"),
+            )
+        ]
     if overlap.depth <= TOUCHING:
-        return [Finding("ok", "contact", str(overlap))]
+        return [Finding("ok", CONTACT, str(overlap))]
     # A run does not begin if a piece is too deep in another body.
     has_piece = overlap.first in ports.config.pieces or overlap.second in ports.config.pieces
     is_refused = has_piece and overlap.depth > allowed_overlap(ports.config)
-    consequence = ", and a run does not begin" if is_refused else ""
-    return [Finding("warning", "contact", f"{overlap}{consequence}; move one of them")]
+    consequence = message("stations.run_does_not_begin", ", and a run does not begin") if is_refused else ""
+    return [
+        Finding(
+            "warning",
+            CONTACT,
+            message(
+                "stations.overlap_move_one",
+                "{overlap}{consequence}; move one of them",
+                overlap=overlap,
+                consequence=consequence,
+            ),
+        )
+    ]

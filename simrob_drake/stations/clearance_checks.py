@@ -12,8 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simrob_drake.base.errors import counted, listed
+from simrob_drake.base.errors import listed
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import join_texts, message
 from simrob_drake.blocks.references import Reference
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations.clearance import Clearance
@@ -88,12 +89,14 @@ def clearance_findings(config: StationConfig, references: Mapping[str, Reference
         heights = measured.heights[name]
         has_shapes = bool(heights[0])
         if not has_shapes:
-            text = "not looked at: the robot has no shapes that collide"
-            findings.append(Finding("note", f"clearance of {name}", text))
+            text = message("stations.no_colliding_shapes", "not looked at: the robot has no shapes that collide")
+            findings.append(Finding("note", message("stations.clearance_of", "clearance of {name}", name=name), text))
             continue
-        when_checked = "where it starts"
+        when_checked = message("stations.where_it_starts", "where it starts")
         if name in references:
-            when_checked = f"at {len(measured.times)} times along its reference"
+            when_checked = message(
+                "stations.at_times_along_reference", "at {count} times along its reference", count=len(measured.times)
+            )
         # A robot that floats touches the floor with its feet, which is no collision.
         if not robot.floats:
             findings += _floor_findings(clearance, robot, measured, when_checked)
@@ -133,30 +136,47 @@ def _floor_findings(
         when_checked: text that tells the user at which postures the robot was checked.
     """
     ground = clearance.station.ground
-    subject = f"floor and {robot.name}"
+    subject = message("stations.floor_and", "floor and {robot}", robot=robot.name)
     if not (ground.has_floor or ground.boxes):
-        return [Finding("note", subject, "not looked at: there is no floor")]
+        return [Finding("note", subject, message("stations.there_is_no_floor", "not looked at: there is no floor"))]
     allowed_depth = bound_value(clearance.config.verdict.below_floor)
     fixed_heights, moving_heights = _split_by_motion(clearance, robot, measured)
     findings = []
 
     fixed_height = min(fixed_heights, default=0.0)
     if fixed_height < -allowed_depth:
-        text = f"what is fixed of it reaches {-fixed_height * 1e3:.0f} mm below the ground; raise its base"
+        text = message(
+            "stations.fixed_below_ground",
+            "what is fixed of it reaches {depth:.0f} mm below the ground; raise its base",
+            depth=-fixed_height * 1e3,
+        )
         findings.append(Finding("warning", subject, text))
 
     if not moving_heights:
-        text = "not looked at: no link that moves has a shape to touch with"
+        text = message("stations.no_moving_shape", "not looked at: no link that moves has a shape to touch with")
         return [*findings, Finding("note", subject, text)]
     # The tuples are compared by their heights first.
     lowest = min(moving_heights)
     if lowest.height >= -allowed_depth:
         # A link that is below the ground by no more than allowed counts as on the ground.
         height_mm = max(lowest.height, 0.0) * 1e3
-        text = f"{when_checked} {lowest.link} comes nearest to the ground: {height_mm:.0f} mm at {lowest.time:.2f} s"
+        text = message(
+            "stations.nearest_to_ground",
+            "{when} {link} comes nearest to the ground: {height:.0f} mm at {time:.2f} s",
+            when=when_checked,
+            link=lowest.link,
+            height=height_mm,
+            time=lowest.time,
+        )
         return [*findings, Finding("ok", subject, text)]
-    text = f"{lowest.link} is {-lowest.height * 1e3:.0f} mm below the ground at {lowest.time:.2f} s"
-    remedy = "raise its base, or change initial_deg and reference"
+    text = message(
+        "stations.below_ground",
+        "{link} is {depth:.0f} mm below the ground at {time:.2f} s",
+        link=lowest.link,
+        depth=-lowest.height * 1e3,
+        time=lowest.time,
+    )
+    remedy = message("stations.raise_base_or_change", "raise its base, or change initial_deg and reference")
     return [*findings, _contact_finding(clearance, subject, text, remedy)]
 
 
@@ -199,14 +219,34 @@ def _self_findings(
         measured: the collisions of all bodies in the checked postures.
         when_checked: text that tells the user at which postures the robot was checked.
     """
-    subject = f"links of {robot.name}"
+    subject = message("stations.links_of", "links of {robot}", robot=robot.name)
     left_out = _left_out_text(clearance, robot)
     own = [timed for timed in measured.overlaps if timed.overlap.robot == robot.name]
     if own:
         text = _deepest_text(own) + left_out
-        return [_contact_finding(clearance, subject, text, "change initial_deg or reference", is_own=True)]
+        return [
+            _contact_finding(
+                clearance,
+                subject,
+                text,
+                message("stations.change_start_or_reference", "change initial_deg or reference"),
+                is_own=True,
+            )
+        ]
     count = len(measured.heights[robot.name][0])
-    return [Finding("ok", subject, f"{when_checked} none of {count} bodies with shapes lies in another{left_out}")]
+    return [
+        Finding(
+            "ok",
+            subject,
+            message(
+                "stations.no_body_in_another",
+                "{when} none of {count} bodies with shapes lies in another{left_out}",
+                when=when_checked,
+                count=count,
+                left_out=left_out,
+            ),
+        )
+    ]
 
 
 def _left_out_text(clearance: Clearance, robot: StationRobot) -> str:
@@ -220,16 +260,24 @@ def _left_out_text(clearance: Clearance, robot: StationRobot) -> str:
     # A pair with both reasons is listed with the stronger one.
     text = ""
     if always:
-        text += f"; left out: {_pairs_text(always)}, whose shapes always overlap"
+        text += message(
+            "stations.pairs_always_overlap",
+            "; left out: {pairs}, whose shapes always overlap",
+            pairs=_pairs_text(always),
+        )
     only_at_home = at_home - always
     if only_at_home:
-        text += f"; left out: {_pairs_text(only_at_home)}, whose shapes touch at home"
+        text += message(
+            "stations.pairs_touch_at_home",
+            "; left out: {pairs}, whose shapes touch at home",
+            pairs=_pairs_text(only_at_home),
+        )
     return text
 
 
 def _pairs_text(pairs: Collection[Bodies]) -> str:
     """List pairs of bodies in alphabetical order."""
-    return listed(sorted(" and ".join(bodies) for bodies in pairs))
+    return listed(sorted(join_texts(bodies, message("base.and", " and ")) for bodies in pairs))
 
 
 def _other_findings(clearance: Clearance, measured: _Measurements) -> list[Finding]:
@@ -241,9 +289,19 @@ def _other_findings(clearance: Clearance, measured: _Measurements) -> list[Findi
         return []
     others = [timed for timed in measured.overlaps if timed.overlap.is_between_owners]
     if others:
-        return [_contact_finding(clearance, "robots and pieces", _deepest_text(others), "move one of them")]
-    text = "no robot or piece overlaps another one along the references, apart from pieces that robots carry or hold"
-    return [Finding("ok", "robots and pieces", text)]
+        return [
+            _contact_finding(
+                clearance,
+                message("stations.robots_and_pieces", "robots and pieces"),
+                _deepest_text(others),
+                message("stations.move_one_of_them", "move one of them"),
+            )
+        ]
+    text = message(
+        "stations.nothing_overlaps",
+        "no robot or piece overlaps another one along the references, apart from pieces that robots carry or hold",
+    )
+    return [Finding("ok", message("stations.robots_and_pieces", "robots and pieces"), text)]
 
 
 def _contact_finding(clearance: Clearance, subject: str, text: str, remedy: str, *, is_own: bool = False) -> Finding:
@@ -262,16 +320,44 @@ def _contact_finding(clearance: Clearance, subject: str, text: str, remedy: str,
         clearance.config.engine.moves_by_forces and contact is not None and (contact.self_collision or not is_own)
     )
     if is_simulated:
-        return Finding("note", subject, f"{text}, if nothing held them back; the run shows what comes of it")
-    why = "contact.self_collision is off" if is_own and contact is not None else "the station has no contact"
-    return Finding("warning", subject, f"{text}, and nothing holds them back: {why}; {remedy}")
+        return Finding(
+            "note",
+            subject,
+            message(
+                "stations.if_nothing_held_back",
+                "{text}, if nothing held them back; the run shows what comes of it",
+                text=text,
+            ),
+        )
+    why = (
+        message("stations.self_collision_is_off", "contact.self_collision is off")
+        if is_own and contact is not None
+        else message("stations.no_contact", "the station has no contact")
+    )
+    return Finding(
+        "warning",
+        subject,
+        message(
+            "stations.nothing_holds_back",
+            "{text}, and nothing holds them back: {why}; {remedy}",
+            text=text,
+            why=why,
+            remedy=remedy,
+        ),
+    )
 
 
 def _deepest_text(overlaps: Sequence[_TimedOverlap]) -> str:
     """Describe the deepest of some collisions, at least one, with its time, and count the other pairs of bodies."""
     time, deepest = max(overlaps, key=lambda timed: timed.overlap.depth)
     other_pairs = len({timed.overlap.bodies for timed in overlaps}) - 1
-    text = f"{' and '.join(deepest.bodies)} lie {deepest.depth * 1e3:.0f} mm in each other at {time:.2f} s"
+    text = message(
+        "stations.lie_in_each_other",
+        "{bodies} lie {depth:.0f} mm in each other at {time:.2f} s",
+        bodies=join_texts(deepest.bodies, message("base.and", " and ")),
+        depth=deepest.depth * 1e3,
+        time=time,
+    )
     if other_pairs:
-        text += f", and {counted(other_pairs, 'more pair')}"
+        text += message("stations.and_more_pairs", ", and {pairs} {pairs:more pair|more pairs}", pairs=other_pairs)
     return text

@@ -12,6 +12,7 @@ from pydrake.trajectories import Trajectory
 from simrob_drake.base.errors import InvalidParameter, SimrobError
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.lifetime import built
+from simrob_drake.base.messages import message
 from simrob_drake.blocks.block import fed, joined
 from simrob_drake.blocks.references import (
     Reference,
@@ -117,8 +118,20 @@ def closed_station(
         if not ports.blocks:
             raise
         used = "been built into a different Diagram" in str(problem)
-        cause = "a block serves one diagram; make it anew" if used else "signals must not go around in a circle"
-        raise SimrobError(f"the blocks {', '.join(ports.blocks)} cannot be wired so; {cause} ({problem})") from problem
+        cause = (
+            message("stations.block_serves_one_diagram", "a block serves one diagram; make it anew")
+            if used
+            else message("stations.signals_in_circle", "signals must not go around in a circle")
+        )
+        raise SimrobError(
+            message(
+                "stations.blocks_cannot_be_wired",
+                "the blocks {blocks} cannot be wired so; {cause} ({problem})",
+                blocks=", ".join(ports.blocks),
+                cause=cause,
+                problem=problem,
+            )
+        ) from problem
 
 
 def _add_source(
@@ -189,8 +202,17 @@ def station_references(
     for robot in station.robots.values():
         start = (starts or {}).get(robot.name, robot.initial)
         if len(start) != len(robot.axes):
-            size = f"a state in which '{robot.name}' is of size {len(start)}"
-            raise InvalidParameter("start", size, f"of a station where it is of size {len(robot.axes)}")
+            size = message(
+                "stations.state_of_size",
+                "a state in which '{robot}' is of size {size}",
+                robot=robot.name,
+                size=len(start),
+            )
+            raise InvalidParameter(
+                "start",
+                size,
+                message("stations.station_of_size", "of a station where it is of size {size}", size=len(robot.axes)),
+            )
         own: Any = (requested or {}).get(robot.name)
         if own is None:
             reference: Reference = station.config.reference_of(robot.name).trajectory(robot, start)
@@ -199,8 +221,14 @@ def station_references(
             reference = _through(own, robot, linear=linear) if isinstance(own, tuple) else own
         count = as_reference(reference).size
         if count != len(robot.axes):
-            expected = f"{len(robot.axes)} joints: {', '.join(robot.axes)}"
-            raise InvalidParameter("reference", f"a trajectory of {count} joints", expected)
+            expected = message(
+                "stations.count_of_joints", "{count} joints: {axes}", count=len(robot.axes), axes=", ".join(robot.axes)
+            )
+            raise InvalidParameter(
+                "reference",
+                message("stations.trajectory_of_joints", "a trajectory of {count} joints", count=count),
+                expected,
+            )
         references[robot.name] = reference
     return obey_couplings(station, references, requested or {}, starts or {})
 
@@ -216,14 +244,31 @@ def check_reference(robot: ResolvedRobot, reference: Reference, duration: float)
     times, positions = reference_samples(reference, duration)
     if not np.isfinite(positions).all():
         row, axis = np.argwhere(~np.isfinite(positions))[0]
-        message = f"{positions[row, axis]} at {times[row]:.2f} s"
-        raise InvalidParameter(f"reference of {robot.prefix}{robot.axes[axis]}", message, "a finite number at any time")
+        text = message("stations.value_at_time", "{value} at {time:.2f} s", value=positions[row, axis], time=times[row])
+        raise InvalidParameter(
+            message(
+                "stations.reference_of_axis", "reference of {prefix}{axis}", prefix=robot.prefix, axis=robot.axes[axis]
+            ),
+            text,
+            message("stations.finite_at_any_time", "a finite number at any time"),
+        )
     violation = robot.model.limits.find_violation(positions)
     if violation is not None:
         raise InvalidParameter(
-            f"reference of {robot.prefix}{robot.axes[violation.axis]}",
-            f"{violation.value} {violation.unit} at {times[violation.row]:.2f} s",
-            f"within the joint's limits of {violation.limits}",
+            message(
+                "stations.reference_of_axis",
+                "reference of {prefix}{axis}",
+                prefix=robot.prefix,
+                axis=robot.axes[violation.axis],
+            ),
+            message(
+                "stations.position_at_time",
+                "{position} {unit} at {time:.2f} s",
+                position=violation.value,
+                unit=violation.unit,
+                time=times[violation.row],
+            ),
+            message("stations.within_limits", "within the joint's limits of {limits}", limits=violation.limits),
         )
 
 
@@ -231,5 +276,9 @@ def _through(samples: Samples, robot: ResolvedRobot, *, linear: bool) -> Traject
     positions = np.asarray(samples[1], dtype=float)
     if positions.ndim != 2 or positions.shape[1] != len(robot.axes):
         shape = " x ".join(str(size) for size in positions.shape)
-        raise InvalidParameter("reference", f"an array of {shape}", f"of {len(robot.axes)} columns, one a joint [rad]")
+        raise InvalidParameter(
+            "reference",
+            message("stations.array_of", "an array of {shape}", shape=shape),
+            message("stations.columns_a_joint", "of {count} columns, one a joint [rad]", count=len(robot.axes)),
+        )
     return table(samples[0], positions, linear=linear)

@@ -12,6 +12,7 @@ from pydantic import Field, field_validator, model_validator
 
 from simrob_drake.base.constants import LARGEST_GAIN, STANDARD_GRAVITY
 from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import (
     FASTEST_RATE,
     ORIGIN,
@@ -62,10 +63,25 @@ MOST_STEPS = 10_000_000
 
 
 _Gain = Annotated[
-    AxisValues, every_axis(lambda value: 0 <= value <= LARGEST_GAIN, f"a gain is of 0 to {LARGEST_GAIN:g}")
+    AxisValues,
+    every_axis(
+        lambda value: 0 <= value <= LARGEST_GAIN,
+        message("stations.gain_range", "a gain is of 0 to {largest:g}", largest=LARGEST_GAIN),
+    ),
 ]
-_Limit = Annotated[AxisValues, every_axis(lambda value: value > 0, "a torque limit must be positive [N·m or N]")]
-_Speed = Annotated[AxisValues, every_axis(lambda value: value > 0, "a speed limit must be positive [rad/s or m/s]")]
+_Limit = Annotated[
+    AxisValues,
+    every_axis(
+        lambda value: value > 0, message("stations.positive_torque_limit", "a torque limit must be positive [N·m or N]")
+    ),
+]
+_Speed = Annotated[
+    AxisValues,
+    every_axis(
+        lambda value: value > 0,
+        message("stations.positive_speed_limit", "a speed limit must be positive [rad/s or m/s]"),
+    ),
+]
 
 
 class ServoConfig(Renamed):
@@ -110,20 +126,41 @@ class ServoConfig(Renamed):
     @model_validator(mode="after")
     def _fits_together(self) -> "ServoConfig":
         if self.admittance_gain > 0 and self.realization == "implicit":
-            raise ValueError("admittance_gain needs realization per_joint or vector: implicit hides the servo's torque")
+            raise ValueError(
+                message(
+                    "stations.admittance_needs_realization",
+                    "admittance_gain needs realization per_joint or vector: implicit hides the servo's torque",
+                )
+            )
         if self.law != "pid" and self.realization == "implicit":
-            raise ValueError(f"law {self.law} needs realization per_joint or vector: actuators know the law pid alone")
+            raise ValueError(
+                message(
+                    "stations.law_needs_realization",
+                    "law {law} needs realization per_joint or vector: actuators know the law pid alone",
+                    law=self.law,
+                )
+            )
         if self.motor is not None and self.admittance_gain > 0:
-            raise ValueError("admittance_gain goes without a motor")
+            raise ValueError(message("stations.admittance_without_motor", "admittance_gain goes without a motor"))
         if self.law != "pid" and self.admittance_gain > 0:
-            raise ValueError("admittance_gain goes with law pid")
+            raise ValueError(message("stations.admittance_with_pid", "admittance_gain goes with law pid"))
         if self.speed_limit is not None and self.law != "cascade":
-            raise ValueError("speed_limit goes with law cascade")
+            raise ValueError(message("stations.speed_limit_with_cascade", "speed_limit goes with law cascade"))
         if self.law == "computed_torque":
             if self.feedforward != "none":
-                raise ValueError("law computed_torque is the whole torque of the model: leave feedforward out")
+                raise ValueError(
+                    message(
+                        "stations.computed_torque_is_whole",
+                        "law computed_torque is the whole torque of the model: leave feedforward out",
+                    )
+                )
             if self.kp is None or self.kd is None:
-                raise ValueError("law computed_torque needs kp [1/s²] and kd [1/s], such as 400 and 40")
+                raise ValueError(
+                    message(
+                        "stations.computed_torque_needs_gains",
+                        "law computed_torque needs kp [1/s²] and kd [1/s], such as 400 and 40",
+                    )
+                )
         return self
 
 
@@ -143,7 +180,10 @@ class RobotConfig(Renamed):
     """A robot of the station: one of the package by name, or any URDF by path."""
 
     renamed: ClassVar[Mapping[str, str]] = {
-        "pushes": "one of the station's forces: {push: {start: 1, duration: 0.1, force: [5, 0, 0]}}"
+        "pushes": message(
+            "stations.push_renamed",
+            "one of the station's forces: {{push: {{start: 1, duration: 0.1, force: [5, 0, 0]}}}}",
+        )
     }
 
     model: str | None = None
@@ -181,9 +221,9 @@ class RobotConfig(Renamed):
     @model_validator(mode="after")
     def _one_origin(self) -> "RobotConfig":
         if (self.model is None) == (self.urdf is None):
-            raise ValueError("a robot has either a model or a urdf")
+            raise ValueError(message("stations.model_or_urdf", "a robot has either a model or a urdf"))
         if self.urdf is None and self.import_options is not None:
-            raise ValueError("import_options go with a urdf")
+            raise ValueError(message("stations.options_go_with_urdf", "import_options go with a urdf"))
         return self
 
 
@@ -204,7 +244,10 @@ class StationConfig(Renamed):
     """A whole station, resolved: writing it to YAML and loading that gives an equal one."""
 
     renamed: ClassVar[Mapping[str, str]] = {
-        "external_force": "one of forces: {hand: {kind: sine, at: tool0, amplitude: [0, 0, 5], frequency: 1}}"
+        "external_force": message(
+            "stations.hand_renamed",
+            "one of forces: {{hand: {{kind: sine, at: tool0, amplitude: [0, 0, 5], frequency: 1}}}}",
+        )
     }
 
     name: FileName
@@ -344,23 +387,55 @@ def check_effort(config: StationConfig) -> None:
         InvalidParameter: there are too many samples, steps or pieces.
     """
     if len(config.free_pieces) > MOST_FREE_PIECES:
-        found = f"with {len(config.free_pieces)} free pieces"
-        raise InvalidParameter("pieces", found, f"with at most {MOST_FREE_PIECES} of free: true")
+        found = message("stations.with_free_pieces", "with {count} free pieces", count=len(config.free_pieces))
+        raise InvalidParameter(
+            "pieces",
+            found,
+            message("stations.most_free_pieces", "with at most {most} of free: true", most=MOST_FREE_PIECES),
+        )
     if len(config.pieces) > MOST_PIECES:
-        raise InvalidParameter("pieces", f"{len(config.pieces)} pieces", f"at most {MOST_PIECES}")
+        raise InvalidParameter(
+            "pieces",
+            message("stations.count_of_pieces", "{count} pieces", count=len(config.pieces)),
+            message("stations.at_most", "at most {most}", most=MOST_PIECES),
+        )
     duration, rate, solver = config.duration, config.sample_rate, config.solver
     if duration * rate > MOST_SAMPLES:
-        longest = f"at most {MOST_SAMPLES / rate:g} s at a sample_rate of {rate:g} Hz: {MOST_SAMPLES:g} samples"
-        raise InvalidParameter("duration", f"{duration:g} s", longest)
+        longest = message(
+            "stations.longest_duration",
+            "at most {longest:g} s at a sample_rate of {rate:g} Hz: {samples:g} samples",
+            longest=MOST_SAMPLES / rate,
+            rate=rate,
+            samples=MOST_SAMPLES,
+        )
+        raise InvalidParameter("duration", compound("{duration:g} s", duration=duration), longest)
     if config.engine.moves_by_forces and duration > MOST_STEPS * solver.step:
-        shortest = f"at least {duration / MOST_STEPS:g} s for a duration of {duration:g} s: {MOST_STEPS:g} steps"
-        raise InvalidParameter(f"solver.{solver.step_key}", f"{solver.step:g} s", shortest)
+        shortest = message(
+            "stations.shortest_step",
+            "at least {shortest:g} s for a duration of {duration:g} s: {steps:g} steps",
+            shortest=duration / MOST_STEPS,
+            duration=duration,
+            steps=MOST_STEPS,
+        )
+        raise InvalidParameter(f"solver.{solver.step_key}", compound("{step:g} s", step=solver.step), shortest)
     for name, sensor in config.sensors.items():
         often = getattr(sensor, "rate", None) or 0.0
         if duration * often > MOST_STEPS:
-            most = f"at most {MOST_STEPS / duration:g} Hz for a duration of {duration:g} s: {MOST_STEPS:g} samples"
-            raise InvalidParameter(f"sensors.{name}.rate", f"{often:g} Hz", most)
+            most = message(
+                "stations.largest_rate",
+                "at most {rate:g} Hz for a duration of {duration:g} s: {samples:g} samples",
+                rate=MOST_STEPS / duration,
+                duration=duration,
+                samples=MOST_STEPS,
+            )
+            raise InvalidParameter(f"sensors.{name}.rate", compound("{often:g} Hz", often=often), most)
         late = getattr(sensor, "delay", 0.0)
         if late * often > MOST_LATE:
-            most = f"at most {MOST_LATE / often:g} s at a rate of {often:g} Hz: {MOST_LATE:g} samples"
-            raise InvalidParameter(f"sensors.{name}.delay", f"{late:g} s", most)
+            most = message(
+                "stations.largest_delay",
+                "at most {delay:g} s at a rate of {rate:g} Hz: {samples:g} samples",
+                delay=MOST_LATE / often,
+                rate=often,
+                samples=MOST_LATE,
+            )
+            raise InvalidParameter(f"sensors.{name}.delay", compound("{late:g} s", late=late), most)

@@ -30,6 +30,7 @@ from pydrake.systems.primitives import ConstantVectorSource, Saturation
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.blocks.block import fed, mapped, summed
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.parts.targets import FLOOR, piece_of_shape
@@ -88,7 +89,9 @@ def apply_materials(plant: MultibodyPlant, scene_graph: SceneGraph, station: Res
         contact_of_piece = config.pieces[piece].contact if piece else None
         touches_at_points = contact_of_piece is not None and contact_of_piece.model == "point"
         if touches_at_points and contact.model == "hydroelastic":
-            expected = "hydroelastic_with_fallback, as a piece meets others at points"
+            expected = message(
+                "stations.hydroelastic_with_fallback", "hydroelastic_with_fallback, as a piece meets others at points"
+            )
             raise InvalidParameter("contact.model", contact.model, expected)
         material = _material(config, contact, piece)
         if inspector.GetName(shape).startswith(f"{FLOOR}."):
@@ -128,8 +131,12 @@ def _check_resolution(resolution: float, shapes: Sequence[Shape]) -> None:
     # the lengths h at which either alone has _MOST_FACES is a little longer than necessary for both together.
     finest = np.sqrt(area / _MOST_FACES) + rim_length / _MOST_FACES
     if resolution < finest:
-        expected = f"{finest:.2g} m or more: finer ones give the shapes of this station too many faces"
-        raise InvalidParameter("contact.resolution", f"{resolution:g} m", expected)
+        expected = message(
+            "stations.coarser_resolution",
+            "{finest:.2g} m or more: finer ones give the shapes of this station too many faces",
+            finest=finest,
+        )
+        raise InvalidParameter("contact.resolution", compound("{resolution:g} m", resolution=resolution), expected)
 
 
 def check_stiffnesses(plant: MultibodyPlant, scene_graph: SceneGraph, station: ResolvedStation) -> None:
@@ -249,9 +256,23 @@ def _check_stiffness(solver: SolverConfig, body: RigidBody, stiffness: float) ->
     """
     largest = largest_stiffness(solver, body.default_mass())
     if stiffness > largest:
-        step = f"steps of {solver.step:g} s" if solver.engine.has_discrete_states else solver.kind
-        allowed = f"at most {largest:.3g} N/m for {body.name()} ({body.default_mass():.3g} kg) with the solver"
-        raise InvalidParameter("contact.stiffness", stiffness, f"{allowed} {solver.engine.name}, {step}")
+        step = (
+            message("stations.steps_of", "steps of {step:g} s", step=solver.step)
+            if solver.engine.has_discrete_states
+            else solver.kind
+        )
+        allowed = message(
+            "stations.largest_stiffness",
+            "at most {largest:.3g} N/m for {body} ({mass:.3g} kg) with the solver",
+            largest=largest,
+            body=body.name(),
+            mass=body.default_mass(),
+        )
+        raise InvalidParameter(
+            "contact.stiffness",
+            stiffness,
+            compound("{allowed} {engine}, {step}", allowed=allowed, engine=solver.engine.name, step=step),
+        )
 
 
 def wire_friction(builder: DiagramBuilder, ports: StationPorts) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from simrob_drake.base.errors import InvalidParameter, listed
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import plain_name
 from simrob_drake.parts.couplings import Gear
 from simrob_drake.robots.catalog import RobotModel
@@ -139,9 +140,28 @@ def expected_position(
     in_condition = np.flatnonzero(np.abs(condition.ratios) > _ZERO_RATIO).tolist()
     in_units = position / units.sizes
     others = [axis for axis in in_condition if axis != wrong]
-    state = [f"{coupled.names[axis]} at {position_text(in_units[axis])} {units.names[axis]}" for axis in others]
-    needed = f"{position_text(violation.position / units.sizes[wrong])} {units.names[wrong]}"
-    return f"{needed}, to which {listed(condition.labels)} takes it with {listed(state)}"
+    state = [
+        message(
+            "stations.axis_at",
+            "{axis} at {position} {unit}",
+            axis=coupled.names[axis],
+            position=position_text(in_units[axis]),
+            unit=units.names[axis],
+        )
+        for axis in others
+    ]
+    needed = compound(
+        "{position_text} {names}",
+        position_text=position_text(violation.position / units.sizes[wrong]),
+        names=units.names[wrong],
+    )
+    return message(
+        "stations.taken_by_couplings",
+        "{needed}, to which {labels} takes it with {state}",
+        needed=needed,
+        labels=listed(condition.labels),
+        state=listed(state),
+    )
 
 
 def position_text(value: float) -> str:
@@ -193,8 +213,14 @@ def coupled_start(
         if violation is not None:
             axis = violation.axis
             expected = expected_position(with_totals, condition, violation, initial, units)
-            value = f"{position_text(initial[axis] / units.sizes[axis])} {units.names[axis]}"
-            raise InvalidParameter(f"initial_deg of {with_totals.names[axis]}", value, expected)
+            value = compound(
+                "{position_text} {names}",
+                position_text=position_text(initial[axis] / units.sizes[axis]),
+                names=units.names[axis],
+            )
+            raise InvalidParameter(
+                message("stations.initial_of", "initial_deg of {axis}", axis=with_totals.names[axis]), value, expected
+            )
 
     # Axes that obey their couplings up to rounding keep the very numbers of the station file.
     solved = dependence.matrix @ initial + dependence.offset
@@ -220,8 +246,10 @@ def _check_solvable(condition: AxisCondition) -> None:
     has_no_axis = np.abs(condition.ratios).max(initial=0.0) < _ZERO_RATIO
     if has_no_axis and abs(condition.total) > ROUNDING_METRES:
         *others, last = condition.labels
-        expected = "left out, or such that one posture fulfils all of them"
-        raise InvalidParameter(last, f"in contradiction to {listed(others)}", expected)
+        expected = message("stations.such_that_one_posture", "left out, or such that one posture fulfils all of them")
+        raise InvalidParameter(
+            last, message("stations.in_contradiction", "in contradiction to {others}", others=listed(others)), expected
+        )
 
 
 def starting_positions(
@@ -294,11 +322,17 @@ def _within_limits(model: RobotModel, position: Vector, key: str) -> Vector:
     violation = limits.find_violation(position[np.newaxis, checked])
     if violation is not None:
         axis = limits.names[violation.axis]
-        expected = f"within {violation.limits}"
+        expected = message("stations.within", "within {limits}", limits=violation.limits)
         if axis in model.followers:
             leader = model.followers[axis].leader
-            expected += f"; it follows {leader}, so choose another initial_deg of {leader}"
-        raise InvalidParameter(f"initial_deg of {axis}", violation.value, expected)
+            expected += message(
+                "stations.follows_leader",
+                "; it follows {leader}, so choose another initial_deg of {leader}",
+                leader=leader,
+            )
+        raise InvalidParameter(
+            message("stations.initial_of", "initial_deg of {axis}", axis=axis), violation.value, expected
+        )
     clamped = position.copy()
     clamped[checked] = limits.clamp(position[checked], key)
     return clamped

@@ -13,6 +13,7 @@ import numpy as np
 
 from simrob_drake.base.errors import InvalidParameter, listed
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import join_texts, message
 from simrob_drake.blocks.combined_references import combine_references
 from simrob_drake.blocks.references import Reference, as_reference, reference_values
 from simrob_drake.parts.resolved import ResolvedRobot
@@ -105,9 +106,17 @@ def _check_conditions(
         axis = violation.axis
         position = positions[violation.sample]
         text = position_text(position[axis] / units.sizes[axis])
-        value = f"{text} {units.names[axis]} at {times[violation.sample]:.2f} s"
+        value = message(
+            "stations.value_with_unit_at_time",
+            "{value} {unit} at {time:.2f} s",
+            value=text,
+            unit=units.names[axis],
+            time=times[violation.sample],
+        )
         expected = expected_position(coupled, condition, violation, position, units)
-        raise InvalidParameter(f"reference of {coupled.names[axis]}", value, expected)
+        raise InvalidParameter(
+            message("stations.reference_of_joint", "reference of {axis}", axis=coupled.names[axis]), value, expected
+        )
 
 
 def _axes_to_change(
@@ -256,8 +265,16 @@ def _ambiguity(coupled: CoupledAxes, candidates: Sequence[int]) -> InvalidParame
     names = [coupled.names[axis] for axis in candidates]
     # The couplings that tie at least two of these axes.
     labels = [equation.label for equation in coupled.equations if len(set(names) & equation.ratios.keys()) > 1]
-    problem = f"no value for {' and '.join(names)}"
-    return InvalidParameter("reference", problem, f"a value for one of them, since {listed(labels)} moves either")
+    problem = message(
+        "stations.no_value_for", "no value for {names}", names=join_texts(names, message("base.and", " and "))
+    )
+    return InvalidParameter(
+        "reference",
+        problem,
+        message(
+            "stations.value_for_one", "a value for one of them, since {labels} moves either", labels=listed(labels)
+        ),
+    )
 
 
 def _let_follow(

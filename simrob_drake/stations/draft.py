@@ -20,6 +20,7 @@ from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.files import ROBOT_FILE
 from simrob_drake.base.frames import Vector, lean, xyz_quaternion_from_transform
+from simrob_drake.base.messages import message
 from simrob_drake.base.yaml_files import is_yaml_name
 from simrob_drake.importer.importing import gains_of, robot_from_file
 from simrob_drake.importer.named_robots import read_robot
@@ -101,7 +102,10 @@ def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, fol
     own_folder = None if folder is None else as_path(folder, "folder")
     is_description = is_yaml_name(file)
     if is_description and options is not None:
-        raise Unsuitable("options", f"{file.name} describes a robot, and nothing is imported")
+        raise Unsuitable(
+            "options",
+            message("stations.describes_a_robot", "{file} describes a robot, and nothing is imported", file=file.name),
+        )
     robot = read_robot(file, options)
     remarks = list[str]()
     if not is_description and _falls_through(robot):
@@ -471,7 +475,7 @@ def gets_through(config: StationConfig) -> bool:
 
     def stop_if_expensive(_: Context) -> EventStatus:
         if integrator.get_num_derivative_evaluations() > _MOST_EVALUATIONS:
-            return EventStatus.ReachedTermination(closed.diagram, "too much work")
+            return EventStatus.ReachedTermination(closed.diagram, message("stations.too_much_work", "too much work"))
         return EventStatus.DidNothing()
 
     simulator.set_monitor(stop_if_expensive)

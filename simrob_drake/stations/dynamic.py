@@ -10,6 +10,7 @@ from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Pass
 
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.signals import Role, Signal, applied_signal
 from simrob_drake.blocks.block import fed, joined, mapped, summed
 from simrob_drake.blocks.command_bus import CommandBus
@@ -44,7 +45,10 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
     if robots and not any(robot.tcp for robot in robots.values()):
         for external in config.inputs:
             if external.startswith("external"):
-                expected = "for a robot with a tool, and none has one here; the section forces acts on any link"
+                expected = message(
+                    "stations.robot_with_tool",
+                    "for a robot with a tool, and none has one here; the section forces acts on any link",
+                )
                 raise InvalidParameter("inputs", external, expected)
     signals = _with_feedforward(builder, ports, {name: _add_signals(builder, ports, robots[name]) for name in robots})
     for robot in robots.values():
@@ -104,9 +108,20 @@ def check_servo_steps(config: StationConfig, plant: StationPlant) -> None:
         worst = int(np.argmin(steps))
         step = config.engine.time_step
         if config.servo_of(robot.name).realization != "implicit" and step > steps[worst]:
-            why = f"blocks damp {robot.prefix}{robot.axes[worst]} with a kd of {robot.gains.kd[worst]:g}"
-            expected = f"at most {steps[worst]:.2g} s, or servo.realization implicit: {why}"
-            raise InvalidParameter("solver.time_step", f"{step:g} s", expected)
+            why = message(
+                "stations.blocks_damp",
+                "blocks damp {prefix}{axis} with a kd of {kd:g}",
+                prefix=robot.prefix,
+                axis=robot.axes[worst],
+                kd=robot.gains.kd[worst],
+            )
+            expected = message(
+                "stations.largest_step",
+                "at most {step:.2g} s, or servo.realization implicit: {why}",
+                step=steps[worst],
+                why=why,
+            )
+            raise InvalidParameter("solver.time_step", compound("{step:g} s", step=step), expected)
 
 
 def axis_signal(robot: StationRobot, columns: str, output: str, role: Role) -> Signal:
@@ -157,7 +172,9 @@ def _add_bus(
     fast = next((name for name in optional if name != "reference_velocity"), None)
     if fast is not None:
         raise Unsuitable(
-            "servo.bus", f"a bus brings positions and speeds alone, not {fast}", f"leave out the bus, or {fast}"
+            "servo.bus",
+            message("stations.bus_brings_positions", "a bus brings positions and speeds alone, not {fast}", fast=fast),
+            message("stations.leave_out_bus", "leave out the bus, or {fast}", fast=fast),
         )
     own_steps = [0.0 if motor is None else motor.resolution_deg or 0.0 for motor in robot.motors]
     steps = np.array(own_steps) if bus.resolution_deg is None else np.full(len(robot.axes), bus.resolution_deg)

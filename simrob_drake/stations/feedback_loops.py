@@ -14,6 +14,7 @@ from pydantic import TypeAdapter
 
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.files import diagrams_root
+from simrob_drake.base.messages import message
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.parts.sensors import Sensors
 from simrob_drake.stations.config import StationConfig
@@ -80,7 +81,7 @@ def settings_with_loop(known: KnownLoops, settings: Settings, name: str, on: boo
     Raises:
         UnknownName: there is no such loop; the message proposes the nearest name.
     """
-    added = known[one_of("loop", name, known)]
+    added = known[one_of(message("stations.loop", "loop"), name, known)]
     key = f"controllers.{name}"
     needed_by_others = set[str]()
     for loop in loops_on(known, settings):

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from simrob_drake.base.remarks import Severity
+
 Level = Literal["ok", "warning", "note"]
 """How a finding is judged: ``ok`` if nothing is wrong, ``warning`` if something is, ``note`` for a fact without
 a judgement."""
@@ -21,3 +23,8 @@ class Finding:
     level: Level
     subject: str
     text: str
+
+    @property
+    def severity(self) -> Severity:
+        """The level as the severity that remarks about runs have, too."""
+        return "success" if self.level == "ok" else self.level

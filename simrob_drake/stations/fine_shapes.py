@@ -34,6 +34,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.convex_parts import cached_convex_parts
 from simrob_drake.importer.meshes.parts import Faces, mend, plain
@@ -261,7 +262,7 @@ def triangles_of(inspector: SceneGraphInspector, shape: GeometryId) -> Triangles
     """
     mesh = inspector.GetShape(shape)
     if not mesh.source().is_path():
-        raise UnreadableMesh("is in memory only")
+        raise UnreadableMesh(message("stations.in_memory_only", "is in memory only"))
     file = read_mesh(Path(mesh.source().path()), {})
     # All parts of the file as one mesh, without colours, equal vertices and faces without an area.
     part = mend(plain(file.parts))

@@ -13,6 +13,7 @@ prismatic [m, N].
 import numpy as np
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.motors import rated_torques
@@ -67,32 +68,53 @@ def _axis_finding(config: StationConfig, robot: StationRobot, axis: int, torques
         torques: torques that hold the axis at postures along the reference, shape (m,) [N·m or N].
         sag: position error at rest at the end of the reference [rad or m], or None if it was not predicted.
     """
-    subject = f"torque of {robot.prefix}{robot.axes[axis]}"
+    subject = message("stations.torque_of", "torque of {prefix}{axis}", prefix=robot.prefix, axis=robot.axes[axis])
     limit = robot.gains.limit_at_rest[axis]
     effort_unit = robot.model.units[axis].effort
     largest = torques[np.argmax(np.abs(torques))]  # with its sign
 
-    text = f"holding takes {torques[0]:z.2f} {effort_unit} at the start and {torques[-1]:z.2f} {effort_unit} at the end"
-    text += " of the reference"
+    text = message(
+        "stations.holding_takes",
+        "holding takes {start:z.2f} {effort} at the start and {end:z.2f} {effort} at the end",
+        start=torques[0],
+        effort=effort_unit,
+        end=torques[-1],
+    )
+    text += message("stations.of_the_reference", " of the reference")
     if abs(largest) > limit:
-        text += f", at most {largest:.2f} {effort_unit}, and the limit is {limit:g} {effort_unit}: "
-        text += "the joint will not hold; raise servo.torque_limit or lighten the load"
+        text += message(
+            "stations.at_most_and_limit",
+            ", at most {largest:.2f} {effort}, and the limit is {limit:g} {effort}: ",
+            largest=largest,
+            effort=effort_unit,
+            limit=limit,
+        )
+        text += message(
+            "stations.joint_will_not_hold", "the joint will not hold; raise servo.torque_limit or lighten the load"
+        )
         return Finding("warning", subject, text)
     if not config.engine.moves_by_forces:
         # A kinematic station has no servos, so there is nothing more to judge than the limit above.
         return Finding("note", subject, text)
 
-    text += f"; the limit is {limit:g} {effort_unit}"
+    text += message("stations.the_limit_is", "; the limit is {limit:g} {effort}", limit=limit, effort=effort_unit)
     level: Level = "ok"
     if holds_by_model(config, robot):
-        text += "; the servo's model holds it without sagging"
+        text += message("stations.holds_without_sagging", "; the servo's model holds it without sagging")
     elif sag is not None:
         unit = robot.model.units[axis]
-        text += f"; it sags by {abs(sag) / unit.size:.3g} {unit.name} there"
+        text += message(
+            "stations.sags_there", "; it sags by {sag:.3g} {unit} there", sag=abs(sag) / unit.size, unit=unit.name
+        )
         bound = error_bound(config.verdict, slides=bool(robot.model.prismatic[axis]))
         if abs(sag) > bound:
             level = "warning"
-            text += f" (bound {bound / unit.size:.3g} {unit.name}); raise servo.kp, or set servo.feedforward to gravity"
+            text += message(
+                "stations.bound_or_feedforward",
+                " (bound {bound:.3g} {unit}); raise servo.kp, or set servo.feedforward to gravity",
+                bound=bound / unit.size,
+                unit=unit.name,
+            )
     heat_warning = too_warm(robot, axis, largest)
     if heat_warning:
         level = "warning"
@@ -115,7 +137,12 @@ def too_warm(robot: StationRobot, axis: int, torque: float) -> str:
     if abs(torque) <= continuous:
         return ""
     unit = robot.model.units[axis].effort
-    return f"; its motor gets too warm: it may give {continuous:g} {unit} continuously"
+    return message(
+        "stations.motor_too_warm",
+        "; its motor gets too warm: it may give {continuous:g} {unit} continuously",
+        continuous=continuous,
+        unit=unit,
+    )
 
 
 def holds_by_model(config: StationConfig, robot: StationRobot) -> bool:
@@ -193,9 +220,21 @@ def _tool_findings(ports: StationPorts, robot: StationRobot, posture: Vector) ->
     bound = bound_value(config.verdict.below_floor)
     if depth <= bound:
         return []
-    text = f"once its joints sag, {robot.tcp} is {depth * 1e3:.0f} mm below the floor (bound {bound * 1e3:g} mm)"
-    remedy = "raise servo.kp, or set servo.feedforward to gravity"
-    return [Finding("warning", f"tool of {robot.name}", f"{text}; {remedy}")]
+    text = message(
+        "stations.tool_below_floor",
+        "once its joints sag, {tool} is {depth:.0f} mm below the floor (bound {bound:g} mm)",
+        tool=robot.tcp,
+        depth=depth * 1e3,
+        bound=bound * 1e3,
+    )
+    remedy = message("stations.raise_kp_or_feedforward", "raise servo.kp, or set servo.feedforward to gravity")
+    return [
+        Finding(
+            "warning",
+            message("stations.tool_of", "tool of {robot}", robot=robot.name),
+            compound("{text}; {remedy}", text=text, remedy=remedy),
+        )
+    ]
 
 
 def _payload_findings(
@@ -209,7 +248,7 @@ def _payload_findings(
         dynamics: model of the robot with its torque limits.
         postures: postures along the reference, shape (m, n) [rad or m].
     """
-    subject = f"payload of {robot.name}"
+    subject = message("stations.payload_of", "payload of {robot}", robot=robot.name)
     findings = []
     if robot.tcp:
         # For each motor, the mass that it can hold in all postures, in addition to the present load [kg]. It is
@@ -218,13 +257,23 @@ def _payload_findings(
         payload = float(masses.min())
         if np.isfinite(payload):
             weakest = robot.axes[int(np.argmin(masses))]
-            text = f"at rest along the reference it holds {payload:.3g} kg more at {robot.tcp}"
-            text += f", by the motor of {weakest}"
+            text = message(
+                "stations.holds_more",
+                "at rest along the reference it holds {payload:.3g} kg more at {tool}",
+                payload=payload,
+                tool=robot.tcp,
+            )
+            text += message("stations.by_motor_of", ", by the motor of {axis}", axis=weakest)
             findings.append(_payload_finding(subject, text, payload, robot))
     rated = robot.model.payload
     bound = bound_value(config.verdict.payload)  # as a multiple of the rated payload
     if rated is not None and robot.load > bound * rated:
-        text = f"it carries {robot.load:.3g} kg, and is rated for {rated:g} kg: lighten its load"
+        text = message(
+            "stations.load_over_rating",
+            "it carries {load:.3g} kg, and is rated for {rated:g} kg: lighten its load",
+            load=robot.load,
+            rated=rated,
+        )
         findings.append(Finding("warning", subject, text))
     return findings
 
@@ -235,5 +284,5 @@ def _payload_finding(subject: str, text: str, payload: float, robot: StationRobo
     if payload > 0:
         doubt = payload_doubt(payload, moving_mass(robot.model.element))
         if doubt:
-            return Finding("warning", subject, f"{text}; {doubt}")
+            return Finding("warning", subject, compound("{text}; {doubt}", text=text, doubt=doubt))
     return Finding("note", subject, text)

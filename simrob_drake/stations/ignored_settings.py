@@ -8,6 +8,7 @@ text says which setting has the desired effect.
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from simrob_drake.base.messages import message
 from simrob_drake.parts.sensors.sensor import SampledSensor
 from simrob_drake.stations.config import JointStops, StationConfig
 from simrob_drake.stations.findings import Finding
@@ -34,8 +35,16 @@ def ignored_settings(config: StationConfig) -> list[Finding]:
         findings += _ignored_contact_settings(config, config.contact)
     has_own_stops = config.joint_stops != JointStops()
     if has_own_stops and config.engine.holds_joint_limits:
-        text = f"the solver {config.engine.name} stops joints at their limits by itself and ignores joint_stops"
-        findings.append(Finding("warning", "joint_stops", f"{text}; take solver.scheme radau3"))
+        text = message(
+            "stations.ignores_joint_stops",
+            "the solver {engine} stops joints at their limits by itself and ignores joint_stops",
+            engine=config.engine.name,
+        )
+        findings.append(
+            Finding(
+                "warning", "joint_stops", message("stations.take_radau", "{text}; take solver.scheme radau3", text=text)
+            )
+        )
     return findings
 
 
@@ -45,8 +54,17 @@ def rounded_delays(config: StationConfig) -> list[Finding]:
     for setting in _delay_settings(config):
         rounded = round(setting.delay * setting.rate) / setting.rate
         if abs(rounded - setting.delay) > SHORTEST_DELAY:
-            text = f"{1e3 * setting.delay:g} ms acts as {1e3 * rounded:g} ms: "
-            text += f"delays are whole samples, here of {1e3 / setting.rate:g} ms"
+            text = message(
+                "stations.delay_is_rounded",
+                "{delay:g} ms acts as {rounded:g} ms: ",
+                delay=1e3 * setting.delay,
+                rounded=1e3 * rounded,
+            )
+            text += message(
+                "stations.delays_are_samples",
+                "delays are whole samples, here of {period:g} ms",
+                period=1e3 / setting.rate,
+            )
             findings.append(Finding("note", setting.key, text))
     return findings
 
@@ -91,13 +109,29 @@ def _ignored_by_solver(config: StationConfig, key: str, material: ContactMateria
     """
     engine = config.engine
     if not engine.has_contact_dissipation and material.dissipation:
-        yield f"the solver scheme {engine.name} ignores {key}.dissipation; take solver.scheme lagged or similar"
+        yield message(
+            "stations.ignores_dissipation",
+            "the solver scheme {engine} ignores {key}.dissipation; take solver.scheme lagged or similar",
+            engine=engine.name,
+            key=key,
+        )
     friction = material.friction
     if friction is None:
         return
     if not engine.has_static_friction and friction.static != friction.dynamic:
-        text = f"the solver {engine.name} ignores {key}.friction.static ({friction.static:g}): bodies begin to "
-        yield f"{text}slide at the dynamic one, {friction.dynamic:g}; take a continuous solver, such as cenic"
+        text = message(
+            "stations.ignores_static_friction",
+            "the solver {engine} ignores {key}.friction.static ({static:g}): bodies begin to ",
+            engine=engine.name,
+            key=key,
+            static=friction.static,
+        )
+        yield message(
+            "stations.slide_at_dynamic",
+            "{text}slide at the dynamic one, {dynamic:g}; take a continuous solver, such as cenic",
+            text=text,
+            dynamic=friction.dynamic,
+        )
 
 
 def _ignored_by_model(contact: ContactConfig, key: str, material: ContactMaterial) -> Iterator[str]:
@@ -109,6 +143,14 @@ def _ignored_by_model(contact: ContactConfig, key: str, material: ContactMateria
         material: the settings of the surface.
     """
     if contact.model == "point" and material.hydroelastic_modulus is not None:
-        yield f"contact.model point ignores {key}.hydroelastic_modulus; take contact.model hydroelastic"
+        yield message(
+            "stations.point_ignores_modulus",
+            "contact.model point ignores {key}.hydroelastic_modulus; take contact.model hydroelastic",
+            key=key,
+        )
     if contact.model == "hydroelastic" and material.stiffness is not None:
-        yield f"contact.model hydroelastic ignores {key}.stiffness; give hydroelastic_modulus [Pa] instead"
+        yield message(
+            "stations.hydroelastic_ignores_stiffness",
+            "contact.model hydroelastic ignores {key}.stiffness; give hydroelastic_modulus [Pa] instead",
+            key=key,
+        )

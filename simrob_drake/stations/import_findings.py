@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from simrob_drake.base.errors import listed
+from simrob_drake.base.messages import compound, message
 from simrob_drake.parts.resolved import ResolvedRobot
 from simrob_drake.robots.imports import Entry, read_report
 from simrob_drake.stations.config import StationConfig
@@ -38,24 +39,43 @@ def import_findings(config: StationConfig, robot: ResolvedRobot, *, source: Path
         return findings
     imported_by_station = config.robots[robot.name].urdf
     source = source or imported_by_station or report.source
-    subject = f"import of {source.name}"
+    subject = message("stations.import_of", "import of {file}", file=source.name)
     losses = [(loss.element, loss.text) for loss in _losses(robot, report.of("lost"))]
     for group in group_by_words(losses):
         text = _loss_text(group)
         # The text alone becomes a warning of a run, so it names the file; the subject is only a title.
-        findings.append(Finding("warning", "lost mechanics", f"lost in the {subject}: {text}"))
+        findings.append(
+            Finding(
+                "warning",
+                message("stations.lost_mechanics", "lost mechanics"),
+                message("stations.lost_in", "lost in the {subject}: {text}", subject=subject, text=text),
+            )
+        )
     # A station may also use a robot that was imported earlier. Only the station that imports gets the summary.
     if imported_by_station is not None:
-        findings.append(Finding("note", subject, f"{report.summary()}; `simrob check {source}` tells all"))
+        findings.append(
+            Finding(
+                "note",
+                subject,
+                message(
+                    "stations.summary_of_import",
+                    "{summary}; `simrob check {source}` tells all",
+                    summary=report.summary(),
+                    source=source,
+                ),
+            )
+        )
     return findings
 
 
 def _loss_text(group: WordGroup) -> str:
     """Describe losses with the same text: the first element with the text, then the other elements."""
     first, *others = group.places
-    text = f"{first}: {group.text}" if first else group.text  # a loss of the whole robot names no element
+    text = (
+        compound("{first}: {text}", first=first, text=group.text) if first else group.text
+    )  # a loss of the whole robot names no element
     if others:
-        text += f"; likewise {listed(others)}"
+        text += message("stations.likewise", "; likewise {others}", others=listed(others))
     return text
 
 
@@ -73,7 +93,10 @@ def _losses(robot: ResolvedRobot, lost: list[Entry]) -> Iterator[Entry]:
     Yields:
         the losses that remain.
     """
-    axis_of_element = {f"joint '{axis.joint}'": name for name, axis in robot.model.axes.items()}
+    axis_of_element = {
+        message("stations.joint_called", "joint '{joint}'", joint=axis.joint): name
+        for name, axis in robot.model.axes.items()
+    }
     has_friction = dict(zip(robot.axes, robot.model.friction > 0, strict=True))
     for loss in lost:
         element = loss.element.removesuffix(" <dynamics>")
@@ -95,6 +118,12 @@ def _unheld_mimic_finding(config: StationConfig, follower: str, leader: str) -> 
         leader: name of the axis that it follows.
     """
     scheme = config.engine.name
-    text = f"{follower} follows {leader} in the robot's file, but solver {scheme} holds no coupling: each moves by its "
-    text += "own motor; take solver.kind discrete, or scheme radau3 or cenic"
-    return Finding("warning", f"mimic of {follower}", text)
+    text = message(
+        "stations.follower_uncoupled",
+        "{follower} follows {leader} in the robot's file, but solver {scheme} holds no coupling: each moves by its ",
+        follower=follower,
+        leader=leader,
+        scheme=scheme,
+    )
+    text += message("stations.own_motor", "own motor; take solver.kind discrete, or scheme radau3 or cenic")
+    return Finding("warning", message("stations.mimic_of", "mimic of {follower}", follower=follower), text)

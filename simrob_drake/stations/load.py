@@ -23,6 +23,7 @@ from simrob_drake.base.arguments import as_path, instance
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName, quoted
 from simrob_drake.base.extension import installed_extensions
 from simrob_drake.base.files import model_file, station_files
+from simrob_drake.base.messages import join_texts, message
 from simrob_drake.base.packages import Border
 from simrob_drake.base.sections import validated
 from simrob_drake.base.yaml_files import is_yaml_name, place_of, read_yaml
@@ -90,8 +91,15 @@ def load_station(
     path = _station_file(name_or_path)
     changes = {} if overrides is None else overrides
     folders = tuple(as_path(folder, "mesh_path").absolute() for folder in mesh_path)
-    for key in instance(changes, "overrides", Mapping, "a mapping of keys to values"):
-        instance(key, "overrides", str, "a mapping whose keys are texts, such as 'servo.kp'")
+    for key in instance(
+        changes, "overrides", Mapping, message("stations.mapping_to_values", "a mapping of keys to values")
+    ):
+        instance(
+            key,
+            "overrides",
+            str,
+            message("stations.keys_are_texts", "a mapping whose keys are texts, such as 'servo.kp'"),
+        )
 
     def load(some_changes: Mapping[str, Any], where: Path | str) -> StationConfig:
         """Load the station with some of the overrides."""
@@ -104,9 +112,9 @@ def load_station(
         if not culprits:
             raise
     # Load once more: the error is raised again, and now names the overrides that cause it instead of the file.
-    names = {key: f"override {key}" for key in culprits}
+    names = {key: message("stations.override", "override {key}", key=key) for key in culprits}
     names.update(called or {})
-    return load(changes, ", ".join(names[key] for key in culprits))
+    return load(changes, join_texts(names[key] for key in culprits))
 
 
 def _culprits(
@@ -260,7 +268,11 @@ def _validate(content: Content, where: Path | str, allow_code: bool) -> StationC
         raise InvalidConfig(where, _in_short_form(problem.key), _in_short_form(problem.problem)) from problem
     for name, controller in config.controllers.items():
         if controller.runs_code and not allow_code:
-            expected = f"would run the code {controller.class_}; if you trust it, say allow_code=True, or --allow-code"
+            expected = message(
+                "stations.would_run_code",
+                "would run the code {code}; if you trust it, say allow_code=True, or --allow-code",
+                code=controller.class_,
+            )
             raise InvalidConfig(where, f"controllers.{name}", expected)
     try:
         check_parts(resolve(config))
@@ -288,12 +300,28 @@ def _check_extensions(content: Content, where: Path | str) -> None:
     for entry in entries:
         matching = [found for found in installed_extensions() if entry in (found.package, found.name)]
         if not matching:
-            problem = f"the station needs the package {entry}, which is not installed: pip install {entry}"
+            problem = message(
+                "stations.needs_package",
+                "the station needs the package {package}, which is not installed: pip install {package}",
+                package=entry,
+            )
             raise InvalidConfig(where, "extensions", problem)
         for found in matching:
             if found.problem:
-                state = f"the extension {found.name} of {found.package} is left out: {found.problem}"
-                raise InvalidConfig(where, "extensions", f"the station needs {entry}, and {state}")
+                state = message(
+                    "stations.extension_left_out",
+                    "the extension {extension} of {package} is left out: {problem}",
+                    extension=found.name,
+                    package=found.package,
+                    problem=found.problem,
+                )
+                raise InvalidConfig(
+                    where,
+                    "extensions",
+                    message(
+                        "stations.needs_and", "the station needs {package}, and {state}", package=entry, state=state
+                    ),
+                )
 
 
 def _add_mesh_path(content: Content, mesh_path: tuple[Path, ...]) -> None:
@@ -344,22 +372,32 @@ def _station_file(name_or_path: str | Path) -> Path:
         InvalidConfig: the path is a folder, or the file does not exist.
     """
     if not isinstance(name_or_path, (str, Path)):
-        raise InvalidParameter("station", quoted(name_or_path), "a name of `simrob list`, or a YAML file")
+        raise InvalidParameter(
+            "station",
+            quoted(name_or_path),
+            message("stations.station_name_or_file", "a name of `simrob list`, or a YAML file"),
+        )
     path = Path(name_or_path)
     named = model_file("stations", str(name_or_path))
     if named is not None:
         return named
     if isdir(path):
         inside = path / "station.yaml"
-        hint = f"; did you mean {inside}?" if isfile(inside) else ""
-        raise InvalidConfig(path, "", f"is a folder, and a station is a name or a YAML file{hint}")
+        hint = (
+            message("stations.did_you_mean_inside", "; did you mean {inside}?", inside=inside) if isfile(inside) else ""
+        )
+        raise InvalidConfig(
+            path,
+            "",
+            message("stations.is_a_folder", "is a folder, and a station is a name or a YAML file{hint}", hint=hint),
+        )
     if not is_yaml_name(path):
         # A plain word is a misspelt name of a station, and so is an existing file that is not YAML.
         has_form_of_path = bool(path.suffix) or len(path.parts) > 1
         if exists(path) or not has_form_of_path:
-            raise UnknownName("station", str(name_or_path), station_names())
+            raise UnknownName(message("stations.station", "station"), str(name_or_path), station_names())
     if not exists(path):
-        raise InvalidConfig(path, "", "there is no such file")
+        raise InvalidConfig(path, "", message("stations.no_such_file", "there is no such file"))
     return path.resolve()
 
 
@@ -430,7 +468,7 @@ def _override(content: Content, path: list[str], value: Any, where: Path | str, 
         section[key] = _copy(value, path, where)
         return
     for inner_key in value:
-        instance(inner_key, ".".join(path), str, "a section whose keys are texts")
+        instance(inner_key, ".".join(path), str, message("stations.section_of_texts", "a section whose keys are texts"))
     for inner_key in sorted(value, key=lambda inner_key: _rank([*path, inner_key])):
         _override(content, [*path, inner_key], value[inner_key], where, losses)
 
@@ -518,7 +556,9 @@ def _copy(value: Any, path: list[str], where: Path | str) -> Any:
     try:
         return deepcopy(value)
     except Exception as problem:  # an object may raise any exception when it is copied
-        expected = f"is {quoted(value)}, which no station's file could hold"
+        expected = message(
+            "stations.no_file_could_hold", "is {value}, which no station's file could hold", value=quoted(value)
+        )
         raise InvalidConfig(where, ".".join(path), expected) from problem
 
 
@@ -536,7 +576,9 @@ def _with_robots_section(content: Content, where: Path | str) -> Content:
     if ONLY_ROBOT not in content:
         return content
     if "robots" in content:
-        raise InvalidConfig(where, "robot", "a station has either robot: or robots:")
+        raise InvalidConfig(
+            where, "robot", message("stations.robot_or_robots", "a station has either robot: or robots:")
+        )
     changed = Content()
     for key, value in content.items():
         if key == ONLY_ROBOT:

@@ -16,6 +16,7 @@ from pydrake.multibody.tree import Frame
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector, transform_from_pose
+from simrob_drake.base.messages import message
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.parse import lone_robot
 
@@ -83,8 +84,12 @@ class LoopsOfRobot:
             if deviation <= _CLOSED:
                 closed_postures.append(solution.x)
         if not closed_postures:
-            expected = "closed in some posture within the limits"
-            raise InvalidParameter("each loop", f"open by {least_deviation:.3g} m or rad at best", expected)
+            expected = message("stations.closed_within_limits", "closed in some posture within the limits")
+            raise InvalidParameter(
+                message("stations.each_loop", "each loop"),
+                message("stations.open_at_best", "open by {deviation:.3g} m or rad at best", deviation=least_deviation),
+                expected,
+            )
         candidates = np.array(closed_postures)
         squared_distances = np.square(candidates - home).sum(axis=1)
         nearest = candidates[squared_distances.argmin()]

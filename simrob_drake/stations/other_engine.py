@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Self, cast
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.base.extension import BrokenExtension
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Positive
 from simrob_drake.parts.engine import Engine, PlantBlock, missing_methods
 from simrob_drake.parts.station_plant import StationPlant
@@ -86,7 +87,15 @@ def add_plant_block(
     missing = missing_methods(block)
     if missing:
         lacking = ", ".join(missing)
-        raise BrokenExtension(f"solver.kind {engine.kind}: its {type(block).__name__} lacks {lacking}, see PlantBlock")
+        raise BrokenExtension(
+            message(
+                "stations.engine_lacks_methods",
+                "solver.kind {kind}: its {name} lacks {lacking}, see PlantBlock",
+                kind=engine.kind,
+                name=type(block).__name__,
+                lacking=lacking,
+            )
+        )
     builder.AddSystem(block)
     builder.Connect(block.get_state_output_port(), plant.add_geometry_poses(builder, of_state=True))
     return cast(PlantBlock, block)

@@ -7,6 +7,7 @@ does show, such as a joint that sags, is judged by its verdict.
 
 from collections.abc import Mapping
 
+from simrob_drake.base.messages import message
 from simrob_drake.blocks.references import Reference
 from simrob_drake.parts.controllers import loops_of
 from simrob_drake.parts.station_plant import StationPlant
@@ -19,6 +20,9 @@ from simrob_drake.stations.import_findings import import_findings
 from simrob_drake.stations.plausibility import plausibility_findings
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.steps import step_findings
+
+CONTACT = message("stations.contact", "contact")
+"""Subject of findings about contact."""
 
 
 def physics_findings(
@@ -68,15 +72,27 @@ def _grip_findings(config: StationConfig, ports: StationPorts) -> list[Finding]:
     """
     problem = ""
     if config.contact is None:
-        problem = "the station has no contact: fingers hold nothing; add contact: {model: hydroelastic}"
+        problem = message(
+            "stations.fingers_without_contact",
+            "the station has no contact: fingers hold nothing; add contact: {{model: hydroelastic}}",
+        )
     elif config.contact.model == "point" and not uses_contact_points(config):
-        problem = "points let a held piece turn and creep; take contact.model hydroelastic"
+        problem = message(
+            "stations.points_let_creep", "points let a held piece turn and creep; take contact.model hydroelastic"
+        )
     elif not config.engine.has_realistic_grip:
-        problem = f"{config.engine.name} lets fingers hold several times what friction holds; take solver.scheme lagged"
+        problem = message(
+            "stations.fingers_hold_too_much",
+            "{engine} lets fingers hold several times what friction holds; take solver.scheme lagged",
+            engine=config.engine.name,
+        )
     if not problem:
         return []
     grippers = [robot for robot in ports.plant.robots.values() if robot.model.fingers]
-    return [Finding("warning", f"gripper of {robot.name}", problem) for robot in grippers]
+    return [
+        Finding("warning", message("stations.gripper_of", "gripper of {robot}", robot=robot.name), problem)
+        for robot in grippers
+    ]
 
 
 def _surface_findings(config: StationConfig, plant: StationPlant) -> list[Finding]:
@@ -94,14 +110,28 @@ def _surface_findings(config: StationConfig, plant: StationPlant) -> list[Findin
         pairs = pairs_without_surface(plant.plant, inspector)
         if not pairs:
             return []
-        text = f"both are rigid, so {', '.join(pairs)} meet in points; make one of them compliant"
-        return [Finding("warning", "contact", text)]
+        text = message(
+            "stations.rigid_meet_in_points",
+            "both are rigid, so {pairs} meet in points; make one of them compliant",
+            pairs=", ".join(pairs),
+        )
+        return [Finding("warning", CONTACT, text)]
     # Contact points at the corners carry a flat body, and so do several points of the engine itself.
     if uses_contact_points(config) or config.engine.touches_at_several_points:
         return []
     for name, body in plant.free_pieces.items():
         shapes = plant.plant.GetCollisionGeometriesForBody(body)
         if any(is_flat(inspector, shape) for shape in shapes):
-            text = f"{name} lies on one point that jumps about: it trembles, and sticks where it should slide"
-            return [Finding("warning", "contact", f"{text}; set contact.corners to true")]
+            text = message(
+                "stations.lies_on_jumping_point",
+                "{name} lies on one point that jumps about: it trembles, and sticks where it should slide",
+                name=name,
+            )
+            return [
+                Finding(
+                    "warning",
+                    CONTACT,
+                    message("stations.set_corners", "{text}; set contact.corners to true", text=text),
+                )
+            ]
     return []

@@ -10,6 +10,7 @@ from pydrake.common import RandomGenerator
 from pydrake.math import RigidTransform, RollPitchYaw, UniformlyRandomRotationMatrix
 
 from simrob_drake.base.frames import Vector, pose_from_transform
+from simrob_drake.base.messages import join_texts, message
 from simrob_drake.base.sections import (
     ORIGIN,
     Boolean,
@@ -53,7 +54,7 @@ class Scatter(Strict):
     @model_validator(mode="after")
     def _in_order(self) -> "Scatter":
         if any(low > high for low, high in (*zip(*self.within, strict=True), self.turn_deg)):
-            raise ValueError("within and turn_deg have the lower values first")
+            raise ValueError(message("stations.lower_values_first", "within and turn_deg have the lower values first"))
         return self
 
     def poses(self) -> list[Pose]:
@@ -65,7 +66,14 @@ class Scatter(Strict):
         places = attempts[-1]
         if len(places) < self.count:
             most = max(map(len, attempts))
-            raise ValueError(f"room for {most} of {self.count}: give it a larger box, or less apart")
+            raise ValueError(
+                message(
+                    "stations.room_for_some",
+                    "room for {most} of {count}: give it a larger box, or less apart",
+                    most=most,
+                    count=self.count,
+                )
+            )
         turns = [
             UniformlyRandomRotationMatrix(drake_random)
             if self.tumbled
@@ -140,21 +148,43 @@ class PieceConfig(Strict):
     @model_validator(mode="after")
     def _free_of_parents(self) -> "PieceConfig":
         if self.scatter is not None and {"parent", "pose"} & self.model_fields_set:
-            raise ValueError("scattered pieces are free, and their poses are drawn: leave parent and pose out")
+            raise ValueError(
+                message(
+                    "stations.scattered_pieces_are_free",
+                    "scattered pieces are free, and their poses are drawn: leave parent and pose out",
+                )
+            )
         if self.free and self.parent not in (None, "world"):
-            raise ValueError(f"a free piece hangs on nothing, so its parent is world and not {self.parent}")
+            raise ValueError(
+                message(
+                    "stations.free_piece_hangs_on_nothing",
+                    "a free piece hangs on nothing, so its parent is world and not {parent}",
+                    parent=self.parent,
+                )
+            )
         return self
 
     @model_validator(mode="after")
     def _one_source(self) -> "PieceConfig":
         if len(self.sources) > 1:
-            raise ValueError(f"a piece has one of {' and '.join(self.sources)}, not several")
+            raise ValueError(
+                message(
+                    "stations.one_of_sources",
+                    "a piece has one of {sources}, not several",
+                    sources=join_texts(self.sources, message("base.and", " and ")),
+                )
+            )
         if any(shape.mesh for shape in self.shapes or ()):
-            raise ValueError("shapes are boxes, cylinders and spheres; a mesh stands in mesh, or in a piece.yaml")
+            raise ValueError(
+                message(
+                    "stations.shapes_and_mesh",
+                    "shapes are boxes, cylinders and spheres; a mesh stands in mesh, or in a piece.yaml",
+                )
+            )
         if self.scale is not None and self.mesh is None:
-            raise ValueError("a scale goes with a mesh")
+            raise ValueError(message("stations.scale_goes_with_mesh", "a scale goes with a mesh"))
         if self.density is not None and self.mass is not None:
-            raise ValueError("a piece has either a mass or a density")
+            raise ValueError(message("stations.mass_or_density", "a piece has either a mass or a density"))
         return self
 
 
@@ -165,10 +195,19 @@ def scattered(entries: Mapping[str, PieceConfig]) -> dict[str, PieceConfig]:
         try:
             poses = entry.scatter.poses() if entry.scatter else []
         except ValueError as problem:
-            raise ValueError(f"{name}.scatter has {problem}") from problem
+            raise ValueError(
+                message("stations.scatter_has", "{name}.scatter has {problem}", name=name, problem=problem)
+            ) from problem
         own = {"scatter": None, "free": True} | ({} if entry.sources else {"model": name})
         many = {f"{name}_{n}": entry.model_copy(update={**own, "pose": pose}) for n, pose in enumerate(poses, 1)}
         if twice := {*many} & {*entries}:
-            raise ValueError(f"{min(twice)} stands there, and would be one of the scattered {name}")
+            raise ValueError(
+                message(
+                    "stations.scattered_name_taken",
+                    "{twice} stands there, and would be one of the scattered {name}",
+                    twice=min(twice),
+                    name=name,
+                )
+            )
         found |= many or {name: entry}
     return found

@@ -22,6 +22,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.base.errors import InvalidModel, InvalidParameter
 from simrob_drake.base.frames import transform_from_pose
+from simrob_drake.base.messages import message
 from simrob_drake.blocks.passive_joints import set_friction
 from simrob_drake.blocks.servo import set_actuators
 from simrob_drake.parts.resolved import WORLD, ResolvedRobot
@@ -184,9 +185,21 @@ def add_robot(
     model = robot.model
     if station.engine.moves_by_forces and model.links_without_inertia:
         listed = ", ".join(model.links_without_inertia)
-        remedy = "take mode: kinematic, or estimate them with robot.import_options.estimate_inertia: true"
+        remedy = message(
+            "stations.kinematic_or_estimate",
+            "take mode: kinematic, or estimate them with robot.import_options.estimate_inertia: true",
+        )
         where = station.config.robots[robot.name].urdf or model.urdf_path
-        raise InvalidModel(where, "", f"the moving links {listed} have no inertia; {remedy}")
+        raise InvalidModel(
+            where,
+            "",
+            message(
+                "stations.links_without_inertia",
+                "the moving links {links} have no inertia; {remedy}",
+                links=listed,
+                remedy=remedy,
+            ),
+        )
     urdf = urdf_with_pieces(station, robot)
     scale_masses(urdf, station.config.robots[robot.name].mass_factors)
     if station.engine.moves_by_forces:
@@ -209,8 +222,16 @@ def add_robot(
         turning = {motor.joint().index() for motor in motors if motor.default_reflected_inertia() > 0}
         for axis, joint, play in zip(robot.axes, joints, robot.model.play, strict=True):
             if play > 0 and joint.index() not in turning:
-                expected = f"0, or {axis} have a rotor_inertia, which its motor moves alone in the play"
-                raise InvalidParameter(f"robots.{robot.name}.drives.backlash_deg", f"given for {axis}", expected)
+                expected = message(
+                    "stations.zero_or_rotor_inertia",
+                    "0, or {axis} have a rotor_inertia, which its motor moves alone in the play",
+                    axis=axis,
+                )
+                raise InvalidParameter(
+                    f"robots.{robot.name}.drives.backlash_deg",
+                    message("stations.given_for", "given for {axis}", axis=axis),
+                    expected,
+                )
         implicit = station.config.servo_of(robot.name).realization == "implicit"
         if implicit or station.engine.limits_torques_in_actuators:
             set_actuators(plant, [joint.index() for joint in joints], robot.gains, with_servos=implicit)

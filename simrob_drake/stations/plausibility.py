@@ -16,6 +16,7 @@ from pydantic import BaseModel
 from simrob_drake.base.constants import STANDARD_GRAVITY
 from simrob_drake.base.errors import InvalidModel, listed
 from simrob_drake.base.file_cache import FileState, file_state
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import MOST_TURN
 from simrob_drake.parts.resolved import ResolvedPiece, Surroundings
 from simrob_drake.robots.catalog import RobotModel
@@ -60,7 +61,12 @@ def plausibility_findings(config: StationConfig, station: Surroundings) -> list[
     doubts = list[Doubt]()
     for name, robot in station.robots.items():
         for doubt in _robot_doubts(robot.model):
-            doubts.append(Doubt(f"robot '{name}': {doubt.where}", doubt.text))
+            doubts.append(
+                Doubt(
+                    message("stations.robot_and_place", "robot '{name}': {where}", name=name, where=doubt.where),
+                    doubt.text,
+                )
+            )
     for piece in station.pieces.values():
         doubts += _size_doubts(piece)
         doubts += _mass_doubts(piece)
@@ -79,8 +85,8 @@ def _findings(doubts: Sequence[Doubt]) -> list[Finding]:
     for group in group_by_words(doubts):
         # A place is a dotted key, or "robot '<name>': <element>". It is part of the text, which alone becomes a warning
         # of a run; the subject is only a title.
-        text = f"{listed(group.places, _LISTED)}: {group.text}"
-        findings.append(Finding("warning", "implausible number", text))
+        text = compound("{places}: {text}", places=listed(group.places, _LISTED), text=group.text)
+        findings.append(Finding("warning", message("stations.implausible_number", "implausible number"), text))
     return findings
 
 
@@ -113,9 +119,21 @@ def _size_doubts(piece: ResolvedPiece) -> Iterator[Doubt]:
             continue
         is_plate = min(sides) <= _PLATE
         if max(sides) > _LARGEST and not is_plate:
-            yield Doubt(key, f"a side of {max(sides):g} m; were millimetres meant? lengths are in metres")
+            yield Doubt(
+                key,
+                message(
+                    "stations.long_side",
+                    "a side of {side:g} m; were millimetres meant? lengths are in metres",
+                    side=max(sides),
+                ),
+            )
         elif max(sides) < _SMALLEST:
-            yield Doubt(key, f"no side is longer than {max(sides):g} m; lengths are in metres")
+            yield Doubt(
+                key,
+                message(
+                    "stations.short_sides", "no side is longer than {side:g} m; lengths are in metres", side=max(sides)
+                ),
+            )
 
 
 def _sides(shape: PieceShape, folder: Path) -> tuple[float, ...]:
@@ -187,12 +205,26 @@ def _pose_doubts(found: PoseAtKey) -> Iterator[Doubt]:
     angle = max(found.pose[3:], key=abs)
     if abs(angle) > MOST_TURN:
         turns = abs(angle) / (2 * np.pi)
-        text = f"an angle of {angle:g} rad is {turns:.1f} turns; were degrees meant? "
-        text += f"{angle:g}° are {np.deg2rad(angle):.6g} rad"
+        text = message(
+            "stations.angle_of_turns",
+            "an angle of {angle:g} rad is {turns:.1f} turns; were degrees meant? ",
+            angle=angle,
+            turns=turns,
+        )
+        text += message(
+            "stations.degrees_are_radians",
+            "{degrees:g}° are {radians:.6g} rad",
+            degrees=angle,
+            radians=np.deg2rad(angle),
+        )
         yield Doubt(found.key, text)
     coordinate = max(found.pose[:3], key=abs)
     if abs(coordinate) > _FARTHEST:
-        text = f"{coordinate:g} m from where it is measured; were millimetres meant? lengths are in metres"
+        text = message(
+            "stations.far_coordinate",
+            "{coordinate:g} m from where it is measured; were millimetres meant? lengths are in metres",
+            coordinate=coordinate,
+        )
         yield Doubt(found.key, text)
 
 
@@ -201,22 +233,46 @@ def _mass_factor_doubts(config: StationConfig) -> Iterator[Doubt]:
     for name, robot in config.robots.items():
         for link, factor in robot.mass_factors.items():
             if not _LEAST_MASS_FACTOR <= factor <= _LARGEST_MASS_FACTOR:
-                text = f"the mass is {factor:g} times that of the robot's file; was a mass in kg meant?"
+                text = message(
+                    "stations.mass_factor",
+                    "the mass is {factor:g} times that of the robot's file; was a mass in kg meant?",
+                    factor=factor,
+                )
                 yield Doubt(f"robots.{name}.mass_factors.{link}", text)
 
 
 def _gravity_doubts(gravity: float) -> Iterator[Doubt]:
     """Yield the doubts about gravity [m/s²], which is positive if it pulls down: a wrong sign, or another unit."""
     if gravity < 0:
-        yield Doubt("gravity", f"{gravity:g} m/s² pulls up: {-gravity:g} pulls down, along -z")
+        yield Doubt(
+            "gravity",
+            message(
+                "stations.gravity_pulls_up",
+                "{gravity:g} m/s² pulls up: {right:g} pulls down, along -z",
+                gravity=gravity,
+                right=-gravity,
+            ),
+        )
     if abs(gravity) > _STRONGEST_GRAVITY:
         ratio = abs(gravity) / STANDARD_GRAVITY
-        yield Doubt("gravity", f"{gravity:g} m/s² is {ratio:.3g} times that of the Earth; in mm/s²?")
+        yield Doubt(
+            "gravity",
+            message(
+                "stations.gravity_of_earth",
+                "{gravity:g} m/s² is {ratio:.3g} times that of the Earth; in mm/s²?",
+                gravity=gravity,
+                ratio=ratio,
+            ),
+        )
 
 
 def _friction_doubts(contact: ContactConfig) -> Iterator[Doubt]:
     """Yield a doubt if the coefficient of static friction is implausibly large."""
     friction = contact.friction
     if friction is not None and friction.static > _ROUGHEST:
-        text = f"a coefficient of friction of {friction.static:g}: rubber has about 1"
+        text = message(
+            "stations.odd_friction",
+            "a coefficient of friction of {static:g}: rubber has about 1",
+            static=friction.static,
+        )
         yield Doubt("contact.friction.static", text)

@@ -48,6 +48,7 @@ from pydrake.systems.primitives import Multiplexer, PassThrough
 
 from simrob_drake.base.errors import InvalidParameter, UnknownName, Unsuitable
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.blocks.block import fed, joined, mapped
 from simrob_drake.blocks.joint_torque import JointTorqueSensor
 from simrob_drake.blocks.references import reference_values
@@ -92,13 +93,20 @@ def prescribed_axes(config: StationConfig, robot: str, model: RobotModel) -> dic
             continue
         owner = key.partition(".")[0]
         if owner not in config.robots:
-            raise UnknownName("robot under prescribed", key, [f"{name}.<axis>" for name in config.robots])
+            raise UnknownName(
+                message("stations.robot_under_prescribed", "robot under prescribed"),
+                key,
+                [f"{name}.<axis>" for name in config.robots],
+            )
         if owner == robot:
             keys.append(key)
     if not keys:
         return {}
     if not config.engine.moves_by_forces:
-        raise Unsuitable("prescribed", "the reference of a kinematic station moves all joints")
+        raise Unsuitable(
+            "prescribed",
+            message("stations.reference_moves_joints", "the reference of a kinematic station moves all joints"),
+        )
     _check_servo(config.servo_of(robot))
     prefix = config.prefix(robot)
     return {key: model.axis_index(key.removeprefix(prefix), "prescribed") for key in keys}
@@ -112,12 +120,24 @@ def _check_servo(servo: ServoConfig) -> None:
             can leave out the prescribed joints.
     """
     if servo.realization == "implicit":
-        raise InvalidParameter("servo.realization", "implicit", "another one: a prescribed joint has no servo")
+        raise InvalidParameter(
+            "servo.realization",
+            "implicit",
+            message("stations.prescribed_without_servo", "another one: a prescribed joint has no servo"),
+        )
     if servo.law == "computed_torque":
-        raise InvalidParameter("servo.law", "computed_torque", "another one: a prescribed joint has no servo")
+        raise InvalidParameter(
+            "servo.law",
+            "computed_torque",
+            message("stations.prescribed_without_servo", "another one: a prescribed joint has no servo"),
+        )
     if servo.feedforward != "none" or servo.admittance_gain:
-        expected = "one without feedforward and admittance_gain, since joints are prescribed"
-        raise InvalidParameter("servo", "one that knows the robot's model", expected)
+        expected = message(
+            "stations.without_feedforward", "one without feedforward and admittance_gain, since joints are prescribed"
+        )
+        raise InvalidParameter(
+            "servo", message("stations.knows_the_model", "one that knows the robot's model"), expected
+        )
 
 
 def with_prescribed_axes(config: StationConfig, robot: ResolvedRobot) -> ResolvedRobot:

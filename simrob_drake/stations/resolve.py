@@ -11,6 +11,7 @@ from pydrake.math import RigidTransform
 from simrob_drake.base.errors import InvalidParameter, UnknownName, Unsuitable, one_of
 from simrob_drake.base.file_cache import FileCache
 from simrob_drake.base.frames import Vector, transform_from_pose
+from simrob_drake.base.messages import message
 from simrob_drake.base.packages import granted
 from simrob_drake.base.yaml_files import is_yaml_name
 from simrob_drake.importer.named_robots import read_described_robot
@@ -102,7 +103,11 @@ def _resolve_from_files(config: StationConfig) -> ResolvedStation:
     pieces = {piece.name: piece for piece in _pieces(config, models)}
     for name in config.pieces:
         if name in config.robots or name == WORLD:
-            raise InvalidParameter(f"pieces.{name}", name, "a name that no robot of the station has, nor the world")
+            raise InvalidParameter(
+                f"pieces.{name}",
+                name,
+                message("stations.unused_name", "a name that no robot of the station has, nor the world"),
+            )
     ground = _ground(config.floor, config.contact.model if config.contact else "", pieces)
     robots = {name: _robot(config, name, model, pieces, ground, starts[name]) for name, model in models.items()}
     sensors = dict(config.sensors)
@@ -127,10 +132,17 @@ def check_parts(station: ResolvedStation) -> None:
     config = station.config
     free = config.free_pieces
     if not (config.robots or free):
-        expected = "given as robot: {model: ...}, or a piece have free: true: a station needs something that moves"
+        expected = message(
+            "stations.something_that_moves",
+            "given as robot: {{model: ...}}, or a piece have free: true: a station needs something that moves",
+        )
         raise InvalidParameter("robots", "empty", expected)
     if free and not config.engine.moves_by_forces:
-        raise InvalidParameter(f"pieces.{free[0]}.free", True, "false in a kinematic station, which moves robots only")
+        raise InvalidParameter(
+            f"pieces.{free[0]}.free",
+            True,
+            message("stations.false_in_kinematic", "false in a kinematic station, which moves robots only"),
+        )
     _check_engine(config)
     for robot in station.robots.values():
         check_targets(config, robot)
@@ -156,7 +168,11 @@ def _check_engine(config: StationConfig) -> None:
     """
     engine = config.engine
     if config.contact is not None and config.contact.model != "point" and not engine.has_surface_contact:
-        expected = f"point with solver.kind {engine.name}, which knows no pressure over a surface"
+        expected = message(
+            "stations.point_with_engine",
+            "point with solver.kind {engine}, which knows no pressure over a surface",
+            engine=engine.name,
+        )
         raise InvalidParameter("contact.model", config.contact.model, expected)
     refused = dict[str, list[str]]()
     if not engine.has_prescribed_joints:
@@ -166,7 +182,11 @@ def _check_engine(config: StationConfig) -> None:
         refused["couplings"] = [name for name, coupling in couplings if not coupling.is_constrained(engine)]
     for key, names in refused.items():
         if names:
-            expected = f"left out with solver.kind {engine.name}, which has joints moved by forces, and gears alone"
+            expected = message(
+                "stations.left_out_with_engine",
+                "left out with solver.kind {engine}, which has joints moved by forces, and gears alone",
+                engine=engine.name,
+            )
             raise InvalidParameter(key, ", ".join(names), expected)
 
 
@@ -232,8 +252,13 @@ def _ground(floor: FloorConfig | None, contact: str, pieces: Mapping[str, Resolv
     if floor.terrain is None:
         return even
     if floor.terrain.soft is not None and contact == "point":
-        expected = "left out, or with contact.model hydroelastic or hydroelastic_with_fallback: points know no modulus"
-        raise InvalidParameter("floor.terrain.soft", "given with point contact", expected)
+        expected = message(
+            "stations.left_out_or_hydroelastic",
+            "left out, or with contact.model hydroelastic or hydroelastic_with_fallback: points know no modulus",
+        )
+        raise InvalidParameter(
+            "floor.terrain.soft", message("stations.given_with_point_contact", "given with point contact"), expected
+        )
     field = tuple((even.tilt @ block.pose, block.half) for block in floor.terrain.blocks(floor.size))
     return replace(even, boxes=(*field, *even.boxes), depth=floor.terrain.depth)
 
@@ -263,7 +288,9 @@ def _robot(
     if config.engine.moves_by_forces and model.base == "floating":
         check_servo_without_model(servo)
     if model.feet is None and entry.feet is not None:
-        raise Unsuitable(f"robots.{name}.feet", f"{model.name} has no feet")
+        raise Unsuitable(
+            f"robots.{name}.feet", message("stations.has_no_feet", "{model} has no feet", model=model.name)
+        )
     carried = tuple(piece.name for piece in pieces.values() if piece.carrier == name)
     worn: list[str] = []  # on links that are no tools, and what hangs on such pieces
     for piece in carried:
@@ -276,7 +303,7 @@ def _robot(
         frames.setdefault(entry.tcp, entry.tcp)
     tcp = tool_in_use(model.tools, held, entry.tcp)
     if tcp:
-        one_of(f"tool of {name}", tcp, frames)
+        one_of(message("base.tool_of", "tool of {model}", model=name), tcp, frames)
     stops, usual = config.stops_of(name).model_dump(), JointStops().model_dump()
     stiffness, damping = (model.axis_vector(stops[key], f"joint_stops.{key}", usual[key]) for key in stops)
     resolved = with_prescribed_axes(
@@ -312,7 +339,9 @@ def _pieces(config: StationConfig, robots: Mapping[str, RobotModel]) -> Iterator
         entry, parent = config.pieces[piece], _parent(config, piece)
         model = models[piece] = piece_of(entry, piece)
         if entry.free and not (model.mass > 0 and min(model.inertia[:3]) > 0):
-            expected = "a piece with mass and inertia: gravity and contact move it"
+            expected = message(
+                "stations.piece_with_inertia", "a piece with mass and inertia: gravity and contact move it"
+            )
             raise InvalidParameter(f"pieces.{piece}.free", True, expected)
         yield ResolvedPiece(
             name=piece,
@@ -351,8 +380,8 @@ def piece_of(entry: PieceConfig, name: str) -> PieceModel:
         piece = described_piece(Path(model) if is_yaml_name(model) else piece_file(model))
     weightless = entry.mass is None and entry.density is None and (entry.free or entry.parent != WORLD)
     if weightless and (entry.mesh is not None or shapes):
-        seen = "" if entry.free else ", 0 if it is only seen"
-        expected = f"a mass [kg]{seen}; or give a density [kg/m³]"
+        seen = "" if entry.free else message("stations.zero_if_seen", ", 0 if it is only seen")
+        expected = message("stations.mass_or_give_density", "a mass [kg]{seen}; or give a density [kg/m³]", seen=seen)
         raise InvalidParameter(f"pieces.{name}.mass", None, expected)
     return with_changes(piece, changes, f"pieces.{name}")
 
@@ -365,10 +394,20 @@ def _mesh_piece(entry: PieceConfig, file: Path, where: str) -> PieceModel:
     mesh, scale = drake_mesh(file), entry.scale or 1.0
     size = max(mesh_sides(mesh, scale))
     if not _SIZES[0] <= size <= _SIZES[1]:
-        expected = f"such that the mesh, now {size:.3g} m long, is of a piece's size; for millimetres 0.001"
+        expected = message(
+            "stations.scale_of_mesh",
+            "such that the mesh, now {size:.3g} m long, is of a piece's size; for millimetres 0.001",
+            size=size,
+        )
         raise InvalidParameter(f"{where}.scale", scale, expected)
     if entry.scale is None and size > _UNSCALED and file.suffix.lower() in FORMATS_WITHOUT_UNIT:
-        raise InvalidParameter(f"{where}.scale", None, f"0.001 for millimetres, or 1 if it is {size:.3g} m long")
+        raise InvalidParameter(
+            f"{where}.scale",
+            None,
+            message(
+                "stations.scale_for_millimetres", "0.001 for millimetres, or 1 if it is {size:.3g} m long", size=size
+            ),
+        )
     return PieceModel(folder=mesh.parent, shapes=(PieceShape(mesh=mesh.name, scale=scale),))
 
 
@@ -390,8 +429,10 @@ def _parent(config: StationConfig, piece: str) -> str:
     entry = config.pieces[piece]
     if entry.parent is None and not entry.free:
         choices = ", ".join([WORLD, *config.robots, *(other for other in config.pieces if other != piece)])
-        expected = f"what it hangs on, one of {choices}; or say free: true"
-        raise InvalidParameter(f"pieces.{piece}.parent", "left out", expected)
+        expected = message(
+            "stations.what_it_hangs_on", "what it hangs on, one of {choices}; or say free: true", choices=choices
+        )
+        raise InvalidParameter(f"pieces.{piece}.parent", message("stations.left_out", "left out"), expected)
     return entry.parent or WORLD
 
 
@@ -400,13 +441,21 @@ def _outward(config: StationConfig, parents: Mapping[str, str]) -> list[str]:
     for piece, parent in parents.items():
         known = [WORLD, *config.robots, *config.pieces]
         if parent not in known:
-            raise UnknownName(f"parent for pieces.{piece}", parent, [name for name in known if name != piece])
+            raise UnknownName(
+                message("stations.parent_for_piece", "parent for pieces.{piece}", piece=piece),
+                parent,
+                [name for name in known if name != piece],
+            )
     ordered: list[str] = []
     while len(ordered) < len(parents):
         ready = [p for p in parents if p not in ordered and (parents[p] not in parents or parents[p] in ordered)]
         if not ready:
             rest = next(piece for piece in parents if piece not in ordered)
-            raise InvalidParameter(f"pieces.{rest}.parent", parents[rest], "no piece that hangs on this one")
+            raise InvalidParameter(
+                f"pieces.{rest}.parent",
+                parents[rest],
+                message("stations.no_piece_below", "no piece that hangs on this one"),
+            )
         ordered += ready
     return ordered
 
@@ -418,13 +467,21 @@ def _mount(
     if parent in robots:
         places = [*robots[parent].tools, *robots[parent].links]
         if frame is not None:
-            one_of(f"tool or link of {parent} for {key}", frame, places)
+            one_of(
+                message("stations.tool_or_link_for", "tool or link of {parent} for {key}", parent=parent, key=key),
+                frame,
+                places,
+            )
         return flange(robots[parent].tools, robots[parent].root, frame)
     if parent == WORLD:
         if frame is not None:
-            raise Unsuitable(key, "the piece hangs on the world, which has no frames")
+            raise Unsuitable(
+                key, message("stations.world_without_frames", "the piece hangs on the world, which has no frames")
+            )
         return ""
-    return f"{parent}_{one_of(f'frame of {parent}', frame or TCP, pieces[parent].frame_poses)}"
+    kind = message("stations.frame_of", "frame of {parent}", parent=parent)
+    name = one_of(kind, frame or TCP, pieces[parent].frame_poses)
+    return f"{parent}_{name}"
 
 
 def tool_in_use(own: Mapping[str, str], carried: Sequence[str], tcp: str | None) -> str:

@@ -4,6 +4,7 @@ import numpy as np
 
 from simrob_drake.base.errors import InvalidParameter, UnknownName, Unsuitable
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import join_texts, message
 from simrob_drake.blocks.servo import MotorLine, ServoGains
 from simrob_drake.parts.resolved import ResolvedRobot
 from simrob_drake.robots.catalog import RobotModel
@@ -41,21 +42,39 @@ def _whole(choice: str | Motor, robot: RobotModel, axis: int) -> Motor | None:
         if not np.isfinite([torque, speed]).all():
             name = [*robot.axes][axis]
             raise InvalidParameter(
-                f"{_KEY} of {name}", OF_URDF, "figures: its URDF limits not both effort and velocity"
+                message("stations.key_of", "{key} of {name}", key=_KEY, name=name),
+                OF_URDF,
+                message("stations.values_needed", "figures: its URDF limits not both effort and velocity"),
             )
-        base = Motor(stall_torque=torque, no_load_speed=speed, source="limits of the URDF, an estimate")
+        base = Motor(
+            stall_torque=torque,
+            no_load_speed=speed,
+            source=message("stations.urdf_limits", "limits of the URDF, an estimate"),
+        )
     elif motor.model is not None and motor.model not in known_motors():
-        raise UnknownName(f"motor for {_KEY}", motor.model, [*known_motors(), OF_URDF, NO_MOTOR])
+        raise UnknownName(
+            message("stations.motor_for", "motor for {key}", key=_KEY),
+            motor.model,
+            [*known_motors(), OF_URDF, NO_MOTOR],
+        )
     else:
         base = known_motors()[motor.model] if motor.model else Motor()
     motor = base.model_copy(update=motor.model_dump(exclude_unset=True, exclude={"model"}))
     for needed in ("stall_torque", "no_load_speed"):
         if getattr(motor, needed) is None:
-            raise Unsuitable(f"{_KEY}.{needed}", "it is missing", "give it, or name a motor that has it")
+            raise Unsuitable(
+                f"{_KEY}.{needed}",
+                message("stations.is_missing", "it is missing"),
+                message("stations.give_it_or_motor", "give it, or name a motor that has it"),
+            )
     known = {"voltage": motor.voltage is not None, "stall_current": motor.stall_current is not None}
     for key, needs in (("supply", ("voltage",)), ("supply_resistance", ("voltage", "stall_current"))):
         if getattr(motor, key) and not all(known[need] for need in needs):
-            expected = f"given with the motor's {' and '.join(needs)}, at which its figures hold"
+            expected = message(
+                "stations.given_with",
+                "given with the motor's {needs}, at which its figures hold",
+                needs=join_texts(needs, message("base.and", " and ")),
+            )
             raise InvalidParameter(f"{_KEY}.{key}", f"{getattr(motor, key):g}", expected)
     return motor.at_output
 
@@ -103,7 +122,11 @@ def servo_gains(robot: RobotModel, servo: ServoConfig, *, dampers: bool = False)
     limit = limits("torque_limit", efforts)
     speed = limits("speed_limit", robot.speed_limits) if servo.law == "cascade" else None
     if servo.law == "computed_torque" and (gains_of("ki") > 0).any():
-        raise InvalidParameter("servo.ki", servo.ki, "0 with law computed_torque, whose model takes its place")
+        raise InvalidParameter(
+            "servo.ki",
+            servo.ki,
+            message("stations.zero_with_computed_torque", "0 with law computed_torque, whose model takes its place"),
+        )
     gains = gains_of("kp"), gains_of("ki"), gains_of("kd")
     line = None
     if any(motors):
@@ -121,20 +144,43 @@ def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:
     in_actuators = servo.realization == "implicit" or engine.limits_torques_in_actuators
     if gains.line is None or not engine.moves_by_forces or not in_actuators:
         return
-    blocks = "realization per_joint and a solver other than cenic"
+    blocks = message("stations.per_joint_without_cenic", "realization per_joint and a solver other than cenic")
     if servo.law == "computed_torque":
-        raise Unsuitable("servo.motor", "the law computed_torque has no motor", f"leave it out, or {blocks}")
+        raise Unsuitable(
+            "servo.motor",
+            message("stations.computed_torque_without_motor", "the law computed_torque has no motor"),
+            message("stations.leave_out_or", "leave it out, or {blocks}", blocks=blocks),
+        )
     capped = config.motors_are_dampers(robot.name) & (gains.line.slope > gains.damping)
     if capped.any():
         axis = int(np.argmax(capped))
-        stall = f"{gains.line.stall[axis]:.4g} or more, the stall torque of its motor"
-        name = f"the torque limit (motor.peak_torque or servo.torque_limit) of {robot.axes[axis]}"
-        raise InvalidParameter(name, f"{gains.torque_limit[axis]:g}", f"{stall}, or solver.kind mujoco, or {blocks}")
+        stall = message(
+            "stations.stall_or_more", "{stall:.4g} or more, the stall torque of its motor", stall=gains.line.stall[axis]
+        )
+        name = message(
+            "stations.torque_limit_of",
+            "the torque limit (motor.peak_torque or servo.torque_limit) of {axis}",
+            axis=robot.axes[axis],
+        )
+        raise InvalidParameter(
+            name,
+            f"{gains.torque_limit[axis]:g}",
+            message(
+                "stations.stall_or_mujoco", "{stall}, or solver.kind mujoco, or {blocks}", stall=stall, blocks=blocks
+            ),
+        )
     flat = gains.line.slope > gains.kd
     if flat.any():
         axis = int(np.argmax(flat))
-        expected = f"at least {gains.line.slope[axis]:.3g}, as its motor's torque falls with speed, or {blocks}"
-        raise InvalidParameter(f"servo.kd of {robot.axes[axis]}", f"{gains.kd[axis]:g}", expected)
+        expected = message(
+            "stations.least_kd",
+            "at least {slope:.3g}, as its motor's torque falls with speed, or {blocks}",
+            slope=gains.line.slope[axis],
+            blocks=blocks,
+        )
+        raise InvalidParameter(
+            message("stations.kd_of", "servo.kd of {axis}", axis=robot.axes[axis]), f"{gains.kd[axis]:g}", expected
+        )
 
 
 def check_servo_without_model(servo: ServoConfig) -> None:
@@ -148,8 +194,14 @@ def check_servo_without_model(servo: ServoConfig) -> None:
     Raises:
         InvalidParameter: the servos use the model; the message names the key and what would be right.
     """
-    reason = "the model of a robot that stands free lacks the forces that carry it"
+    reason = message(
+        "stations.model_lacks_forces", "the model of a robot that stands free lacks the forces that carry it"
+    )
     if servo.law == "computed_torque":
-        raise InvalidParameter("servo.law", servo.law, f"pid or cascade: {reason}")
+        raise InvalidParameter(
+            "servo.law", servo.law, message("stations.pid_or_cascade", "pid or cascade: {reason}", reason=reason)
+        )
     if servo.feedforward != "none":
-        raise InvalidParameter("servo.feedforward", servo.feedforward, f"none: {reason}")
+        raise InvalidParameter(
+            "servo.feedforward", servo.feedforward, message("stations.no_feedforward", "none: {reason}", reason=reason)
+        )

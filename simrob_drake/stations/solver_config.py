@@ -16,6 +16,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, InitErrorDetails
 
 from simrob_drake.base.extension import usable_objects
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Boolean, NotNegative, Number, Positive, Strict
 from simrob_drake.parts.engine import Engine
 from simrob_drake.parts.kinds import Kinds
@@ -207,7 +208,14 @@ class Friction(Strict):
     @model_validator(mode="after")
     def _dynamic_is_less(self) -> "Friction":
         if self.dynamic > self.static:
-            raise ValueError(f"dynamic friction ({self.dynamic:g}) is not more than static friction ({self.static:g})")
+            raise ValueError(
+                message(
+                    "stations.dynamic_over_static",
+                    "dynamic friction ({dynamic:g}) is not more than static friction ({static:g})",
+                    dynamic=self.dynamic,
+                    static=self.static,
+                )
+            )
         return self
 
 

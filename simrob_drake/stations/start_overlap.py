@@ -9,6 +9,7 @@ from typing import NamedTuple
 from pydrake.systems.framework import Context
 
 from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.messages import compound, message
 from simrob_drake.parts.targets import owner_and_robot
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.ports import StationPorts
@@ -40,7 +41,13 @@ class StartOverlap(NamedTuple):
 
     def __str__(self) -> str:
         """Describe the overlap in a sentence."""
-        return f"{self.first} and {self.second} are {self.depth * 1e3:.1f} mm deep in each other at the start"
+        return message(
+            "stations.deep_at_start",
+            "{first} and {second} are {depth:.1f} mm deep in each other at the start",
+            first=self.first,
+            second=self.second,
+            depth=self.depth * 1e3,
+        )
 
 
 def deepest_overlap(ports: StationPorts, root: Context, *, of_pieces: bool = False) -> StartOverlap | None:
@@ -99,6 +106,16 @@ def check_start_overlap(config: StationConfig, ports: StationPorts, root: Contex
     allowed = allowed_overlap(config)
     if overlap is None or overlap.depth <= allowed:
         return
-    depth = f"{overlap.depth * 1e3:.1f} mm"
-    expected = f"at most {allowed * 1e3:g} mm at the start: move one of them, or raise verdict.penetration"
-    raise InvalidParameter(f"the overlap of {overlap.first} and {overlap.second}", depth, expected)
+    depth = compound("{depth:.1f} mm", depth=overlap.depth * 1e3)
+    expected = message(
+        "stations.allowed_overlap",
+        "at most {allowed:g} mm at the start: move one of them, or raise verdict.penetration",
+        allowed=allowed * 1e3,
+    )
+    raise InvalidParameter(
+        message(
+            "stations.overlap_of", "the overlap of {first} and {second}", first=overlap.first, second=overlap.second
+        ),
+        depth,
+        expected,
+    )

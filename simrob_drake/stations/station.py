@@ -10,6 +10,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, Outpu
 from simrob_drake.base.arguments import drake_asserts, instance
 from simrob_drake.base.errors import InvalidParameter, quoted
 from simrob_drake.base.lifetime import release
+from simrob_drake.base.messages import message
 from simrob_drake.blocks.block import fed, summed
 from simrob_drake.blocks.monitor import EventTimes, Trigger
 from simrob_drake.parts.controllers import flows_of, loops_of, own_blocks
@@ -41,7 +42,9 @@ def config_of(station: StationLike) -> StationConfig:
         return station
     if isinstance(station, (str, Path)):
         return load_station(station)
-    known = "a name of `simrob list`, a YAML file, what load_station() gives, or a built station"
+    known = message(
+        "stations.a_station", "a name of `simrob list`, a YAML file, what load_station() gives, or a built station"
+    )
     raise InvalidParameter("station", quoted(station), known)
 
 
@@ -56,7 +59,7 @@ def add_station(builder: DiagramBuilder, config: StationConfig | str | Path) -> 
     Returns:
         the station's ports, with its plant.
     """
-    instance(builder, "builder", DiagramBuilder, "a DiagramBuilder of Drake")
+    instance(builder, "builder", DiagramBuilder, message("stations.diagram_builder", "a DiagramBuilder of Drake"))
     ports = compose(builder, resolve(config_of(config)))
     if ports.edges:
         builder.AddNamedSystem("edges", EventTimes(ports.edges))

@@ -16,6 +16,7 @@ from pydrake.systems.framework import Context, Diagram
 
 from simrob_drake.base.errors import UnsupportedSolver
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.blocks.references import Reference
 from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.stations.closed import reference_samples
@@ -36,7 +37,10 @@ _STIFF_SERVO = 1e12
 _NEAR_ANGLE = np.deg2rad(1.0)  # of a revolute axis [rad]
 _NEAR_DISTANCE = 1e-3  # of a prismatic axis [m]
 
-DISCRETE = "take solver.kind discrete and servo.realization implicit"
+_SUBJECT = message("stations.steps", "steps")
+"""Subject of the findings about steps of the solver."""
+
+DISCRETE = message("stations.take_discrete", "take solver.kind discrete and servo.realization implicit")
 """Remedy for a run in which a continuous scheme creeps."""
 
 _SLACK = 1e-9
@@ -78,23 +82,71 @@ def _damping_findings(config: StationConfig, robot: StationRobot) -> list[Findin
     largest = steps[worst]
     unit = robot.model.units[worst]
     joint = f"{robot.prefix}{robot.axes[worst]}"
-    damping = f"the damping of {joint} (kd {robot.gains.kd[worst]:g} {unit.effort}·s/{unit.si})"
+    damping = message(
+        "stations.damping_of",
+        "the damping of {joint} (kd {kd:g} {effort}·s/{si})",
+        joint=joint,
+        kd=robot.gains.kd[worst],
+        effort=unit.effort,
+        si=unit.si,
+    )
     # Discrete solvers are compared, too: they evaluate such servos explicitly.
     engine = config.engine
     if engine.has_discrete_states:
         if engine.time_step <= largest:
-            return [Finding("ok", "steps", f"{damping} allows steps up to {largest:.2g} s")]
-        text = f"{damping} is unstable above steps of {largest:.2g} s, but solver.time_step is "
-        remedy = "set servo.realization to implicit, lower servo.kd or solver.time_step"
-        return [Finding("warning", "steps", f"{text}{engine.time_step:g} s; {remedy}")]
+            return [
+                Finding(
+                    "ok",
+                    _SUBJECT,
+                    message(
+                        "stations.allows_steps",
+                        "{damping} allows steps up to {largest:.2g} s",
+                        damping=damping,
+                        largest=largest,
+                    ),
+                )
+            ]
+        text = message(
+            "stations.unstable_above",
+            "{damping} is unstable above steps of {largest:.2g} s, but solver.time_step is ",
+            damping=damping,
+            largest=largest,
+        )
+        remedy = message(
+            "stations.implicit_or_lower", "set servo.realization to implicit, lower servo.kd or solver.time_step"
+        )
+        return [
+            Finding(
+                "warning",
+                _SUBJECT,
+                message(
+                    "stations.time_step_and_remedy",
+                    "{text}{time_step:g} s; {remedy}",
+                    text=text,
+                    time_step=engine.time_step,
+                    remedy=remedy,
+                ),
+            )
+        ]
     if engine.is_explicit:
-        text = f"{damping} keeps the explicit scheme {engine.name} below steps of {largest:.2g} s"
+        text = message(
+            "stations.keeps_steps_below",
+            "{damping} keeps the explicit scheme {engine} below steps of {largest:.2g} s",
+            damping=damping,
+            engine=engine.name,
+            largest=largest,
+        )
         if not engine.has_fixed_steps:  # error control shortens the steps by itself
-            return [Finding("note", "steps", text)]
+            return [Finding("note", _SUBJECT, text)]
         if solver.step <= largest:
-            return [Finding("ok", "steps", text)]
-        text += f", but solver.{solver.step_key} is {solver.step:g} s; take an implicit scheme such as radau3"
-        return [Finding("warning", "steps", text)]
+            return [Finding("ok", _SUBJECT, text)]
+        text += message(
+            "stations.step_is_longer",
+            ", but solver.{step_key} is {step:g} s; take an implicit scheme such as radau3",
+            step_key=solver.step_key,
+            step=solver.step,
+        )
+        return [Finding("warning", _SUBJECT, text)]
     return []
 
 
@@ -108,26 +160,58 @@ def _uncertain_torques(config: StationConfig) -> list[Finding]:
         return []
     scheme = config.engine.name
     couplings = constraining_couplings(config)
-    text = f"the torques of the prescribed joints {', '.join(config.prescribed)} "
+    text = message(
+        "stations.torques_of_prescribed",
+        "the torques of the prescribed joints {joints} ",
+        joints=", ".join(config.prescribed),
+    )
     if is_discrete_with_contact(config) and couplings:
-        text += "may be wrong by thousands of N or N·m while bodies touch: Drake's solver "
-        text += f"{scheme} does not report the forces of couplings ({', '.join(couplings)})"
+        text += message(
+            "stations.wrong_while_touching", "may be wrong by thousands of N or N·m while bodies touch: Drake's solver "
+        )
+        text += message(
+            "stations.couplings_not_reported",
+            "{scheme} does not report the forces of couplings ({couplings})",
+            scheme=scheme,
+            couplings=", ".join(couplings),
+        )
     elif not config.engine.reports_friction_of_contacts:
-        text += f"lack up to half of the force that accelerates loads held by friction under {scheme}"
+        text += message(
+            "stations.lack_half_of_force",
+            "lack up to half of the force that accelerates loads held by friction under {scheme}",
+            scheme=scheme,
+        )
     else:
         return []
-    return [Finding("warning", "steps", f"{text}; set solver to {{kind: continuous, scheme: radau3}}")]
+    return [
+        Finding(
+            "warning",
+            _SUBJECT,
+            message("stations.set_radau", "{text}; set solver to {{kind: continuous, scheme: radau3}}", text=text),
+        )
+    ]
 
 
 def likely_cause(config: StationConfig, plant: StationPlant) -> str:
     """Find the likely cause of a run that diverged. Returns it in words."""
     warnings = [finding for finding in step_findings(config, plant) if finding.level == "warning"]
     if warnings:
-        return f"likely cause: {warnings[0].text}"
+        return message("stations.likely_cause", "likely cause: {cause}", cause=warnings[0].text)
     if any((robot.gains.ki > 0).any() for robot in plant.robots.values()):
-        return "likely cause: integral gains (servo.ki) too large for the solver's steps; lower them or solver.max_step"
-    key = "solver.time_step" if config.engine.has_discrete_states else "solver.max_step or solver.accuracy"
-    return f"likely cause: forces too stiff for the solver's steps; try a smaller {key}"
+        return message(
+            "stations.likely_integral_gains",
+            "likely cause: integral gains (servo.ki) too large for the solver's steps; lower them or solver.max_step",
+        )
+    key = (
+        "solver.time_step"
+        if config.engine.has_discrete_states
+        else message("stations.max_step_or_accuracy", "solver.max_step or solver.accuracy")
+    )
+    return message(
+        "stations.likely_stiff_forces",
+        "likely cause: forces too stiff for the solver's steps; try a smaller {key}",
+        key=key,
+    )
 
 
 class StiffPart(NamedTuple):
@@ -158,11 +242,16 @@ def _stiff_parts(
     is_near = distances < np.where(robot.model.prismatic, _NEAR_DISTANCE, _NEAR_ANGLE)
     stop_stiffness = np.where(is_near, robot.stops[0], 0.0)
     stops = _stiff_part(
-        robot, "its stop (joint_stops.stiffness)", stop_stiffness, inertias, moved=inertias, limit=_STIFF_STOPS
+        robot,
+        message("stations.its_stop", "its stop (joint_stops.stiffness)"),
+        stop_stiffness,
+        inertias,
+        moved=inertias,
+        limit=_STIFF_STOPS,
     )
     servos = _stiff_part(
         robot,
-        "its servo (kp)",
+        message("stations.its_servo", "its servo (kp)"),
         robot.gains.kp,
         inertias,
         moved=servo_inertias(config, robot, context),
@@ -187,8 +276,16 @@ def _stiff_part(
     worst = int(np.argmax(stiffness / moved))
     unit = robot.model.units[worst]
     mass_unit = "kg" if robot.model.prismatic[worst] else "kg m²"
-    text = f"{robot.prefix}{robot.axes[worst]} moves {inertias[worst]:.2g} {mass_unit}, for which {name} of "
-    text += f"{stiffness[worst]:.2g} {unit.effort}/{unit.si}"
+    text = message(
+        "stations.moves_inertia",
+        "{prefix}{axis} moves {inertia:.2g} {unit}, for which {name} of ",
+        prefix=robot.prefix,
+        axis=robot.axes[worst],
+        inertia=inertias[worst],
+        unit=mass_unit,
+        name=name,
+    )
+    text += compound("{stiffness:.2g} {effort}/{si}", stiffness=stiffness[worst], effort=unit.effort, si=unit.si)
     return StiffPart(ratio=stiffness[worst] / moved[worst], limit=limit, text=text)
 
 
@@ -232,8 +329,14 @@ def _creeping_findings(
             _, postures = reference_samples(reference, config.duration)
         for part in _stiff_parts(config, robot, postures):
             if part.ratio > part.limit:
-                text = f"{part.text} is so stiff that {engine.name} may creep; {DISCRETE}"
-                findings.append(Finding("warning", "steps", text))
+                text = message(
+                    "stations.so_stiff",
+                    "{part} is so stiff that {engine} may creep; {remedy}",
+                    part=part.text,
+                    engine=engine.name,
+                    remedy=DISCRETE,
+                )
+                findings.append(Finding("warning", _SUBJECT, text))
     return findings
 
 
@@ -276,8 +379,13 @@ def apply_solver(simulator: Simulator, config: StationConfig) -> None:
     has_plant = isinstance(system, Diagram) and system.HasSubsystemNamed("plant")
     if solver.engine.needs_plant_as_direct_child and not has_plant:
         raise UnsupportedSolver(
-            f"solver.scheme is {solver.scheme!r}, which needs the plant as a direct part of the simulated diagram: add "
-            "the station with add_station() to the root's builder, or choose another scheme such as 'radau3'"
+            message(
+                "stations.plant_as_direct_part",
+                "solver.scheme is {scheme}, which needs the plant as a direct part of the simulated "
+                "diagram: add the station with add_station() to the root's builder, or choose "
+                "another scheme such as 'radau3'",
+                scheme=repr(solver.scheme),
+            )
         )
     settings = SimulatorConfig(
         integration_scheme=solver.scheme,

@@ -7,6 +7,7 @@ a target posture.
 import numpy as np
 
 from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.messages import compound, message
 from simrob_drake.parts.resolved import ResolvedRobot
 from simrob_drake.robots.coupled_axes import Firmness
 from simrob_drake.stations.config import StationConfig
@@ -38,6 +39,12 @@ def check_targets(config: StationConfig, robot: ResolvedRobot) -> None:
         violation = limits.find_violation(positions[np.newaxis, axes_with_target])
         if violation is not None:
             axis = axes_with_target[violation.axis]
-            key = f"reference of {robot.prefix}{robot.axes[axis]}"
-            expected = f"within the joint's limits of {violation.limits}"
-            raise InvalidParameter(key, f"{violation.value} {violation.unit}", expected)
+            key = message(
+                "stations.reference_of_axis", "reference of {prefix}{axis}", prefix=robot.prefix, axis=robot.axes[axis]
+            )
+            expected = message(
+                "stations.within_limits", "within the joint's limits of {limits}", limits=violation.limits
+            )
+            raise InvalidParameter(
+                key, compound("{violation} {unit}", violation=violation.value, unit=violation.unit), expected
+            )

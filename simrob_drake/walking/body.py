@@ -18,6 +18,7 @@ from scipy.linalg.lapack import dgesv
 from simrob_drake.base.constants import STANDARD_GRAVITY
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.robots.axis_map import AxisMap, in_a_row
 from simrob_drake.robots.feet import FootContact
 from simrob_drake.walking.knees import knee_of
@@ -92,7 +93,9 @@ class Body:
         for frame, leg in zip(feet, legs, strict=True):
             if len(leg) not in _ROWS or len(leg) != len(legs[0]):
                 raise InvalidParameter(
-                    f"leg of {frame.name()}", f"{len(leg)} joints", "three to seven, all alike, to walk"
+                    message("walking.leg_of", "leg of {frame}", frame=frame.name()),
+                    message("walking.count_of_joints", "{count} joints", count=len(leg)),
+                    message("walking.three_to_seven", "three to seven, all alike, to walk"),
                 )
         self._plant, self._instance, self._axes = weakref.proxy(plant), instance, axes
         self._root, self._feet = root.index(), [foot.index() for foot in feet]

@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import NotNegative, Number, Speed, Strict
 from simrob_drake.walking.parameters import MaxSpeed
 from simrob_drake.walking.steps import Command, within
@@ -51,7 +52,14 @@ class Waypoints(Strict):
         corners = self.corners
         same = [number for number in range(1, len(corners)) if abs(corners[number] - corners[number - 1]) < _SAME]
         if same:
-            raise ValueError(f"points {same[0] - 1} and {same[0]} of the path are the same")
+            raise ValueError(
+                message(
+                    "walking.same_points",
+                    "points {first} and {second} of the path are the same",
+                    first=same[0] - 1,
+                    second=same[0],
+                )
+            )
         return self
 
     @property

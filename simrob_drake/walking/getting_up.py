@@ -8,6 +8,7 @@ from pydantic import Field
 
 from simrob_drake.base.errors import InvalidParameter, UnknownName
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Duration, Length, Number, Strict, validated
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.gaits_file import GAITS_FILE, gaits_file
@@ -46,8 +47,17 @@ def load_getting_up(model: RobotModel) -> GettingUp:
     """Return how a robot gets up; raises SimrobError: its ``gaits.yaml`` does not say, or has a wrong entry."""
     found = gaits_file(model)
     if not (own := found.section(GETTING_UP)):
-        expected = f"one whose {GAITS_FILE} has postures for it, a section {GETTING_UP}"
-        raise InvalidParameter(f"robot {model.name}", "one that cannot get up", expected)
+        expected = message(
+            "walking.robot_with_getting_up",
+            "one whose {file} has postures for it, a section {section}",
+            file=GAITS_FILE,
+            section=GETTING_UP,
+        )
+        raise InvalidParameter(
+            message("base.robot_called", "robot {name}", name=model.name),
+            message("walking.cannot_get_up", "one that cannot get up"),
+            expected,
+        )
     return validated(GettingUp, dict(own), f"{found.file}: {GETTING_UP}")
 
 
@@ -64,8 +74,18 @@ def postures(model: RobotModel, way: Sequence[RisingPosture]) -> list[Vector]:
             angles[places] = np.deg2rad(angle)
             violation = model.limits.find_violation(angles[np.newaxis])
             if violation is not None:
-                expected = f"within {violation.limits}"
-                raise InvalidParameter(f"{GETTING_UP}: {axis} of posture {number}", angle, expected)
+                expected = message("walking.within", "within {limits}", limits=violation.limits)
+                raise InvalidParameter(
+                    message(
+                        "walking.axis_of_posture",
+                        "{section}: {axis} of posture {number}",
+                        section=GETTING_UP,
+                        axis=axis,
+                        number=number,
+                    ),
+                    angle,
+                    expected,
+                )
         found.append(angles.copy())
     return found
 
@@ -78,4 +98,8 @@ def _places(model: RobotModel, axis: str) -> list[int]:
     if all(side + axis in names for side in _SIDES):
         return [names.index(side + axis) for side in _SIDES]
     pairs = [name.removeprefix(_SIDES[0]) for name in names if name.startswith(_SIDES[0])]
-    raise UnknownName(f"axis of {model.name} (under {GETTING_UP})", axis, [*names, *pairs])
+    raise UnknownName(
+        message("walking.axis_under", "axis of {model} (under {section})", model=model.name, section=GETTING_UP),
+        axis,
+        [*names, *pairs],
+    )

@@ -8,6 +8,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field, model_validator
 
 from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import (
     Duration,
     Length,
@@ -169,7 +170,7 @@ class WalkingParameters(Renamed):
         "rises": "lift_exponent",
         "quicken": "max_speed_change",
         "fastest": "max_speed",
-        "reach": "foothold, whose near and far are inner and outer",
+        "reach": message("walking.foothold_renamed", "foothold, whose near and far are inner and outer"),
     }
 
     bearing: Bearing
@@ -208,7 +209,12 @@ class WalkingParameters(Renamed):
     def _feet_apart(self) -> WalkingParameters:
         if self.foothold.outer <= self.foothold.inner:
             raise ValueError(
-                f"foothold.outer, {self.foothold.outer:g} m, must be beyond foothold.inner, {self.foothold.inner:g} m"
+                message(
+                    "walking.foothold_order",
+                    "foothold.outer, {outer:g} m, must be beyond foothold.inner, {inner:g} m",
+                    outer=self.foothold.outer,
+                    inner=self.foothold.inner,
+                )
             )
         return self
 
@@ -228,8 +234,17 @@ def load_walking(model: RobotModel, changes: Mapping[str, Any] | None = None) ->
     found = gaits_file(model)
     own = found.section(REACTING)
     if not own:
-        expected = f"one whose {GAITS_FILE} has a section {REACTING}"
-        raise InvalidParameter(f"robot {model.name}", "one that has no walk by commands", expected)
+        expected = message(
+            "walking.robot_with_reacting_walk",
+            "one whose {file} has a section {section}",
+            file=GAITS_FILE,
+            section=REACTING,
+        )
+        raise InvalidParameter(
+            message("base.robot_called", "robot {name}", name=model.name),
+            message("walking.no_walk_by_commands", "one that has no walk by commands"),
+            expected,
+        )
     return validated(WalkingParameters, _changed(own, changes or {}), f"{found.file}: {REACTING}")
 
 

@@ -256,21 +256,21 @@ class TestFiles:
 
 
 MISTAKES = {
-    "an unknown key": ({"move_l": {"target": [0, 0, 1]}}, r"moves\[1\]: move_l\.target: unknown key.*'targets'"),
-    "an unknown move": ({"move_x": [0, 0, 1]}, r"moves\[1\]: move_x: unknown key"),
+    "an unknown key": ({"move_l": {"target": [0, 0, 1]}}, r"move 2: move_l\.target: unknown key.*'targets'"),
+    "an unknown move": ({"move_x": [0, 0, 1]}, r"move 2: move_x: unknown key"),
     "two units": ({"move_l": {"targets": [0, 0, 1], "targets_deg": [0, 0, 1]}}, "one of targets and targets_deg"),
-    "a text": ({"move_l": "up"}, r"moves\[1\]: move_l"),
-    "an unknown robot": ({"move_l": {"targets": [0, 0, 1], "robot": "b"}}, r"moves\[1\]: there is no robot 'b'"),
-    "an unknown work object": ({"move_l": {"targets": [0, 0, 1], "wobj": "tabel"}}, r"moves\[1\].*'tabel'.*'table'"),
-    "an unknown tool": ({"tool": "grippr"}, r"moves\[1\]: there is no tool .*'gripper'"),
-    "out of reach": ({"move_j": [2.0, 0, 1, 0, 0, 0]}, r"moves\[1\]: the target"),
+    "a text": ({"move_l": "up"}, r"move 2: move_l"),
+    "an unknown robot": ({"move_l": {"targets": [0, 0, 1], "robot": "b"}}, r"move 2: there is no robot 'b'"),
+    "an unknown work object": ({"move_l": {"targets": [0, 0, 1], "wobj": "tabel"}}, r"move 2.*'tabel'.*'table'"),
+    "an unknown tool": ({"tool": "grippr"}, r"move 2: there is no tool .*'gripper'"),
+    "out of reach": ({"move_j": [2.0, 0, 1, 0, 0, 0]}, r"move 2: the target"),
     "two durations": ({"move_abs_j": {"targets": [0] * 6, "duration": 1, "speed": 1}}, "given by duration and speed"),
-    "too few axes": ({"move_abs_j": [0, 0]}, r"moves\[1\]: targets"),
-    "far away": ({"attach": "weight"}, r"moves\[1\]: weight.* mm away from"),
-    "a walk": ({"walk": {"steps": 2}}, r"moves\[1\]: the move is walk; it must be one of arms"),
-    "an unknown piece": ({"release": "dice"}, r"moves\[1\]: there is no piece 'dice'"),
-    "nothing together": ({"together": []}, r"moves\[1\]: together"),
-    "one robot twice": ({"together": [{"move_abs_j": [0] * 6}] * 2}, r"moves\[1\]: plans .*of different robots"),
+    "too few axes": ({"move_abs_j": [0, 0]}, r"move 2: targets"),
+    "far away": ({"attach": "weight"}, r"move 2: weight.* mm away from"),
+    "a walk": ({"walk": {"steps": 2}}, r"move 2: the move is walk; it must be one of arms"),
+    "an unknown piece": ({"release": "dice"}, r"move 2: there is no piece 'dice'"),
+    "nothing together": ({"together": []}, r"move 2: together"),
+    "one robot twice": ({"together": [{"move_abs_j": [0] * 6}] * 2}, r"move 2: plans .*of different robots"),
 }
 
 
@@ -288,7 +288,7 @@ def test_the_look_ahead_ends_where_a_piece_comes_to_rest():
     cell = Workcell(load_station("irb120_dynamic", FALLS))
     moves = [{"wait": 0.1}, {"release": "box"}, {"move_abs_j": list(HOME)}, {"attach": "box"}, {"move_abs_j": [9] * 6}]
     found = check_program(Program.model_validate({"moves": moves}), cell.config, "p.yaml")
-    assert "3 of 5 entries can be done, in 1.1 s; moves[3] depends on where a piece falls" in found.text
+    assert "3 of 5 entries can be done, in 1.1 s; move 4 depends on where a piece falls" in found.text
     assert cell.state is None
     with pytest.raises(InvalidParameter, match="without a move that takes time"):
         cell.perform(Program.model_validate({"moves": [{"release": "box"}]}))
@@ -298,7 +298,7 @@ def test_what_turns_out_on_the_way_leaves_the_station_as_it_was():
     cell = Workcell(load_station("irb120_dynamic", FALLS))
     moves = [{"wait": 0.05}, {"release": "box"}, {"wait": 0.3}, {"attach": "box"}, {"wait": 0.1}]
     before = cell.config
-    with pytest.raises(InvalidParameter, match=r"move 3: box, to be taken, is \d+ mm away from load"):
+    with pytest.raises(InvalidParameter, match=r"move 4: box, to be taken, is \d+ mm away from load"):
         cell.perform(Program.model_validate({"moves": moves}))
     assert (cell.state, cell.config, cell.tape.entries) == (None, before, [])
 
@@ -316,5 +316,5 @@ def test_legs_refuse_what_is_for_arms():
     from simrob_drake import LeggedRobot
 
     robot = LeggedRobot("humanoid_fixed")
-    with pytest.raises(InvalidParameter, match=r"move 1 is move_l; it must be one of target_deg, walk, go, act"):
+    with pytest.raises(InvalidParameter, match=r"move 2 is move_l; it must be one of target_deg, walk, go, act"):
         robot.run(Program.model_validate({"moves": [{"act": "bow"}, {"move_l": [0, 0, 1]}]}))

@@ -213,24 +213,24 @@ class TestErrors:
     @pytest.mark.parametrize(
         ("move", "error", "message"),
         [
-            ({"walk": {"steps": 4, "gait": "trot"}}, UnknownName, "^move 1: there is no gait of humanoid 'trot'"),
-            ({"walk": {"steps": 4, "amplitude": 30}}, OutOfReach, "^move 1: the leg of right_foot is out of reach"),
-            ({"walk": {"steps": -1}}, InvalidParameter, "^move 1: steps is -1; it must be a whole number, 1 to"),
-            ({"walk": {"steps": 0}}, InvalidParameter, "^move 1: steps is 0; it must be a whole number, 1 to"),
+            ({"walk": {"steps": 4, "gait": "trot"}}, UnknownName, "^move 2: there is no gait of humanoid 'trot'"),
+            ({"walk": {"steps": 4, "amplitude": 30}}, OutOfReach, "^move 2: the leg of right_foot is out of reach"),
+            ({"walk": {"steps": -1}}, InvalidParameter, "^move 2: steps is -1; it must be a whole number, 1 to"),
+            ({"walk": {"steps": 0}}, InvalidParameter, "^move 2: steps is 0; it must be a whole number, 1 to"),
             (
                 {"walk": {"steps": 4, "amplitud": 2}},
                 UnknownName,
-                "^move 1: there is no parameter of the gait walk 'amp",
+                "^move 2: there is no parameter of the gait walk 'amp",
             ),
-            ({"act": "swim"}, InvalidParameter, "^move 1: station is humanoid_dynamic; .* for swim"),
-            ({"attach": "parcle"}, UnknownName, "^move 1: there is no piece 'parcle'; did you mean 'parcel'"),
-            ({"attach": {"piece": "parcel", "tool": "left_hnd"}}, UnknownName, "^move 1: .* did you mean 'left_hand'"),
+            ({"act": "swim"}, InvalidParameter, "^move 2: station is humanoid_dynamic; .* for swim"),
+            ({"attach": "parcle"}, UnknownName, "^move 2: there is no piece 'parcle'; did you mean 'parcel'"),
+            ({"attach": {"piece": "parcel", "tool": "left_hnd"}}, UnknownName, "^move 2: .* did you mean 'left_hand'"),
             (
                 {"release": {"piece": "parcel", "parent": "parcel"}},
                 InvalidParameter,
-                "^move 1: parcel, to be let go, is held by nothing",
+                "^move 2: parcel, to be let go, is held by nothing",
             ),
-            ({"HomDF": 200}, JointLimitExceeded, "^move 1: right_shoulder_pitch would be at 200 deg"),
+            ({"HomDF": 200}, JointLimitExceeded, "^move 2: right_shoulder_pitch would be at 200 deg"),
         ],
     )
     def test_the_move_is_named_and_nothing_happens(self, carrier, move, error, message):
@@ -263,20 +263,20 @@ class TestErrors:
     def test_only_moves_of_joints_run_beside_those_of_other_robots(self):
         robot = LeggedRobot(Workcell("three_humanoids"), "humanoid")
         program = Program.model_validate({"moves": [{"target_deg": ARM}, {"act": "wave"}]})
-        with pytest.raises(InvalidParameter, match="move 1 is act; it must be a move of joints"):
+        with pytest.raises(InvalidParameter, match="move 2 is act; it must be a move of joints"):
             robot.planned(program)
 
     @pytest.mark.parametrize(
         ("entry", "message"),
         [
-            ("{wlak: {steps: 3}}", "moves[1]: wlak: unknown key; did you mean 'walk'?"),
-            ("{walk: {stes: 3}}", "moves[1]: walk.steps: this key is needed"),
-            ("{walk: 3}", "moves[1]: walk: "),
-            ("{walk: {steps: 2.5}}", "moves[1]: walk.steps: "),
-            ("{act: wave, duration: 3}", "moves[1]: duration: unknown key"),
-            ("{attach: {piece: parcel, pose: [0, 0]}}", "moves[1]: attach.pose: "),
-            ("{release: {piece: parcel, parnt: world}}", "moves[1]: release.parnt: unknown key; did you mean 'parent'"),
-            ("{duration: 3}", "moves[1]: target_deg: this key is needed"),
+            ("{wlak: {steps: 3}}", "move 2: wlak: unknown key; did you mean 'walk'?"),
+            ("{walk: {stes: 3}}", "move 2: walk.steps: this key is needed"),
+            ("{walk: 3}", "move 2: walk: "),
+            ("{walk: {steps: 2.5}}", "move 2: walk.steps: "),
+            ("{act: wave, duration: 3}", "move 2: duration: unknown key"),
+            ("{attach: {piece: parcel, pose: [0, 0]}}", "move 2: attach.pose: "),
+            ("{release: {piece: parcel, parnt: world}}", "move 2: release.parnt: unknown key; did you mean 'parent'"),
+            ("{duration: 3}", "move 2: target_deg: this key is needed"),
         ],
     )
     def test_a_damaged_file_tells_where(self, tmp_path, entry, message):

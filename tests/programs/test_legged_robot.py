@@ -552,7 +552,7 @@ class TestErrors:
 
     def test_a_program_that_the_robot_cannot_do_is_not_loaded(self, standing, tmp_path):
         file = Program.model_validate({"moves": [{"target_deg": {"torso_yaw": 10}}]}).save(tmp_path / "turn.yaml")
-        with pytest.raises(UnknownName, match=r"axis of humanoid \(under .*turn\.yaml: moves\[0\]\) 'torso_yaw'"):
+        with pytest.raises(UnknownName, match=r"axis of humanoid \(under .*turn\.yaml: move 1\) 'torso_yaw'"):
             standing.load(file)
         assert standing.program == Program()
 
@@ -561,11 +561,11 @@ class TestErrors:
         [
             (
                 {"moves": [{"target_deg": ARM}, {"target_deg": {"HomDF": 200}}]},
-                "moves[1]: right_shoulder_pitch would be",
+                "move 2: right_shoulder_pitch would be",
             ),
-            ({"moves": [{"target_deg": {"HomDF": 200}}]}, "moves[0]: right_shoulder_pitch would be at 200 deg"),
-            ({"moves": [{"walk": {"steps": 0}}]}, "moves[0]: steps is 0; it must be a whole number, 1 to"),
-            ({"references": [{"target_deg": {"HomDF": 200}}]}, "references[0]: right_shoulder_pitch would be"),
+            ({"moves": [{"target_deg": {"HomDF": 200}}]}, "move 1: right_shoulder_pitch would be at 200 deg"),
+            ({"moves": [{"walk": {"steps": 0}}]}, "move 1: steps is 0; it must be a whole number, 1 to"),
+            ({"references": [{"target_deg": {"HomDF": 200}}]}, "reference 1: right_shoulder_pitch would be"),
         ],
     )
     def test_a_file_and_its_move_are_named(self, standing, tmp_path, content, says):

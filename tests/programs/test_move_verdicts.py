@@ -82,13 +82,15 @@ def test_moves_of_a_program_are_called_by_their_numbers(tmp_path, capsys):
     both = [{"move_abs_j": {**ahead, "robot": robot}} for robot in ("left", "right")]
     file.write_text(json.dumps({"station": "two_arms", "robot": "left", "moves": [{"wait": 0.1}, {"together": both}]}))
     assert run_command(["run", str(file), "--out", str(tmp_path / "run"), "--no-recording"]) == 0
-    assert "move 1 (move_abs_j of right)" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "nearest: 236 mm, left.link_2 to bar, in move 2 (move_abs_j of left)" in out
+    assert max(map(len, out.splitlines())) <= 80
     moves = json.loads((tmp_path / "run" / "summary.json").read_text())["verdict"]["moves"]
-    assert [move["move"] for move in moves] == ["move 1 (move_abs_j of left)", "move 1 (move_abs_j of right)"]
+    assert [move["move"] for move in moves] == ["move 2 (move_abs_j of left)", "move 2 (move_abs_j of right)"]
     assert [(move["begin"], move["end"]) for move in moves] == [(pytest.approx(0.1), pytest.approx(0.4))] * 2
     cell = Workcell("two_arms")
     cell.record()
     cell.wait(0.1)
     cell.arm("left").move_abs_j([0.1, 0, 0, 0, 1.2, 0], duration=0.3)
     (row,) = table_of_moves(cell.result().verdict.moves)[1:]
-    assert row[:3] == ["move 1 (move_abs_j of left)", "0.40", "yes"]
+    assert row[:3] == ["move 2 (move_abs_j of left)", "0.40", "yes"]

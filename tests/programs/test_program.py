@@ -90,17 +90,17 @@ class TestFiles:
             ("- 1", "must hold a mapping"),
             ("movs: []", "movs: unknown key; did you mean 'moves'?"),
             ("moves: 3", "moves: "),
-            ("moves: [3]", "moves[0]: must be a mapping of keys to values (it is 3)"),
+            ("moves: [3]", "move 1: must be a mapping of keys to values (it is 3)"),
             (
                 "moves: [{target_deg: {a: 1}}, {target: {a: 1}}]",
-                "moves[1]: target: unknown key; did you mean 'target_deg'?",
+                "move 2: target: unknown key; did you mean 'target_deg'?",
             ),
-            ("moves: [{target_deg: {}}]", "moves[0]: target_deg: "),
-            ("moves: [{target_deg: {a: .nan}}]", "moves[0]: target_deg.a: "),
-            ("moves: [{target_deg: {a: '1'}}]", "moves[0]: target_deg.a: "),
-            ("moves: [{target_deg: {a: 1}, duration: 0}]", "moves[0]: duration: "),
-            ("moves: [{target_deg: {a: 1}, duration: yes}]", "moves[0]: duration: "),
-            ("references: [{target_deg: {a: 1}, duration: -1}]", "references[0]: duration: "),
+            ("moves: [{target_deg: {}}]", "move 1: target_deg: "),
+            ("moves: [{target_deg: {a: .nan}}]", "move 1: target_deg.a: "),
+            ("moves: [{target_deg: {a: '1'}}]", "move 1: target_deg.a: "),
+            ("moves: [{target_deg: {a: 1}, duration: 0}]", "move 1: duration: "),
+            ("moves: [{target_deg: {a: 1}, duration: yes}]", "move 1: duration: "),
+            ("references: [{target_deg: {a: 1}, duration: -1}]", "reference 1: duration: "),
             ("automatic: true", "automatic: references are run, and there are none"),
             ("references: [{target_deg: {a: 1}}]\nautomatic: {timeout: 0}", "automatic.timeout"),
         ],
@@ -144,7 +144,7 @@ class TestOnARobot:
             postures_of(model, [move_of({"HomDF": 1}, 1), move_of({"RodI": upper[knee] + 12.5}, 1)], np.zeros(18))
         assert (problem.value.axis, problem.value.value) == ("left_knee", pytest.approx(np.deg2rad(upper[knee] + 12.5)))
         assert f"12.5 deg beyond its limit of {upper[knee]:.4g} deg" in str(problem.value)
-        assert str(problem.value).startswith("move 1: left_knee")
+        assert str(problem.value).startswith("move 2: left_knee")
 
     def test_the_limit_itself_can_be_reached(self):
         model = load_robot("humanoid")

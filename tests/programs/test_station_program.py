@@ -86,7 +86,7 @@ def test_a_program_that_cannot_be_names_the_move(station: Path) -> None:
     config = load_station(station, {"program.moves.0.target_deg": {"joint_7": 1}})
     with pytest.raises(SimrobError, match=r"no axis of irb120 .*'joint_7'; did you mean 'joint_6'"):
         run_whole(config)
-    with pytest.raises(SimrobError, match=r"turn: program: moves\[0\]: mve_l: unknown key; did you mean 'move_l'"):
+    with pytest.raises(SimrobError, match=r"turn: program: move 1: mve_l: unknown key; did you mean 'move_l'"):
         run_whole(load_station(station, {"program": {"moves": [{"mve_l": [0, 0, 0]}]}}))
 
 

@@ -30,6 +30,7 @@ from simrob_drake.programs.planning import Planning, places
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.segments import zone_size
 from simrob_drake.programs.timing import ACCELERATION, profile_of
+from simrob_drake.results.record.run import move_title
 
 _UNSAID = ("points", "check", "solver")
 """Keys of moves that other languages have no word for, and that change no move's way or time by much."""
@@ -82,7 +83,7 @@ class ExportedProgram:
             found.remarks.append("changes of the station while it runs are left out")
         for number, move in enumerate(program.moves):
             with naming(move_name(number, len(program.moves), file)):
-                found._take(move, cell, f"moves[{number}]")
+                found._take(move, cell, move_title(number))
         return found
 
     def _take(self, move: Move, cell: Workcell, called: str) -> None:

@@ -25,8 +25,8 @@ from simrob_drake.extensions.tuning.scene import Scene
 from simrob_drake.extensions.tuning.study import Parameters, Study, in_table, named
 from simrob_drake.extensions.tuning.study_folder import STUDY, winner_of
 from simrob_drake.results.colours import BAD, COLOURS, GOOD
+from simrob_drake.results.html import html_table
 from simrob_drake.results.plots.grid import style
-from simrob_drake.results.result import html_table
 
 PROVE, TABLE, PAGE = "prove.yaml", "prove.csv", "prove.html"
 _ASKED = re.compile(r"(^|\.)(reference|gait|program|commands)(\.|$)")  # keys that say what is asked

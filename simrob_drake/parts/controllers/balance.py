@@ -23,6 +23,7 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.frames import Vector, rotation_of
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import NotNegative, Number, Positive, Strict
 from simrob_drake.blocks.block import mapped
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
@@ -138,9 +139,16 @@ class Strategy(Strict):
     @model_validator(mode="after")
     def _grows(self) -> "Strategy":
         if self.full <= self.beyond:
-            raise ValueError(f"full, {self.full:g} m, must be beyond the {self.beyond:g} m that are let be")
+            raise ValueError(
+                message(
+                    "parts.full_beyond",
+                    "full, {full:g} m, must be beyond the {beyond:g} m that are let be",
+                    full=self.full,
+                    beyond=self.beyond,
+                )
+            )
         if not any(self.moves_deg.values()):
-            raise ValueError("moves_deg are all zero: no axis would move")
+            raise ValueError(message("parts.moves_all_zero", "moves_deg are all zero: no axis would move"))
         return self
 
 
@@ -160,7 +168,9 @@ class Balance(LoopSection):
     @model_validator(mode="after")
     def _acts(self) -> "Balance":
         if not self.strategies and not self.steps:
-            raise ValueError("balance needs strategies or steps: nothing would move")
+            raise ValueError(
+                message("parts.nothing_would_move", "balance needs strategies or steps: nothing would move")
+            )
         return self
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
@@ -176,7 +186,17 @@ class Balance(LoopSection):
         robot = self.on_feet(key, station)
         assert robot.feet is not None  # on_feet() has asked
         for name, step in self.steps.items():
-            one_of(f"foot of {robot.name} for {key}.steps.{name}.foot", step.foot, robot.feet.links)
+            one_of(
+                message(
+                    "parts.foot_for_step",
+                    "foot of {robot} for {key}.steps.{name}.foot",
+                    robot=robot.name,
+                    key=key,
+                    name=name,
+                ),
+                step.foot,
+                robot.feet.links,
+            )
 
     def source(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site, key: str) -> OutputPort:
         """Return what an input reads: of how the base turns, the plant's state unless a sensor is named."""

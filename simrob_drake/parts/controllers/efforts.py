@@ -12,6 +12,7 @@ from pydrake.multibody.tree import Frame, JacobianWrtVariable
 
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import NotNegative, Positive, Triple
 from simrob_drake.blocks.sampled import Changes, Named, RunEnds, SampledBlock
 from simrob_drake.parts.controllers.loop import LoopSection, check_force_is_read
@@ -31,7 +32,7 @@ _NEAR = 0.2  # how near the force must be to what is asked for, as a part of tha
 def _unit(direction: Triple) -> Triple:
     size = float(np.linalg.norm(direction))
     if size == 0:
-        raise ValueError("a direction of length zero points nowhere")
+        raise ValueError(message("parts.zero_direction", "a direction of length zero points nowhere"))
     x, y, z = (entry / size for entry in direction)
     return x, y, z
 
@@ -66,7 +67,11 @@ class ForceControl(LoopSection):
         super().check(key, station)
         check_force_is_read(self, key)
         if not station.robot(self.robot, key).tcp:
-            raise InvalidParameter(key, "for a robot without a tool", "for one that presses with a tool or a piece")
+            raise InvalidParameter(
+                key,
+                message("parts.robot_without_tool", "for a robot without a tool"),
+                message("parts.robot_that_presses", "for one that presses with a tool or a piece"),
+            )
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         sensor = frame_of(site.plant, getattr(site.station.sensors.get(self.reads["force"]), "frame", WORLD))
@@ -185,22 +190,51 @@ class MotorProtection(LoopSection):
         super().check(key, station)
         robot = station.robot(self.robot, key)
         if self.weight is not None:
-            raise Unsuitable(f"{key}.weight", "what protects the robot cannot be weighted")
+            raise Unsuitable(
+                f"{key}.weight", message("parts.protection_unweighted", "what protects the robot cannot be weighted")
+            )
         limit, nominal = self._limits(key, robot)
         if self.force is None and not np.isfinite([limit, nominal]).any():
-            raise InvalidParameter(key, "without a limit, a nominal torque and a force", "given one of them to watch")
+            raise InvalidParameter(
+                key,
+                message("parts.nothing_to_watch", "without a limit, a nominal torque and a force"),
+                message("parts.one_to_watch", "given one of them to watch"),
+            )
         for axis, name in enumerate(robot.axes):
             unit, servo, watched = robot.model.units[axis].effort, robot.gains, min(limit[axis], nominal[axis])
             if not watched > 0:
-                raise InvalidParameter(f"{key}, of {name},", f"{watched:g} {unit}", "positive")
+                raise InvalidParameter(
+                    message("parts.key_of_axis", "{key}, of {name},", key=key, name=name),
+                    compound("{watched:g} {unit}", watched=watched, unit=unit),
+                    "positive",
+                )
             if math.isfinite(limit[axis]) and not limit[axis] < servo.torque_limit[axis]:
-                expected = f"less than the servo gives at most, {servo.torque_limit[axis]:g} {unit}: it is never above"
-                raise InvalidParameter(f"{key}.limit of {name}", f"{limit[axis]:g} {unit}", expected)
+                expected = message(
+                    "parts.less_than_servo",
+                    "less than the servo gives at most, {limit:g} {unit}: it is never above",
+                    limit=servo.torque_limit[axis],
+                    unit=unit,
+                )
+                raise InvalidParameter(
+                    message("parts.limit_of_axis", "{key}.limit of {name}", key=key, name=name),
+                    compound("{limit:g} {unit}", limit=limit[axis], unit=unit),
+                    expected,
+                )
             if math.isfinite(nominal[axis]) and nominal[axis] > limit[axis]:
-                expected = f"at most its limit, {limit[axis]:g} {unit}"
-                raise InvalidParameter(f"{key}.nominal of {name}", f"{nominal[axis]:g} {unit}", expected)
+                expected = message(
+                    "parts.at_most_its_limit", "at most its limit, {limit:g} {unit}", limit=limit[axis], unit=unit
+                )
+                raise InvalidParameter(
+                    message("parts.nominal_of_axis", "{key}.nominal of {name}", key=key, name=name),
+                    compound("{nominal:g} {unit}", nominal=nominal[axis], unit=unit),
+                    expected,
+                )
             if math.isfinite(watched) and servo.kp[axis] == 0:
-                raise InvalidParameter(f"servo.kp of {name}", "0", f"positive, so that {key} can make it give way")
+                raise InvalidParameter(
+                    message("parts.kp_of_axis", "servo.kp of {name}", name=name),
+                    "0",
+                    message("parts.positive_to_give_way", "positive, so that {key} can make it give way", key=key),
+                )
         if self.force is not None:
             check_force_is_read(self, key)
             force_limit(self.force)
@@ -295,7 +329,18 @@ class GuardedMotors(SampledBlock):
             well = longest == pressed == 0 and warmest < self._section.warn
             return {**known, **self._stopped(memory, read, well=well)}
         if pressed > self._section.hold:
-            return {**known, **self._stop(read["position"], f"the force was above {self._force:g} N for {pressed:g} s")}
+            return {
+                **known,
+                **self._stop(
+                    read["position"],
+                    message(
+                        "parts.force_lasted",
+                        "the force was above {force:g} N for {pressed:g} s",
+                        force=self._force,
+                        pressed=pressed,
+                    ),
+                ),
+            }
         if stage == _GIVES_WAY or longest > self._section.hold or warmest >= 1:
             return {**known, **self._give_way(memory, read, heat)}
         return {**known, "stage": _WARNS if warmest >= self._section.warn else _GUARDS}
@@ -310,8 +355,16 @@ class GuardedMotors(SampledBlock):
         lasts = memory["lasts"][0] + self.period if bound.any() else 0.0
         if lasts > self._section.patience:
             which = int(np.argmax(bound))
-            hot = " for it is too warm" if heat[which] >= 1 else ""
-            why = f"{self._names[which]} was held at {allowed[which]:g} {self._units[which]} for {lasts:g} s{hot}"
+            hot = message("parts.too_warm", " for it is too warm") if heat[which] >= 1 else ""
+            why = message(
+                "parts.torque_held",
+                "{axis} was held at {allowed:g} {unit} for {lasts:g} s{hot}",
+                axis=self._names[which],
+                allowed=allowed[which],
+                unit=self._units[which],
+                lasts=lasts,
+                hot=hot,
+            )
             return self._stop(read["position"], why)
         offset = offset + moved
         return {"offset": offset, "lasts": lasts, "stage": _GIVES_WAY if offset.any() or bound.any() else _GUARDS}

@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 from pydrake.symbolic import Expression, Formula, if_then_else
 
 from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Instant, NotNegative, Number, Strict
 from simrob_drake.blocks.written_net import NetBlock, Values
 
@@ -104,8 +105,14 @@ class FlowBlock(Strict, NetBlock):
         """Check how many inputs it has; raises InvalidParameter: too few or too many."""
         fewest, most = self.takes
         if not fewest <= len(self.inputs) <= most:
-            expected = f"{fewest} inputs" if fewest == most else f"{fewest} inputs or more"
-            raise InvalidParameter(f"{key}.of", f"{len(self.inputs)} inputs", expected)
+            expected = (
+                message("parts.count_of_inputs", "{fewest} inputs", fewest=fewest)
+                if fewest == most
+                else message("parts.inputs_or_more", "{fewest} inputs or more", fewest=fewest)
+            )
+            raise InvalidParameter(
+                f"{key}.of", message("parts.given_inputs", "{count} inputs", count=len(self.inputs)), expected
+            )
 
 
 class Bounded(Strict):
@@ -119,7 +126,14 @@ class Bounded(Strict):
     @model_validator(mode="after")
     def _ordered(self) -> "Bounded":
         if self.lower is not None and self.upper is not None and self.lower > self.upper:
-            raise ValueError(f"lower ({self.lower:g}) is above upper ({self.upper:g})")
+            raise ValueError(
+                message(
+                    "parts.lower_above_upper",
+                    "lower ({lower:g}) is above upper ({upper:g})",
+                    lower=self.lower,
+                    upper=self.upper,
+                )
+            )
         return self
 
     def clipped(self, u: float) -> float:
@@ -192,7 +206,7 @@ class Lookup(FlowBlock):
     @model_validator(mode="after")
     def _rising(self) -> "Lookup":
         if len(self.values) != len(self.points) or any(np.diff(self.points) <= 0):
-            raise ValueError("points must rise, and values be as many")
+            raise ValueError(message("parts.points_must_rise", "points must rise, and values be as many"))
         return self
 
     @property
@@ -289,7 +303,11 @@ class MathFunction(FlowBlock):
         """Check how many inputs it has."""
         count = 2 if self.function in ("atan2", "min", "max", "pow") else 1
         if len(self.inputs) != count:
-            raise InvalidParameter(f"{key}.of", f"{len(self.inputs)} inputs", f"{count}, as {self.function} takes")
+            raise InvalidParameter(
+                f"{key}.of",
+                message("parts.given_inputs", "{count} inputs", count=len(self.inputs)),
+                message("parts.as_function_takes", "{count}, as {function} takes", count=count, function=self.function),
+            )
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
         return (FUNCTIONS[self.function](*u),)

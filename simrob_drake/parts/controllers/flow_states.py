@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import NotNegative, Number, Positive
 from simrob_drake.blocks.written_net import Values
 from simrob_drake.parts.controllers.flow_blocks import Bounded, FlowBlock, Row, chosen, largest, least
@@ -65,9 +66,21 @@ class StateSpace(FlowBlock):
         for name, (rows, columns) in shapes.items():
             matrix = getattr(self, name)
             if len(matrix) != rows or any(len(row) != columns for row in matrix):
-                raise ValueError(f"{name} must be {rows} × {columns}, for {inputs} inputs and {states} states")
+                raise ValueError(
+                    message(
+                        "parts.matrix_size",
+                        "{name} must be {rows} × {columns}, for {inputs} inputs and {states} states",
+                        name=name,
+                        rows=rows,
+                        columns=columns,
+                        inputs=inputs,
+                        states=states,
+                    )
+                )
         if len(self.initial) not in (0, states):
-            raise ValueError(f"initial must be {states} numbers, one for each state")
+            raise ValueError(
+                message("parts.initial_size", "initial must be {states} numbers, one for each state", states=states)
+            )
         return self
 
     @property
@@ -105,9 +118,19 @@ class TransferFunction(FlowBlock):
     @model_validator(mode="after")
     def _proper(self) -> "TransferFunction":
         if not self.denominator[0]:
-            raise ValueError("denominator begins with 0: its first coefficient is that of the highest power")
+            raise ValueError(
+                message(
+                    "parts.denominator_begins_with_zero",
+                    "denominator begins with 0: its first coefficient is that of the highest power",
+                )
+            )
         if len(np.trim_zeros(self.numerator, "f")) > len(self.denominator):
-            raise ValueError("numerator is of a higher power than denominator, which no system with states has")
+            raise ValueError(
+                message(
+                    "parts.numerator_of_higher_power",
+                    "numerator is of a higher power than denominator, which no system with states has",
+                )
+            )
         return self
 
     @cached_property
@@ -245,11 +268,15 @@ class Pid(Bounded, FlowBlock):
         """Check its inputs and its derivative's filter; raises InvalidParameter: two inputs, or without a filter."""
         if len(self.inputs) == 2:
             raise InvalidParameter(
-                f"{key}.of", "2 inputs", "1, or 3: of the proportional, integral and derivative part"
+                f"{key}.of",
+                message("parts.two_inputs", "2 inputs"),
+                message("parts.one_or_three_inputs", "1, or 3: of the proportional, integral and derivative part"),
             )
         super().check(key)
         if self.d and self.filter is None and not self.period:
-            raise InvalidParameter(f"{key}.filter", None, "the cut-off of the derivative's filter [rad/s]")
+            raise InvalidParameter(
+                f"{key}.filter", None, message("parts.filter_cutoff", "the cut-off of the derivative's filter [rad/s]")
+            )
 
     @property
     def start(self) -> Values:

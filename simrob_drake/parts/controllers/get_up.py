@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from simrob_drake.base.frames import Vector, vertical
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Boolean, Integer
 from simrob_drake.blocks.sampled import Changes, Named, RunEnds, SampledBlock
 from simrob_drake.parts.controllers.loop import ASKED, LoopSection
@@ -26,7 +27,7 @@ _REST, _STANDS, _PATIENCE = 0.3, 1.0, 2.0  # how long it must lie still, or stan
 _SLOW = 0.2  # a robot at rest [m/s, rad/s]
 _UP, _DOWN, _FIRST = 0.0, 1.0, 2.0
 """Stages: it has not fallen; it waits until it lies still; the first posture, which the others follow."""
-STANDS = "stands"
+STANDS = message("parts.stands", "stands")
 """What a run says that ends well."""
 Attempts = Annotated[Integer, Field(ge=1, le=100)]
 
@@ -124,7 +125,9 @@ class Rising(SampledBlock):
 
     def _upright(self, asked: Vector, *, fallen: bool) -> Changes:
         if not fallen and self._section.ends:
-            raise RunEnds(f"{self._name} {STANDS}: it has not fallen")
+            raise RunEnds(
+                message("parts.stands_not_fallen", "{name} {stands}: it has not fallen", name=self._name, stands=STANDS)
+            )
         return {"active": 1.0, "target": asked, "attempt": 0.0, **_begin(_DOWN, asked)} if fallen else {}
 
     def _lying(self, memory: Named, elapsed: float, well: float, ahead: float) -> Changes:
@@ -149,13 +152,25 @@ class Rising(SampledBlock):
         if well < _STANDS:
             return {"elapsed": elapsed, "well": well} if elapsed < _PATIENCE else self._anew(memory, memory["target"])
         if self._section.ends:
-            raise RunEnds(f"{self._name} {STANDS}: it got up at attempt {int(memory['attempt'][0])}")
+            raise RunEnds(
+                message(
+                    "parts.stands_again",
+                    "{name} {stands}: it got up at attempt {attempt}",
+                    name=self._name,
+                    stands=STANDS,
+                    attempt=int(memory["attempt"][0]),
+                )
+            )
         return {"active": 0.0, "stage": _UP}
 
     def _anew(self, memory: Named, target: Vector) -> Changes:
         tries = int(memory["attempt"][0])
         if tries >= self._section.attempts:
-            raise RunEnds(f"{self._name} lies: it did not get up in {tries} attempts")
+            raise RunEnds(
+                message(
+                    "parts.lies", "{name} lies: it did not get up in {tries} attempts", name=self._name, tries=tries
+                )
+            )
         return _begin(_DOWN, target)
 
 

@@ -12,6 +12,7 @@ from pydrake.systems.primitives import Adder, AffineSystem, Multiplexer, Saturat
 
 from simrob_drake.base.errors import InvalidParameter, UnknownName, one_of
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Integer, Number, Positive
 from simrob_drake.blocks.block import mapped
 from simrob_drake.blocks.sampled import SampledBlock
@@ -82,18 +83,30 @@ class LoopSection(ControllerSection):
         """Check what is known before building; raises SimrobError: no such robot or axis, or nothing to drive."""
         robot = station.robot(self.robot, key)
         if not station.engine.moves_by_forces:
-            raise InvalidParameter(key, "in a kinematic station", "in a dynamic one: there is nothing to be measured")
+            raise InvalidParameter(
+                key,
+                message("parts.in_kinematic_station", "in a kinematic station"),
+                message("parts.in_dynamic_station", "in a dynamic one: there is nothing to be measured"),
+            )
         time_step = station.engine.time_step
         if 1 / self.rate < time_step * (1 - 1e-9):
-            expected = f"at most {1 / time_step:g} Hz, one sample in each time_step of the discrete solver"
-            raise InvalidParameter(f"{key}.rate", f"{self.rate:g} Hz", expected)
+            expected = message(
+                "parts.rate_of_solver",
+                "at most {rate:g} Hz, one sample in each time_step of the discrete solver",
+                rate=1 / time_step,
+            )
+            raise InvalidParameter(f"{key}.rate", compound("{rate:g} Hz", rate=self.rate), expected)
         self.axes(robot)
 
     def on_feet(self, key: str, station: Surroundings) -> ResolvedRobot:
         """Return whom it drives; raises SimrobError: no such robot, or one that does not stand on feet of its own."""
         robot = station.robot(self.robot, key)
         if not robot.floats or robot.feet is None:
-            raise InvalidParameter(key, f"{self.kind} of {robot.name}", "of a robot that stands on feet of its own")
+            raise InvalidParameter(
+                key,
+                message("parts.loop_of_robot", "{kind} of {robot}", kind=self.kind, robot=robot.name),
+                message("parts.robot_on_own_feet", "of a robot that stands on feet of its own"),
+            )
         return robot
 
     def warnings(self, key: str, robot: ResolvedRobot) -> list[str]:
@@ -133,13 +146,23 @@ class LoopSection(ControllerSection):
         for output in (f"{name}.{source}", source) if source else (f"{robot.prefix}{name}", name):
             if output in site.outputs:
                 return site.port(builder, output)
-        raise UnknownName(f"sensor or output of the station for {key}.reads.{name}", source or name, site.outputs)
+        raise UnknownName(
+            message(
+                "parts.readable_output", "sensor or output of the station for {key}.reads.{name}", key=key, name=name
+            ),
+            source or name,
+            site.outputs,
+        )
 
 
 def check_force_is_read(section: LoopSection, key: str) -> None:
     """Check that a loop on a force says which sensor tells it; raises InvalidParameter: it does not."""
     if "force" not in section.reads:
-        raise InvalidParameter(f"{key}.reads", section.reads, "with a force sensor: reads: {force: <sensor>}")
+        raise InvalidParameter(
+            f"{key}.reads",
+            section.reads,
+            message("parts.with_force_sensor", "with a force sensor: reads: {{force: <sensor>}}"),
+        )
 
 
 def loops_of(controllers: Mapping[str, Any]) -> dict[str, LoopSection]:
@@ -188,8 +211,17 @@ def check_loops(station: Surroundings, loops: Mapping[str, LoopSection]) -> None
             continue
         shared = [axis for axis in first.axes(robots[0]) if axis in second.axes(robots[0])]
         if shared:
-            conflict = f"driving {', '.join(shared[:3])}{' ...' if len(shared) > 3 else ''}, as controllers.{one} is"
-            expected = "alone on its axes, or with a priority (or both with a weight), which says how they mix"
+            conflict = message(
+                "parts.loops_share_axes",
+                "driving {shared}{more}, as controllers.{other} is",
+                shared=", ".join(shared[:3]),
+                more=" ..." if len(shared) > 3 else "",
+                other=one,
+            )
+            expected = message(
+                "parts.alone_on_axes",
+                "alone on its axes, or with a priority (or both with a weight), which says how they mix",
+            )
             raise InvalidParameter(f"controllers.{other}", conflict, expected)
 
 
@@ -224,11 +256,15 @@ def _connect(builder: DiagramBuilder, site: Site, name: str, section: LoopSectio
     key, robot = f"controllers.{name}", site.robot(section.robot)
     known = {read: port for read, port in wired.inputs.items() if read != ASKED}
     for read in section.reads:
-        one_of(f"input of {key} for {key}.reads", read, known)
+        one_of(message("parts.input_for_reads", "input of {key} for {key}.reads", key=key), read, known)
     for read, port in known.items():
         source = section.source(builder, read, robot, site, key)
         if source.size() != port.size():
-            raise InvalidParameter(f"{key}.reads.{read}", f"of size {source.size()}", f"of size {port.size()}")
+            raise InvalidParameter(
+                f"{key}.reads.{read}",
+                message("parts.of_size", "of size {size}", size=source.size()),
+                message("parts.of_size", "of size {size}", size=port.size()),
+            )
         builder.Connect(source, port)
 
 

@@ -17,6 +17,7 @@ from pydrake.systems.primitives import SymbolicVectorSystem
 
 from simrob_drake.base.errors import InvalidParameter, UnknownName
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import NotNegative, Number, Positive
 from simrob_drake.base.signals import Signal
 from simrob_drake.blocks.block import mapped
@@ -128,13 +129,13 @@ class Objective(LoopSection):
     @model_validator(mode="after")
     def _can_act(self) -> "Objective":
         if self.target == []:
-            raise ValueError("target is an empty list: nothing is asked for")
+            raise ValueError(message("parts.empty_target", "target is an empty list: nothing is asked for"))
         if not any(self.weights.values()):
-            raise ValueError("weights are all zero: no axis would move")
+            raise ValueError(message("parts.weights_all_zero", "weights are all zero: no axis would move"))
         if self.kp == 0 and self.ki == 0:
-            raise ValueError("kp and ki are both zero: nothing would move")
+            raise ValueError(message("parts.gains_both_zero", "kp and ki are both zero: nothing would move"))
         if self.then_deg and self.tolerance is None:
-            raise ValueError("then_deg needs a tolerance")
+            raise ValueError(message("parts.then_deg_needs_tolerance", "then_deg needs a tolerance"))
         return self
 
     @property
@@ -171,7 +172,11 @@ class Objective(LoopSection):
                 place = signal.names.index(self.measures)
                 return signal, place if signal.entries is None else signal.entries[place]
         known = [column for signal in measured for column in signal.names]
-        raise UnknownName(f"signal of the station for {key}.measures", self.measures, known)
+        raise UnknownName(
+            message("parts.signal_for_measures", "signal of the station for {key}.measures", key=key),
+            self.measures,
+            known,
+        )
 
     def wire(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site) -> Wired:
         """Add the loop; without a posture it is one of expressions, for which no Python is asked while stepping.
@@ -208,7 +213,11 @@ class Objective(LoopSection):
         model, weights = robot.model, robot.model.axis_vector(dict(self.weights), f"{key}.weights")
         units = set(model.user_units[weights != 0])
         if len(units) > 1:
-            raise InvalidParameter(f"{key}.weights", "of axes that turn and that slide", "of axes of one sort")
+            raise InvalidParameter(
+                f"{key}.weights",
+                message("parts.axes_of_both_sorts", "of axes that turn and that slide"),
+                message("parts.axes_of_one_sort", "of axes of one sort"),
+            )
         unit = float(units.pop())
         unit_of_error = "1"
         if "measured" not in self.reads:

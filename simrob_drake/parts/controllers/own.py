@@ -14,6 +14,7 @@ from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, Out
 from pydrake.systems.primitives import PassThrough
 
 from simrob_drake.base.errors import InvalidParameter, one_of, quoted
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.signals import Panel, Signal
 from simrob_drake.blocks.block import summed
 from simrob_drake.parts.captions import wrapped
@@ -87,15 +88,23 @@ class OwnController(ControllerSection):
             for part in name.split("."):
                 made = getattr(made, part)
         except Exception as problem:
-            expected = f"a class that can be imported ({problem})"
+            expected = message("parts.an_importable_class", "a class that can be imported ({problem})", problem=problem)
             raise InvalidParameter(f"{key}.class", self.class_, expected) from problem
         if not (isinstance(made, type) and issubclass(made, LeafSystem)):
-            raise InvalidParameter(f"{key}.class", self.class_, "a subclass of pydrake's LeafSystem")
+            raise InvalidParameter(
+                f"{key}.class",
+                self.class_,
+                message("parts.a_subclass_of_leafsystem", "a subclass of pydrake's LeafSystem"),
+            )
         try:
             block: LeafSystem = made(**self.parameters)
         except Exception as problem:
-            cause = f"{type(problem).__name__}: {problem}"
-            raise InvalidParameter(f"{key}.parameters", str(self.parameters), f"what it takes ({cause})") from problem
+            cause = compound("{name}: {problem}", name=type(problem).__name__, problem=problem)
+            raise InvalidParameter(
+                f"{key}.parameters",
+                str(self.parameters),
+                message("parts.arguments_it_takes", "what it takes ({cause})", cause=cause),
+            ) from problem
         return block
 
     @classmethod
@@ -124,19 +133,34 @@ def named_blocks(blocks: Mapping[str, LeafSystem] | Sequence[LeafSystem]) -> dic
     elif isinstance(blocks, Sequence) and not isinstance(blocks, str):
         pairs = [(_name_of(block), block) for block in blocks]
     else:
-        expected = "a list of LeafSystems, or a mapping of names to them"
+        expected = message("parts.a_list_of_leafsystems", "a list of LeafSystems, or a mapping of names to them")
         raise InvalidParameter("blocks", quoted(blocks), expected)
     named: dict[str, LeafSystem] = {}
     for name, block in pairs:
         if not isinstance(block, LeafSystem):
-            expected = "a LeafSystem of Drake (a Diagram that holds a station is run by simulate_diagram())"
-            raise InvalidParameter(f"blocks: {name}", quoted(block), expected)
+            expected = message(
+                "parts.a_leafsystem",
+                "a LeafSystem of Drake (a Diagram that holds a station is run by simulate_diagram())",
+            )
+            raise InvalidParameter(message("parts.block_called", "blocks: {name}", name=name), quoted(block), expected)
         if any(block is other for other in named.values()):
-            raise InvalidParameter(f"blocks: {name}", "given twice", "a block of its own")
+            raise InvalidParameter(
+                message("parts.block_called", "blocks: {name}", name=name),
+                message("parts.given_twice", "given twice"),
+                message("parts.own_block", "a block of its own"),
+            )
         if not (isinstance(name, str) and name.isidentifier()):
-            raise InvalidParameter("the name of a block", repr(name), "plain: letters, digits and _, no digit first")
+            raise InvalidParameter(
+                message("parts.name_of_block", "the name of a block"),
+                repr(name),
+                message("parts.plain_name", "plain: letters, digits and _, no digit first"),
+            )
         if name in named:
-            raise InvalidParameter("blocks", f"two called {name}", "of different names: block.set_name(...)")
+            raise InvalidParameter(
+                "blocks",
+                message("parts.two_called", "two called {name}", name=name),
+                message("parts.different_names", "of different names: block.set_name(...)"),
+            )
         named[name] = block
     return named
 
@@ -148,8 +172,12 @@ def driven_inputs(blocks: Mapping[str, LeafSystem]) -> dict[str, str]:
         for port in _outputs(block):
             other = drivers.setdefault(port.get_name(), name)
             if other != name and port.get_name().rpartition(".")[2] in DRIVABLE:
-                expected = f"driven by one block; {other} drives it, too"
-                raise InvalidParameter(f"the input {port.get_name()}", f"driven by {name}", expected)
+                expected = message("parts.driven_by_one", "driven by one block; {other} drives it, too", other=other)
+                raise InvalidParameter(
+                    message("parts.input_called", "the input {port}", port=port.get_name()),
+                    message("parts.driven_by", "driven by {name}", name=name),
+                    expected,
+                )
     return drivers
 
 
@@ -192,8 +220,21 @@ def wire_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, Le
             if port.get_name() in site.inputs:
                 target = site.inputs[port.get_name()]
                 if target.size() != port.size():
-                    sizes = f"of size {port.size()}", f"of size {target.size()}, as the station's input"
-                    raise InvalidParameter(f"the output {port.get_name()} of the block {name}", *sizes)
+                    sizes = (
+                        message("parts.of_size", "of size {size}", size=port.size()),
+                        message(
+                            "parts.size_of_station_input", "of size {size}, as the station's input", size=target.size()
+                        ),
+                    )
+                    raise InvalidParameter(
+                        message(
+                            "parts.output_of_block",
+                            "the output {port} of the block {name}",
+                            port=port.get_name(),
+                            name=name,
+                        ),
+                        *sizes,
+                    )
                 builder.Connect(port, target)
         for index in range(block.num_input_ports()):
             _read(builder, site, name, block.get_input_port(index))
@@ -204,15 +245,31 @@ def _read(builder: DiagramBuilder, site: Site, name: str, port: InputPort) -> No
     if port.get_data_type() != PortDataType.kVectorValued:
         if name_of_port not in site.outputs.images:
             known = ", ".join(site.outputs.images) or "none"
-            expected = f"a vector, or image.<sensor> of a camera with in_loop ({known})"
-            raise InvalidParameter(f"the input {name_of_port} of the block {name}", "abstract", expected)
+            expected = message(
+                "parts.vector_or_image", "a vector, or image.<sensor> of a camera with in_loop ({known})", known=known
+            )
+            raise InvalidParameter(
+                message("parts.input_of_block", "the input {port} of the block {name}", port=name_of_port, name=name),
+                "abstract",
+                expected,
+            )
         builder.Connect(site.outputs.images[name_of_port], port)
         return
-    one_of(f"output of the station for the input of the block {name} called", name_of_port, site.outputs)
+    one_of(
+        message("parts.output_for_input", "output of the station for the input of the block {name} called", name=name),
+        name_of_port,
+        site.outputs,
+    )
     source = site.port(builder, name_of_port)
     if source.size() != port.size():
-        sizes = f"of size {port.size()}", f"of size {source.size()}, as the station's output"
-        raise InvalidParameter(f"the input {name_of_port} of the block {name}", *sizes)
+        sizes = (
+            message("parts.of_size", "of size {size}", size=port.size()),
+            message("parts.size_of_station_output", "of size {size}, as the station's output", size=source.size()),
+        )
+        raise InvalidParameter(
+            message("parts.input_of_block", "the input {port} of the block {name}", port=name_of_port, name=name),
+            *sizes,
+        )
     builder.Connect(source, port)
 
 
@@ -246,7 +303,7 @@ def _module(place: str) -> Any:
         return importlib.import_module(place)
     file = Path(place)
     if not file.is_file():
-        raise FileNotFoundError(f"there is no file {file}")
+        raise FileNotFoundError(message("parts.no_file", "there is no file {file}", file=file))
     spec = importlib.util.spec_from_file_location(f"own_code_{file.stem}", file)
     assert spec is not None
     assert spec.loader is not None  # a .py file has one

@@ -13,6 +13,7 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import Vector, lean, vertical
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import NotNegative, Number, Positive, Strict
 from simrob_drake.blocks.sampled import Changes, Named, RunEnds, SampledBlock
 from simrob_drake.parts.controllers.loop import LoopSection
@@ -49,7 +50,7 @@ class Pace(Strict):
     @model_validator(mode="after")
     def _can_time_out(self) -> Self:
         if self.on_timeout == "go_on" and self.timeout is None:
-            raise ValueError("on_timeout: go_on needs a timeout [s]")
+            raise ValueError(message("parts.go_on_needs_timeout", "on_timeout: go_on needs a timeout [s]"))
         return self
 
 
@@ -72,7 +73,14 @@ class Sequencer(Pace, LoopSection):
     def _has_time_for_its_ways(self) -> Self:
         for number, cell in enumerate(self.cells):
             if self.timeout is not None and cell.duration >= self.timeout:
-                raise ValueError(f"cells[{number}] has a duration of {cell.duration:g} s, which leaves no timeout")
+                raise ValueError(
+                    message(
+                        "parts.cell_without_timeout",
+                        "cells[{number}] has a duration of {duration:g} s, which leaves no timeout",
+                        number=number,
+                        duration=cell.duration,
+                    )
+                )
         return self
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
@@ -85,7 +93,11 @@ class Sequencer(Pace, LoopSection):
                 violation = model.limits.of_axes([index]).find_violation(position)
                 if violation is not None:
                     key = f"cells[{number}].targets_deg.{axis}"
-                    raise InvalidParameter(key, f"{violation.value} {violation.unit}", f"within {violation.limits}")
+                    raise InvalidParameter(
+                        key,
+                        compound("{value} {unit}", value=violation.value, unit=violation.unit),
+                        message("parts.within", "within {limits}", limits=violation.limits),
+                    )
         return robot.axes
 
     def cell_times(self, groups: Sequence[Vector]) -> list[float | None]:
@@ -144,7 +156,9 @@ class CellSequence(SampledBlock):
         if not memory["active"][0]:
             return {"active": 1.0, "target": read["reference"], "origin": read["reference"]}
         if memory["done"][0] and self._section.ends:
-            raise RunEnds(f"the last of {len(self._targets)} cells is done")
+            raise RunEnds(
+                message("parts.last_cell_done", "the last of {count} cells is done", count=len(self._targets))
+            )
         number, elapsed = int(memory["cell"][0]), memory["elapsed"][0] + self.period
         goal, duration, clock = self._targets[number], self._durations[number], memory["clock"][0] + self.period
         part = min(elapsed / duration, 1.0) if duration > 0 else 1.0
@@ -161,8 +175,18 @@ class CellSequence(SampledBlock):
         elif elapsed < self._timeout:
             return changed
         elif self._section.on_timeout == "stop":
-            who = ", ".join(self._names[index] for index in np.flatnonzero(late).tolist()) or "its ramp"
-            raise RunEnds(f"cell {number} was not reached within {self._timeout:g} s: {who} is late")
+            who = ", ".join(self._names[index] for index in np.flatnonzero(late).tolist()) or message(
+                "parts.its_ramp", "its ramp"
+            )
+            raise RunEnds(
+                message(
+                    "parts.cell_not_reached",
+                    "cell {number} was not reached within {timeout:g} s: {late} is late",
+                    number=number,
+                    timeout=self._timeout,
+                    late=who,
+                )
+            )
         if number + 1 < len(self._targets):
             return {**changed, "cell": number + 1, "elapsed": 0.0, "origin": full}
         return {**changed, "done": 1.0}
@@ -183,7 +207,7 @@ class CapturePoint:
     def __init__(self, plant: MultibodyPlant, robot: StationRobot, key: str) -> None:
         """Take a robot of a finalized plant, in a diagram or not; raises InvalidParameter, with ``key``: no feet."""
         if robot.feet is None:
-            raise Unsuitable(key, f"{robot.model.name} has no feet")
+            raise Unsuitable(key, message("parts.no_feet", "{model} has no feet", model=robot.model.name))
         self._plant, self._robot = weakref.proxy(plant), [robot.instance]
         self._soles = {link: robot.feet.support_points(link).T for link in robot.feet.links}
         self._gravity = np.linalg.norm(plant.gravity_field().gravity_vector())
@@ -235,7 +259,11 @@ class FallGuard(LoopSection):
     @model_validator(mode="after")
     def _some_bound(self) -> "FallGuard":
         if self.height is None and self.tilt_deg is None and self.capture_point is None:
-            raise ValueError("a fall guard needs a threshold: height, tilt_deg or capture_point")
+            raise ValueError(
+                message(
+                    "parts.guard_needs_threshold", "a fall guard needs a threshold: height, tilt_deg or capture_point"
+                )
+            )
         return self
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:

@@ -14,6 +14,7 @@ from pydrake.systems.primitives import Demultiplexer, PassThrough
 
 from simrob_drake.base.errors import InvalidParameter, UnknownName, one_of
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Strict, Triple
 from simrob_drake.base.signals import applied_signal
 from simrob_drake.blocks.block import fed, joined
@@ -145,19 +146,29 @@ class SignalFlow(ControllerSection):
     def check(self, key: str, station: Surroundings) -> None:
         """Check what is known before building; raises SimrobError: no such robot, axis, frame, block, or no torques."""
         if not station.engine.moves_by_forces:
-            raise InvalidParameter(key, "in a kinematic station", "in a dynamic one: its output is a torque")
+            raise InvalidParameter(
+                key,
+                message("parts.in_kinematic_station", "in a kinematic station"),
+                message("parts.torque_in_dynamic_station", "in a dynamic one: its output is a torque"),
+            )
         if self.torque or self.robot is not None:
             robot = station.robot(self.robot, key)
             for axis in self.torque:
-                one_of(f"axis of {robot.name} for {key}.torque", axis, robot.axes)
+                one_of(
+                    message("parts.axis_for_torque", "axis of {robot} for {key}.torque", robot=robot.name, key=key),
+                    axis,
+                    robot.axes,
+                )
         for name, force in self.forces.items():
             check_frame(station, f"{key}.forces.{name}.at", force.at)
         for name, block in self.blocks.items():
             block.check(f"{key}.blocks.{name}")
             if name in (_ONE, _TIME, _TORQUE, *self.stops):
-                raise InvalidParameter(f"{key}.blocks.{name}", name, "another name: this one is taken")
+                raise InvalidParameter(
+                    f"{key}.blocks.{name}", name, message("parts.name_is_taken", "another name: this one is taken")
+                )
         for name in self.signals or ():
-            one_of(f"block for {key}.signals", name, self.blocks)
+            one_of(message("parts.block_for_signals", "block for {key}.signals", key=key), name, self.blocks)
 
     def add(
         self, builder: DiagramBuilder, site: Site, name: str, *, monitors: bool, integrated: bool = True
@@ -186,7 +197,9 @@ class SignalFlow(ControllerSection):
             site.edges.extend(net.blocks[block].edges)
         for stop in self.stops:
             condition = Condition(
-                {f"{name}.{stop}": 1}, lambda value: 1.0 if value[0] else -1.0, lambda *_, stop=stop: f"{stop} is on"
+                {f"{name}.{stop}": 1},
+                lambda value: 1.0 if value[0] else -1.0,
+                lambda *_, stop=stop: message("parts.stop_is_on", "{stop} is on", stop=stop),
             )
             add_monitor(builder if monitors else None, site, f"{name}_{stop}", Trigger(condition))
         for place, force in self.forces.items():
@@ -247,10 +260,15 @@ class _Net:
         try:
             net = signal_net(wired, measured, integrated=integrated)
         except CycleError as problem:
-            expected = "no algebraic loop: something that takes time must lie in it, as an integrator"
+            expected = message(
+                "parts.no_algebraic_loop",
+                "no algebraic loop: something that takes time must lie in it, as an integrator",
+            )
             raise InvalidParameter(f"{self.key}.blocks", " → ".join(problem.args[1]), expected) from None
         except ValueError as problem:
-            raise InvalidParameter(f"{self.key}.blocks", str(problem), "multiples of a common step") from None
+            raise InvalidParameter(
+                f"{self.key}.blocks", str(problem), message("parts.multiples_of_step", "multiples of a common step")
+            ) from None
         ports = [self.site.port(builder, source) for source in self.sources] if self.site is not None else []
         values = fed(builder, place, net, *([joined(builder, f"{place}.bus", *ports)] if ports else []))
         split = Demultiplexer([block.size for block in self.blocks.values()])
@@ -272,7 +290,13 @@ class _Net:
             size = self.blocks[block].size
             index = int(number) if number.isdecimal() else 0 if size == 1 and not number else -1
             if not 0 <= index < size:
-                raise InvalidParameter(key, term, f"{block}.0 to {block}.{size - 1}" if size > 1 else block)
+                raise InvalidParameter(
+                    key,
+                    term,
+                    message("parts.output_range", "{block}.0 to {block}.{last}", block=block, last=size - 1)
+                    if size > 1
+                    else block,
+                )
             return block, index
         known = [*self.blocks, _ONE, _TIME]
         outputs = {} if self.site is None else self.site.outputs
@@ -285,7 +309,11 @@ class _Net:
                     place = signal.names.index(column)
                     return signal.output, place if signal.entries is None else signal.entries[place]
             known += signal.names
-        raise UnknownName(f"block, or signal that is measured while stepping, for {key}", term, known)
+        raise UnknownName(
+            message("parts.block_or_signal", "block, or signal that is measured while stepping, for {key}", key=key),
+            term,
+            known,
+        )
 
 
 def flow_over_time(blocks: Mapping[str, Any], sums: Sequence[Sum], times: Vector) -> Vector:

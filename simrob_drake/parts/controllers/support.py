@@ -14,6 +14,7 @@ from pydrake.multibody.tree import Frame, RevoluteJoint, RigidBody
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.parts.soles import shares_by_height
 from simrob_drake.parts.station_plant import StationRobot
 
@@ -195,11 +196,19 @@ def axes_to(robot: StationRobot, end: Frame) -> list[int]:
         joint = inward[body.index()]
         if joint.index() in places:
             if not isinstance(joint, RevoluteJoint):
-                raise InvalidParameter(f"limb to {end.name()}", f"with {joint.name()}", "of joints that turn")
+                raise InvalidParameter(
+                    message("parts.limb_to", "limb to {end}", end=end.name()),
+                    message("parts.with_joint", "with {joint}", joint=joint.name()),
+                    message("parts.of_turning_joints", "of joints that turn"),
+                )
             axes.insert(0, places[joint.index()])
         body = joint.parent_body()
     if not axes:
-        raise InvalidParameter(f"limb to {end.name()}", "without a joint", "one that joints move")
+        raise InvalidParameter(
+            message("parts.limb_to", "limb to {end}", end=end.name()),
+            message("parts.without_joint", "without a joint"),
+            message("parts.moved_by_joints", "one that joints move"),
+        )
     return axes
 
 

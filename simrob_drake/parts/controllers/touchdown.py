@@ -11,6 +11,7 @@ import numpy as np
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import NotNegative, Positive
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.controllers.loop import LoopSection
@@ -57,8 +58,16 @@ class Touchdown(LoopSection):
         feet = [foot for foot in self.reads if foot in robot.model.tools]
         if not feet:
             known = ", ".join(robot.model.tools) or "none"
-            expected = f"some of its tools, each with a force sensor: {{<tool>: force.<sensor>}}; tools: {known}"
-            raise InvalidParameter(f"reads of a touchdown of {robot.name}", f"{list(self.reads)}", expected)
+            expected = message(
+                "parts.tools_with_force_sensors",
+                "some of its tools, each with a force sensor: {{<tool>: force.<sensor>}}; tools: {known}",
+                known=known,
+            )
+            raise InvalidParameter(
+                message("parts.reads_of_touchdown", "reads of a touchdown of {robot}", robot=robot.name),
+                f"{list(self.reads)}",
+                expected,
+            )
         inward = {link_of(joint, "child"): joint for joint in robot.model.element.iterfind("joint")}
         joints = set[str]()
         for foot in feet:

@@ -11,6 +11,7 @@ from pydrake.systems.framework import Context
 
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Boolean
 from simrob_drake.blocks.sampled import TIME, Changes, Named, RunEnds, SampledBlock
 from simrob_drake.parts.controllers.loop import LoopSection
@@ -45,8 +46,10 @@ class Walk(LoopSection):
     )
     command_key: ClassVar[str] = "commands"
     remarks: ClassVar[Mapping[str, str]] = {
-        "clipped": "is asked for more than its legs can follow, and does what they can",
-        "blind": "reads what is not a number, and goes on as planned",
+        "clipped": message(
+            "parts.asked_for_too_much", "is asked for more than its legs can follow, and does what they can"
+        ),
+        "blind": message("parts.reads_no_number", "reads what is not a number, and goes on as planned"),
     }
     camera_follows: ClassVar[bool] = True
 
@@ -69,7 +72,9 @@ class Walk(LoopSection):
     def _in_order(self) -> "Walk":
         times = [command.time for command in self.commands]
         if times != sorted(times):
-            raise ValueError(f"the times of commands must rise, and are {times}")
+            raise ValueError(
+                message("parts.times_of_commands", "the times of commands must rise, and are {times}", times=times)
+            )
         return self
 
     def walking(self, robot: ResolvedRobot) -> WalkingParameters:
@@ -86,20 +91,45 @@ class Walk(LoopSection):
         parameters = self.walking(robot)
         feet = [foot for group in parameters.groups for foot in group]
         for foot in feet:
-            one_of(f"foot of {robot.name} for {key}.gait.groups", foot, robot.model.tools)
+            one_of(
+                message("parts.foot_for_groups", "foot of {robot} for {key}.gait.groups", robot=robot.name, key=key),
+                foot,
+                robot.model.tools,
+            )
         read = [foot for foot in feet if foot in self.reads]
         if read and (read != feet or parameters.feedback is None or parameters.feedback.touch_force is None):
-            expected = f"with a force sensor for each of {', '.join(feet)}, and gait.feedback.touch_force, or with none"
-            raise InvalidParameter(f"{key}.reads", f"forces on {', '.join(read)}", expected)
+            expected = message(
+                "parts.force_sensors_of_feet",
+                "with a force sensor for each of {feet}, and gait.feedback.touch_force, or with none",
+                feet=", ".join(feet),
+            )
+            raise InvalidParameter(
+                f"{key}.reads", message("parts.forces_on", "forces on {read}", read=", ".join(read)), expected
+            )
         if self.height_map and parameters.feedback is None:
-            raise InvalidParameter(f"{key}.height_map", True, "false without gait.feedback, which tells where feet are")
+            raise InvalidParameter(
+                f"{key}.height_map",
+                True,
+                message("parts.false_without_feedback", "false without gait.feedback, which tells where feet are"),
+            )
         self.warnings(key, robot)
         if self.path is not None:
             begins, stands = complex(*self.path.points[0]), complex(*robot.base.translation()[:2])
             if abs(begins - stands) > _NEAR:
-                where = f"at ({begins.real:g}, {begins.imag:g}) m"
-                near = f"within {_NEAR:g} m of where {robot.name} stands, ({stands.real:g}, {stands.imag:g}) m"
-                raise InvalidParameter(f"{key}.path.points", f"a path that starts {where}", f"one that starts {near}")
+                where = message("parts.at_place", "at ({x:g}, {y:g}) m", x=begins.real, y=begins.imag)
+                near = message(
+                    "parts.near_robot",
+                    "within {near:g} m of where {robot} stands, ({x:g}, {y:g}) m",
+                    near=_NEAR,
+                    robot=robot.name,
+                    x=stands.real,
+                    y=stands.imag,
+                )
+                raise InvalidParameter(
+                    f"{key}.path.points",
+                    message("parts.path_from", "a path that starts {where}", where=where),
+                    message("parts.path_near", "one that starts {near}", near=near),
+                )
 
     def warnings(self, key: str, robot: ResolvedRobot) -> list[str]:
         """Return, in words, which known commands are clipped; raises InvalidParameter: one, in a strict section."""
@@ -112,9 +142,24 @@ class Walk(LoopSection):
             for part, value, limit, unit in beyond(command, max_speed):
                 name = f"{key}.{place}.{'speed' if place == 'path' else part}"
                 if self.strict:
-                    expected = f"at most {abs(limit):g} {unit}, which the legs of {robot.name} can follow"
-                    raise InvalidParameter(name, f"{value:g} {unit}", expected)
-                found.append(f"{name}, {value:g} {unit}, is clipped to {limit:g} {unit}")
+                    expected = message(
+                        "parts.speed_of_legs",
+                        "at most {limit:g} {unit}, which the legs of {robot} can follow",
+                        limit=abs(limit),
+                        unit=unit,
+                        robot=robot.name,
+                    )
+                    raise InvalidParameter(name, compound("{value:g} {unit}", value=value, unit=unit), expected)
+                found.append(
+                    message(
+                        "parts.command_clipped",
+                        "{name}, {value:g} {unit}, is clipped to {limit:g} {unit}",
+                        name=name,
+                        value=value,
+                        unit=unit,
+                        limit=limit,
+                    )
+                )
         return found
 
     def command_limits(self, robot: ResolvedRobot) -> list[tuple[float, float]]:
@@ -303,7 +348,14 @@ class WalkingLoop(SampledBlock):
         if less and self._strict:
             part, value, limit, unit = beyond(desired, self.engine.max_speed)[0]
             raise RunEnds(
-                f"the command {part} of {value:g} {unit} is beyond the {limit:g} {unit} that the legs can follow"
+                message(
+                    "parts.command_beyond_legs",
+                    "the command {part} of {value:g} {unit} is beyond the {limit:g} {unit} that the legs can follow",
+                    part=part,
+                    value=value,
+                    unit=unit,
+                    limit=limit,
+                )
             )
         if less != memory["clipped"][0]:
             changes["clipped"] = less

@@ -9,6 +9,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.frames import XYZ_QUATERNION_NAMES, Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import NotNegative, Strict
 from simrob_drake.blocks.monitor import Condition, Monitor, Trigger
 from simrob_drake.parts.resolved import ResolvedRobot, Surroundings, named
@@ -29,7 +30,7 @@ class MonitorSection(Strict, ABC):
     @property
     def lasting(self) -> str:
         """The end of a reason: how long the condition lasted; empty where it need not."""
-        return f" for {self.hold:g} s" if self.hold > 0 else ""
+        return message("parts.for_seconds", " for {hold:g} s", hold=self.hold) if self.hold > 0 else ""
 
     @abstractmethod
     def condition(self, name: str, station: Surroundings) -> Condition:
@@ -90,7 +91,11 @@ class PoseMonitorSection(MonitorSection):
         """
         size, free = len(XYZ_QUATERNION_NAMES), station.free_pieces
         if self.piece is not None:
-            one_of(f"free piece for monitors.{name}.piece", self.piece, free)
+            one_of(
+                message("parts.free_piece_for_monitor", "free piece for monitors.{name}.piece", name=name),
+                self.piece,
+                free,
+            )
         if self.piece is not None or (not station.robots and len(free) == 1):
             piece = self.piece or free[0]
             return piece, {f"piece_pose.{piece}": size}, station.pieces[piece].pose
@@ -100,8 +105,12 @@ class PoseMonitorSection(MonitorSection):
             return robot.name, {output: size}, robot.base
         tool = port.partition(".")[2]
         if not (tool in robot.tool_names if tool else robot.tcp):
-            raise InvalidParameter(f"monitors.{name}", f"at {output}", "a tool that the robot has")
-        return f"{robot.prefix}{tool or 'the tool'}", {output: size}, robot.base
+            raise InvalidParameter(
+                f"monitors.{name}",
+                message("parts.at_output", "at {output}", output=output),
+                message("parts.tool_of_robot", "a tool that the robot has"),
+            )
+        return _name_of_tool(robot, tool), {output: size}, robot.base
 
 
 class SensorMonitorSection(MonitorSection):
@@ -113,4 +122,11 @@ class SensorMonitorSection(MonitorSection):
     def watched_sensor(self, name: str, station: Surroundings, kind: str) -> str:
         """Return the watched sensor's name; raises UnknownName: none; InvalidParameter: several, none named."""
         key, known = f"monitors.{name}.sensor", [own for own, one in station.sensors.items() if one.kind == kind]
-        return named(self.sensor, known, kind=f"{kind} sensor for {key}", key=key)
+        return named(
+            self.sensor, known, kind=message("parts.sensor_for", "{kind} sensor for {key}", kind=kind, key=key), key=key
+        )
+
+
+def _name_of_tool(robot: ResolvedRobot, tool: str | None) -> str:
+    """Name of a tool for messages: with the robot's name in front if a station has several robots."""
+    return compound("{prefix}{tool}", prefix=robot.prefix, tool=tool or message("parts.the_tool", "the tool"))

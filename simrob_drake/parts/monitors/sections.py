@@ -10,6 +10,7 @@ from pydantic import model_validator
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.files import models_root
 from simrob_drake.base.frames import Vector, lean
+from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.sections import NotNegative, Number, Positive, Strict, Triple, validated
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.blocks.monitor import Condition
@@ -40,8 +41,14 @@ class JointLimit(MonitorSection):
             return np.concatenate([position - upper, lower - position])
 
         def why(index: int, _: float) -> str:
-            side, limits, axis = ("upper", upper, index) if index < count else ("lower", lower, index - count)
-            return f"{robot.axes[axis]} reached its {side} limit of {robot.model.units[axis].shown(limits[axis])}"
+            side, limits, axis = (_UPPER, upper, index) if index < count else (_LOWER, lower, index - count)
+            return message(
+                "parts.reached_limit",
+                "{axis} reached its {side} limit of {limit}",
+                axis=robot.axes[axis],
+                side=side,
+                limit=robot.model.units[axis].shown(limits[axis]),
+            )
 
         return worst(of_axes(robot, "position"), overshoots, why)
 
@@ -64,7 +71,9 @@ class TorqueLimit(MonitorSection):
         super().check(name, station)
         limit = self._limits(station.robot(self.robot, f"monitors.{name}"))
         if not (limit > 0).all():
-            raise InvalidParameter(f"monitors.{name}.limit", float(limit.min()), "positive [N·m or N]")
+            raise InvalidParameter(
+                f"monitors.{name}.limit", float(limit.min()), message("parts.positive_torque", "positive [N·m or N]")
+            )
 
     def _limits(self, robot: ResolvedRobot) -> Vector:
         own = robot.gains.torque_limit
@@ -78,7 +87,12 @@ class TorqueLimit(MonitorSection):
         has_lines = self.limit is None and gains.line is not None and station.engine.moves_by_forces
 
         def why_of_motor(index: int, _: float) -> str:
-            return f"{robot.axes[index]} stayed at the limit of its motor for {self.hold:g} s"
+            return message(
+                "parts.stayed_at_motor_limit",
+                "{axis} stayed at the limit of its motor for {hold:g} s",
+                axis=robot.axes[index],
+                hold=self.hold,
+            )
 
         def excess_of_motors(torque: Vector, speed: Vector) -> Vector:
             return gains.torque_shares(torque, speed) - 1 + _AT_LIMIT
@@ -87,9 +101,20 @@ class TorqueLimit(MonitorSection):
             return worst(of_axes(robot, "torque", "velocity"), excess_of_motors, why_of_motor)
 
         def why(index: int, _: float) -> str:
-            bound = f"{limit[index]:g} {robot.model.units[index].effort}"
-            what = "its torque limit" if self.limit is None else "the limit"
-            return f"{robot.axes[index]} stayed at {what} of {bound} for {self.hold:g} s"
+            bound = compound("{limit:g} {effort}", limit=limit[index], effort=robot.model.units[index].effort)
+            what = (
+                message("parts.its_torque_limit", "its torque limit")
+                if self.limit is None
+                else message("parts.the_limit", "the limit")
+            )
+            return message(
+                "parts.stayed_at_limit",
+                "{axis} stayed at {what} of {bound} for {hold:g} s",
+                axis=robot.axes[index],
+                what=what,
+                bound=bound,
+                hold=self.hold,
+            )
 
         return worst(of_axes(robot, "torque"), lambda torque: np.abs(torque) / limit - 1 + _AT_LIMIT, why)
 
@@ -125,8 +150,15 @@ class Settled(MonitorSection):
 
         def why(*_: Vector) -> str:
             bounds = zip(speed, robot.model.units, strict=True)
-            speeds = dict.fromkeys(f"{bound / unit.size:g} {unit.name}/s" for bound, unit in bounds)
-            return f"the robot has stood still (below {' and '.join(speeds)}) for {self.hold:g} s"
+            speeds = dict.fromkeys(
+                compound("{bound:g} {unit}/s", bound=bound / unit.size, unit=unit.name) for bound, unit in bounds
+            )
+            return message(
+                "parts.stood_still",
+                "the robot has stood still (below {speeds}) for {hold:g} s",
+                speeds=join_texts(speeds, message("base.and", " and ")),
+                hold=self.hold,
+            )
 
         return Condition(of_axes(robot, "velocity", *more), excess, why)
 
@@ -144,7 +176,14 @@ class Divergence(MonitorSection):
 
         def why(index: int, excess: float) -> str:
             unit, speed = f"{robot.model.units[index].si}/s", excess + self.speed_limit
-            return f"{robot.axes[index]} ran away: {speed:.4g} {unit}, above {self.speed_limit:g} {unit}"
+            return message(
+                "parts.ran_away",
+                "{axis} ran away: {speed:.4g} {unit}, above {limit:g} {unit}",
+                axis=robot.axes[index],
+                speed=speed,
+                unit=unit,
+                limit=self.speed_limit,
+            )
 
         return worst(of_axes(robot, "velocity"), lambda velocity: np.abs(velocity) - self.speed_limit, why)
 
@@ -159,7 +198,13 @@ class PowerLimit(MonitorSection):
     def condition(self, name: str, station: Surroundings) -> Condition:
         """Return what ends a run; its excess is the power over the limit [W]."""
         robot = station.robot(self.robot, f"monitors.{name}")
-        why = f"the power of the joints of {robot.name} reached the limit of {self.limit:g} W{self.lasting}"
+        why = message(
+            "parts.power_reached_limit",
+            "the power of the joints of {robot} reached the limit of {limit:g} W{lasting}",
+            robot=robot.name,
+            limit=self.limit,
+            lasting=self.lasting,
+        )
 
         def power(torque: Vector, velocity: Vector) -> Vector:
             return np.array([np.abs(torque * velocity).sum() - self.limit])
@@ -181,7 +226,11 @@ class EmptyGrip(MonitorSection):
         super().check(name, station)
         robot = station.robot(self.robot, f"monitors.{name}")
         if not robot.model.fingers:
-            expected = f"one with a gripper: in its robot.yaml; {gripper_advice(robot.model)}"
+            expected = message(
+                "parts.robot_with_gripper",
+                "one with a gripper: in its robot.yaml; {advice}",
+                advice=gripper_advice(robot.model),
+            )
             raise InvalidParameter(f"monitors.{name}.robot", robot.name, expected)
 
     def condition(self, name: str, station: Surroundings) -> Condition:
@@ -196,7 +245,9 @@ class EmptyGrip(MonitorSection):
         def excess(position: Vector) -> float:
             return nothing - float(((position[places] - closed) / (opened - closed)).max())
 
-        why = f"the fingers of {robot.name} closed with nothing between them"
+        why = message(
+            "parts.fingers_closed", "the fingers of {robot} closed with nothing between them", robot=robot.name
+        )
         return Condition(of_axes(robot, "position"), excess, lambda _: why)
 
 
@@ -210,8 +261,22 @@ class Contact(SensorMonitorSection):
     def condition(self, name: str, station: Surroundings) -> Condition:
         """Return what ends a run, as the proximity switch of the Simulink library does; its excess is in metres."""
         sensor = self.watched_sensor(name, station, "distance")
-        names = f"{station.sensors[sensor].body} and {station.sensors[sensor].other}"
-        why = f"{names} are nearer than {1e3 * self.distance:g} mm" if self.distance else f"{names} touch"
+        names = message(
+            "parts.body_and_other",
+            "{body} and {other}",
+            body=station.sensors[sensor].body,
+            other=station.sensors[sensor].other,
+        )
+        why = (
+            message(
+                "parts.nearer_than",
+                "{names} are nearer than {distance:g} mm",
+                names=names,
+                distance=1e3 * self.distance,
+            )
+            if self.distance
+            else message("parts.touch", "{names} touch", names=names)
+        )
         return worst({f"distance.{sensor}": 1}, lambda distance: self.distance - distance, lambda *_: why)
 
 
@@ -226,8 +291,19 @@ class ForceLimit(SensorMonitorSection):
         """Return what ends a run; its excess is the size of the force over the limit [N]."""
         sensor = self.watched_sensor(name, station, "force")
         body, limit = station.sensors[sensor].body, force_limit(self.limit)
-        region = f" of {self.limit.replace('_', ' ')}" if isinstance(self.limit, str) else ""
-        why = f"the force on {body} reached the limit of {limit:g} N{region}{self.lasting}"
+        region = (
+            message("parts.of_region", " of {limit}", limit=self.limit.replace("_", " "))
+            if isinstance(self.limit, str)
+            else ""
+        )
+        why = message(
+            "parts.force_reached_limit",
+            "the force on {body} reached the limit of {limit:g} N{region}{lasting}",
+            body=body,
+            limit=limit,
+            region=region,
+            lasting=self.lasting,
+        )
         return worst({f"force.{sensor}": 3}, lambda force: np.array([np.linalg.norm(force) - limit]), lambda *_: why)
 
 
@@ -247,7 +323,11 @@ def quasi_static_limits() -> dict[str, float]:
 def force_limit(limit: float | str) -> float:
     """Return a limit [N]: a number as it is, a body region's from the table; raises UnknownName: no such region."""
     regions = quasi_static_limits()
-    return regions[one_of("body region", limit, regions)] if isinstance(limit, str) else limit
+    return (
+        regions[one_of(message("parts.body_region", "body region"), limit, regions)]
+        if isinstance(limit, str)
+        else limit
+    )
 
 
 class Fall(PoseMonitorSection):
@@ -262,7 +342,7 @@ class Fall(PoseMonitorSection):
     @model_validator(mode="after")
     def _some_bound(self) -> "Fall":
         if self.height is None and self.tilt_deg is None:
-            raise ValueError("a fall needs a bound: height or tilt_deg")
+            raise ValueError(message("parts.fall_needs_bound", "a fall needs a bound: height or tilt_deg"))
         return self
 
     def faller(self, only_robot: str | None) -> str | None:
@@ -289,14 +369,20 @@ class Fall(PoseMonitorSection):
         def why(pose: Vector) -> str:
             low, leaning = parts(pose)
             if not (math.isfinite(low) and math.isfinite(leaning)):
-                return f"{who} is nowhere"
+                return message("parts.is_nowhere", "{who} is nowhere", who=who)
             if tilt is None or low >= leaning:
-                return f"{who} fell: its height is below {self.height:g} m"
-            return f"{who} fell: it leans by more than {self.tilt_deg:g} deg"
+                return message(
+                    "parts.fell_too_low", "{who} fell: its height is below {height:g} m", who=who, height=self.height
+                )
+            return message(
+                "parts.fell_leaning", "{who} fell: it leans by more than {tilt:g} deg", who=who, tilt=self.tilt_deg
+            )
 
         return Condition(watched, excess, why)
 
 
+_UPPER, _LOWER = message("base.upper", "upper"), message("base.lower", "lower")
+_ABOVE, _BELOW = message("parts.above", "above"), message("parts.below", "below")
 _XYZ = "xyz"
 
 
@@ -314,7 +400,9 @@ class Workspace(PoseMonitorSection):
     @model_validator(mode="after")
     def _not_empty(self) -> "Workspace":
         if any(low >= high for low, high in zip(self.lower, self.upper, strict=True)):
-            raise ValueError(f"lower must be below upper, {list(self.upper)}")
+            raise ValueError(
+                message("parts.lower_below_upper", "lower must be below upper, {upper}", upper=list(self.upper))
+            )
         return self
 
     def condition(self, name: str, station: Surroundings) -> Condition:
@@ -326,7 +414,14 @@ class Workspace(PoseMonitorSection):
 
         def why(index: int, _: float) -> str:
             axis = index % len(_XYZ)
-            side, bound = ("above", self.upper[axis]) if index < len(_XYZ) else ("below", self.lower[axis])
-            return f"{who} left its workspace: {_XYZ[axis]} {side} {bound:g} m"
+            side, bound = (_ABOVE, self.upper[axis]) if index < len(_XYZ) else (_BELOW, self.lower[axis])
+            return message(
+                "parts.left_workspace",
+                "{who} left its workspace: {axis} {side} {bound:g} m",
+                who=who,
+                axis=_XYZ[axis],
+                side=side,
+                bound=bound,
+            )
 
         return worst(watched, overshoots, why)

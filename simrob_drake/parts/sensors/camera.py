@@ -38,6 +38,7 @@ from pydrake.systems.sensors import CameraInfo
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector, transform_from_pose
 from simrob_drake.base.lifetime import weakly
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import ORIGIN, Boolean, Integer, NotNegative, Pose, Positive
 from simrob_drake.blocks.block import Block, fed
 from simrob_drake.parts.resolved import WORLD
@@ -190,7 +191,14 @@ class CameraSensor(Sensor):
     @model_validator(mode="after")
     def _check_depths(self) -> Self:
         if self.far <= self.near:
-            raise ValueError(f"far is {self.far:g}; it must be more than near ({self.near:g})")
+            raise ValueError(
+                message(
+                    "parts.far_below_near",
+                    "far is {far:g}; it must be more than near ({near:g})",
+                    far=self.far,
+                    near=self.near,
+                )
+            )
         return self
 
     @property
@@ -233,6 +241,10 @@ class CameraSensor(Sensor):
         eye = (query.GetPoseInWorld(parent) @ pose).translation()
         for found in query.ComputeSignedDistanceToPoint(eye, 0.0):
             if found.distance < -_INSIDE:
-                where = f"at {', '.join(f'{value:.3g}' for value in eye)} m, inside of "
+                where = message(
+                    "parts.eye_inside_of", "at {eye} m, inside of ", eye=", ".join(f"{value:.3g}" for value in eye)
+                )
                 where += owner_of_shape(station, found.id_G)
-                raise InvalidParameter(f"sensors.{name}.pose", where, "outside of every body")
+                raise InvalidParameter(
+                    f"sensors.{name}.pose", where, message("parts.outside_of_bodies", "outside of every body")
+                )

@@ -8,6 +8,7 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Integer, NotNegative, Positive
 from simrob_drake.base.signals import Panel, Signal, sensor_panel
 from simrob_drake.blocks.block import fed, joined, mapped
@@ -109,8 +110,12 @@ class JointTorque(Sensor):
         """Check that the scheme tells reaction forces, too."""
         super().check(key, station)
         if not station.engine.reports_forces_of_joints:
-            expected = f"left out under {station.engine.name}, which tells no forces of joints; read the output torque"
-            raise InvalidParameter(key, "a joint_torque sensor", expected)
+            expected = message(
+                "parts.no_joint_forces",
+                "left out under {engine}, which tells no forces of joints; read the output torque",
+                engine=station.engine.name,
+            )
+            raise InvalidParameter(key, message("parts.joint_torque_sensor", "a joint_torque sensor"), expected)
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
         """Add ``joint_torque.<sensor>`` (n) [N·m or N]."""

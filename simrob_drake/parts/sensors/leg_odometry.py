@@ -34,6 +34,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.frames import Vector, rotation_of, xyz_quaternion_from_transform
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Boolean, Positive
 from simrob_drake.base.signals import POSE, VELOCITY, Panel, Signal
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
@@ -80,28 +81,57 @@ class LegOdometry(SampledSensor):
         """Check that the robot has feet, and its sensors sample as often; raises SimrobError: what does not fit."""
         robot = station.robot(self.robot, key)
         if not robot.floats or robot.feet is None:
-            raise InvalidParameter(key, f"of {robot.model.name}", "of a robot that stands on feet of its own")
+            raise InvalidParameter(
+                key,
+                message("parts.of_model", "of {model}", model=robot.model.name),
+                message("parts.robot_on_own_feet", "of a robot that stands on feet of its own"),
+            )
         kinds = {"imu": "imu", "encoders": "encoders", **dict.fromkeys(robot.feet.links, "force")}
         for what in dict.fromkeys(["imu", "encoders", *self.reads]):
-            kind, where = kinds[one_of(f"input for {key}.reads", what, kinds)], f"{key}.reads.{what}"
+            kind, where = (
+                kinds[one_of(message("parts.input_for", "input for {key}.reads", key=key), what, kinds)],
+                f"{key}.reads.{what}",
+            )
             known = _of_kind(station.sensors, kind)
-            named(self.reads.get(what), known, kind=f"sensor of kind {kind} for {where}", key=where)
+            named(
+                self.reads.get(what),
+                known,
+                kind=message("parts.sensor_of_kind", "sensor of kind {kind} for {where}", kind=kind, where=where),
+                key=where,
+            )
         feet = [foot for foot in robot.feet.links if foot in self.reads]
         if feet and len(feet) < len(robot.feet.links):
-            raise InvalidParameter(f"{key}.reads", f"with {', '.join(feet)}", "with all feet, or none")
+            raise InvalidParameter(
+                f"{key}.reads",
+                message("parts.with_feet", "with {feet}", feet=", ".join(feet)),
+                message("parts.all_feet_or_none", "with all feet, or none"),
+            )
         self._check_sensors(key, station, robot)
 
     def _check_sensors(self, key: str, station: Surroundings, robot: ResolvedRobot) -> None:
         read, root = self.read(station.sensors), f"{robot.prefix}{robot.model.root}"
         imu, encoders = (station.sensors[read[kind]] for kind in ("imu", "encoders"))
         if imu.frame not in (None, root):
-            raise InvalidParameter(f"sensors.{read['imu']}.frame", imu.frame, f"{root} for {key}, or left out")
+            raise InvalidParameter(
+                f"sensors.{read['imu']}.frame",
+                imu.frame,
+                message("parts.root_for", "{root} for {key}, or left out", root=root, key=key),
+            )
         if station.robot(encoders.robot, key) is not robot:
-            raise InvalidParameter(f"sensors.{read['encoders']}.robot", encoders.robot, f"{robot.name} for {key}")
+            raise InvalidParameter(
+                f"sensors.{read['encoders']}.robot",
+                encoders.robot,
+                message("parts.of_robot_for", "{robot} for {key}", robot=robot.name, key=key),
+            )
         for kind, sensor in (("imu", imu), ("encoders", encoders)):
             if sensor.rate != self.rate:
-                expected = f"{sensor.rate:g} Hz, that of sensors.{read[kind]}: each of its samples counts once"
-                raise InvalidParameter(f"{key}.rate", f"{self.rate:g} Hz", expected)
+                expected = message(
+                    "parts.rate_of_sensor",
+                    "{rate:g} Hz, that of sensors.{read}: each of its samples counts once",
+                    rate=sensor.rate,
+                    read=read[kind],
+                )
+                raise InvalidParameter(f"{key}.rate", compound("{rate:g} Hz", rate=self.rate), expected)
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
         """Add ``base_pose.<sensor>`` (7: x y z [m] qw qx qy qz) and ``base_velocity.<sensor>`` (6) [m/s, rad/s].

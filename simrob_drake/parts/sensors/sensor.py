@@ -13,6 +13,7 @@ from pydrake.systems.primitives import ZeroOrderHold
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.lifetime import release_with
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Boolean, NotNegative, Positive, Strict
 from simrob_drake.base.signals import Compute, Recorded, Signal
 from simrob_drake.blocks.block import fed
@@ -73,7 +74,11 @@ class ShapeSensor(Sensor):
 def check_contact(key: str, sensor: str, station: Surroundings) -> None:
     """Check that a station has the contact section that a sensor needs."""
     if not station.has_contact:
-        raise InvalidParameter(key, sensor, "in a station with a contact: section ({} takes its defaults)")
+        raise InvalidParameter(
+            key,
+            sensor,
+            message("parts.contact_section_needed", "in a station with a contact: section ({{}} takes its defaults)"),
+        )
 
 
 def sampled(builder: DiagramBuilder, name: str, port: OutputPort, rate: float | None) -> OutputPort:

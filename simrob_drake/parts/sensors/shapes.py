@@ -13,6 +13,7 @@ from pydrake.systems.primitives import Demultiplexer
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Integer, NotNegative
 from simrob_drake.base.signals import Recorded, Signal, sensor_panel
 from simrob_drake.blocks.block import fed
@@ -39,7 +40,7 @@ class Distance(ShapeSensor):
         check_body(station, f"{key}.body", self.body)
         check_body(station, f"{key}.other", self.other)
         if station.engine.moves_by_forces:
-            check_contact(key, "a distance sensor", station)
+            check_contact(key, message("parts.a_distance_sensor", "a distance sensor"), station)
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
         """Add ``distance.<sensor>`` (1) [m]."""
@@ -90,7 +91,12 @@ class Force(ShapeSensor):
     @model_validator(mode="after")
     def _samples_to_err(self) -> "Force":
         if self._errs and self.rate is None:
-            raise ValueError("a force sensor with noise, a resolution or a delay samples: it needs a rate")
+            raise ValueError(
+                message(
+                    "parts.force_sensor_needs_rate",
+                    "a force sensor with noise, a resolution or a delay samples: it needs a rate",
+                )
+            )
         return self
 
     def check(self, key: str, station: Surroundings) -> None:
@@ -99,10 +105,17 @@ class Force(ShapeSensor):
         if self.other is not None:
             check_body(station, f"{key}.other", self.other)
         if not station.engine.moves_by_forces:
-            expected = "in a dynamic station: a kinematic one computes no contacts (a distance sensor works there)"
-            raise InvalidParameter(key, "a force sensor in a kinematic station", expected)
+            expected = message(
+                "parts.contacts_in_dynamic_station",
+                "in a dynamic station: a kinematic one computes no contacts (a distance sensor works there)",
+            )
+            raise InvalidParameter(
+                key,
+                message("parts.force_sensor_in_kinematic_station", "a force sensor in a kinematic station"),
+                expected,
+            )
         check_frame(station, f"{key}.frame", self.frame)
-        check_contact(key, "a force sensor", station)
+        check_contact(key, message("parts.a_force_sensor", "a force sensor"), station)
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
         """Add ``force.<sensor>`` (3) [N] and ``moment.<sensor>`` (3) [N·m]."""

@@ -14,6 +14,7 @@ from scipy.interpolate import BPoly
 
 from simrob_drake.base.errors import InvalidParameter, UnknownName
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Number, Positive
 from simrob_drake.programs.gaits.motion import EvenSteps, JointMotion, Pace, SolvedGait
 from simrob_drake.programs.gaits.phases import Phase, check_steps, gait_plan, on_path, ramp_shares
@@ -49,7 +50,7 @@ walk = BipedWalk.planned
 
 def planned_walk(walker: Walker, steps: int, gait: BipedWalk) -> tuple[JointMotion, Vector, Vector]:
     """Return a walk, and its zero-moment point as asked for and as planned, each (m, 2) [m]."""
-    feet = walker.feet_called(SIDES, gait.feet, "two feet, to walk so")
+    feet = walker.feet_called(SIDES, gait.feet, message("programs.two_feet_to_walk", "two feet, to walk so"))
     _check(walker.model.name, steps, gait, feet)
     start = {name: np.array([0.0, foot.home[1] + foot.side * gait.widen, 0.0]) for name, foot in feet.items()}
     way = gait_plan(start, np.array([gait.zmp_ahead, 0.0]), _phases(steps, gait, start))
@@ -86,10 +87,17 @@ def _phases(steps: int, gait: BipedWalk, start: dict[str, Vector]) -> list[Phase
 def _check(robot: str, steps: int, gait: BipedWalk, feet: dict[str, Foot]) -> None:
     check_steps(steps)
     if not gait.double_support < 1:
-        raise InvalidParameter("double_support", gait.double_support, "a part of the step, less than 1")
+        raise InvalidParameter(
+            "double_support", gait.double_support, message("programs.part_of_step", "a part of the step, less than 1")
+        )
     if any(len(foot.axes) == 4 for foot in feet.values()) and (gait.turn_deg or gait.sideways):
-        raise InvalidParameter("turn_deg, sideways", (gait.turn_deg, gait.sideways),
-                               f"0, since the legs of {robot} cannot turn or roll their feet")  # fmt: skip
+        raise InvalidParameter(
+            "turn_deg, sideways",
+            (gait.turn_deg, gait.sideways),
+            message(
+                "programs.legs_cannot_turn", "0, since the legs of {robot} cannot turn or roll their feet", robot=robot
+            ),
+        )
 
 
 class Kick(SolvedGait):
@@ -157,11 +165,15 @@ class Kick(SolvedGait):
         return aim if radius <= kicking.over else {**aim, "lift": radius - kicking.over}
 
     def _feet(self, walker: Walker) -> dict[str, Foot]:
-        feet = walker.feet_called(SIDES, self.feet, "two, to kick")
+        feet = walker.feet_called(SIDES, self.feet, message("programs.two_feet_to_kick", "two, to kick"))
         if self.foot is not None and self.foot not in feet:
-            raise UnknownName(f"foot of {walker.model.name}", self.foot, feet)
+            raise UnknownName(message("programs.foot_of", "foot of {model}", model=walker.model.name), self.foot, feet)
         if self.toward_deg and any(len(foot.axes) < 6 for foot in feet.values()):
-            expected = f"0, since the legs of {walker.model.name} cannot turn their feet"
+            expected = message(
+                "programs.legs_cannot_turn_feet",
+                "0, since the legs of {model} cannot turn their feet",
+                model=walker.model.name,
+            )
             raise InvalidParameter("toward_deg", self.toward_deg, expected)
         return feet
 

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import NotNegative, Number, Positive
 from simrob_drake.blocks.references import smooth
 from simrob_drake.programs.gaits.biped import SIDES
@@ -180,8 +181,14 @@ class Climb(SolvedGait):
         feet = {foot.name: foot for foot in walker.feet(self.feet)}
         two = sorted(feet) == sorted(SIDES) and all(len(foot.axes) == 6 for foot in feet.values())
         if not two and sorted(feet) != sorted(CRAWL_ORDER):
-            expected = "one with two legs of six joints, or with four legs, to climb so"
-            raise InvalidParameter(f"robot {walker.model.name}", f"one with {len(feet)} feet", expected)
+            expected = message(
+                "programs.legs_to_climb", "one with two legs of six joints, or with four legs, to climb so"
+            )
+            raise InvalidParameter(
+                message("base.robot_called", "robot {name}", name=walker.model.name),
+                message("programs.count_of_feet", "one with {count} feet", count=len(feet)),
+                expected,
+            )
         return WholeBody(walker, self, self._gait_plan(feet)).solve()[0]
 
     def _gait_plan(self, feet: Mapping[str, Foot]) -> GaitPlan:
@@ -299,7 +306,11 @@ class SoleFootholds:
         """Return that of the tread at a place of a foot, (3,) [m]; raises InvalidParameter: the ground is not level."""
         tread = self._ground.tread(place[0])
         if tread is None:
-            raise InvalidParameter("place of a foot", f"{place[0]:.2f} m ahead", "on level ground")
+            raise InvalidParameter(
+                message("programs.place_of_foot", "place of a foot"),
+                message("programs.place_ahead", "{place:.2f} m ahead", place=place[0]),
+                message("programs.on_level_ground", "on level ground"),
+            )
         return tread.height
 
     def next(self, places: Places) -> FootGoals | None:
@@ -309,7 +320,15 @@ class SoleFootholds:
         stride = self._ground.next_stride(place, sole, self._gait.stride, self._distance)
         if stride is None:
             if not self._ground.reaches(place, self._distance):
-                raise _ends(self._distance, place, f"level place as long as a sole ({2 * self._half:.3g} m)")
+                raise _ends(
+                    self._distance,
+                    place,
+                    message(
+                        "programs.level_for_sole",
+                        "level place as long as a sole ({length:.3g} m)",
+                        length=2 * self._half,
+                    ),
+                )
             return None
         aside, goals = _kept_aside(np.mean([each[1] for each in places.values()])), dict[str, Vector]()
         for name, foot in self._feet.items():
@@ -340,7 +359,11 @@ class BallFootholds:
         goals = {name: self._foothold(name, aim + home, places[name]) for name, home in self._homes.items()}
         if np.mean([goal[0] for goal in goals.values()]) < middle[0] + AT_ONCE:
             if aim[0] < self._distance:
-                raise _ends(self._distance, float(middle[0]), "even places for the feet farther ahead")
+                raise _ends(
+                    self._distance,
+                    float(middle[0]),
+                    message("programs.even_places_ahead", "even places for the feet farther ahead"),
+                )
             return None  # the goal itself is uneven
         ways = [np.linspace(places[name][:2], goals[name][:2], 1 + round(self._gait.stride / SAMPLE)) for name in goals]
         heights = {name: self.height(goal) for name, goal in goals.items()}
@@ -358,7 +381,16 @@ class BallFootholds:
 
         shift = self._map.shift([complex(*wish)], 0j, holds, level, rise)
         if not holds(np.array([shift])).all():
-            raise _ends(self._distance, float(now[0]), f"even place for {name} within {rise:g} m of height (rise)")
+            raise _ends(
+                self._distance,
+                float(now[0]),
+                message(
+                    "programs.even_place_for_foot",
+                    "even place for {name} within {rise:g} m of height (rise)",
+                    name=name,
+                    rise=rise,
+                ),
+            )
         return np.array([wish[0] + shift.real, wish[1] + shift.imag, 0.0])
 
 
@@ -371,5 +403,7 @@ def _kept_aside(aside: float) -> float:
 
 
 def _ends(distance: float, place: float, lacks: str) -> InvalidParameter:
-    expected = f"at most {place:.2f} m: the ground beyond has no {lacks}"
-    return InvalidParameter("distance", f"{distance:g} m", expected)
+    expected = message(
+        "programs.ground_beyond", "at most {place:.2f} m: the ground beyond has no {lacks}", place=place, lacks=lacks
+    )
+    return InvalidParameter("distance", compound("{distance:g} m", distance=distance), expected)

@@ -9,6 +9,7 @@ import numpy as np
 
 from simrob_drake.base.errors import InvalidParameter, SimrobError
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.kinematics.numeric import fit_postures
 from simrob_drake.programs.gaits.walker import Foot
 from simrob_drake.robots.catalog import RobotModel
@@ -49,7 +50,11 @@ def leg_angles(
     """
     axes = list(foot.axes)  # indices of the leg's axes
     if len(axes) not in ROWS:
-        raise InvalidParameter(f"leg of {foot.name}", f"{len(axes)} joints", "three, four or six joints")
+        raise InvalidParameter(
+            message("programs.leg_of", "leg of {foot}", foot=foot.name),
+            message("programs.count_of_joints", "{count} joints", count=len(axes)),
+            message("programs.joints_of_leg", "three, four or six joints"),
+        )
     rows = ROWS[len(axes)]
     weights = np.zeros(6)  # of squared errors; a coordinate that the leg cannot reach has the weight 0
     weights[rows] = [1.0 if row < _POSITION_ROWS else _METRES_PER_RADIAN**2 for row in rows]
@@ -71,8 +76,14 @@ def leg_angles(
         worst = int(distances.argmax())
         distance = _two_digits(1e3 * distances[worst])
         raise OutOfReach(
-            f"the leg of {foot.name} is out of reach by {distance} mm at {message_times[worst]:.2f} s;"
-            " take shorter or lower steps, or let the hips come down"
+            message(
+                "programs.leg_out_of_reach",
+                "the leg of {foot} is out of reach by {distance} mm at {time:.2f} s; take shorter or "
+                "lower steps, or let the hips come down",
+                foot=foot.name,
+                distance=distance,
+                time=message_times[worst],
+            )
         )
     _check_limits(model, foot, angles, message_times)
     return angles
@@ -103,6 +114,13 @@ def _check_limits(model: RobotModel, foot: Foot, angles: Vector, times: Vector) 
         if violation is not None:
             name = list(model.axes)[axis]
             raise OutOfReach(
-                f"{name} would need {violation.value} deg at {times[row]:.2f} s, {violation.excess} deg beyond its"
-                f" limits of {violation.limits}"
+                message(
+                    "programs.axis_beyond_limits",
+                    "{name} would need {position} deg at {time:.2f} s, {excess} deg beyond its limits of {limits}",
+                    name=name,
+                    position=violation.value,
+                    time=times[row],
+                    excess=violation.excess,
+                    limits=violation.limits,
+                )
             )

@@ -13,6 +13,7 @@ from simrob_drake.base.arguments import number
 from simrob_drake.base.errors import UnknownName
 from simrob_drake.base.files import ROBOT_FILE, models_root
 from simrob_drake.base.frames import Vector, poses_from_matrices
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Integer, NotNegative, Number, Strict, validated
 from simrob_drake.blocks.references import hermite
 from simrob_drake.parts.monitors.sections import Fall
@@ -199,8 +200,21 @@ class Gait(Strict):
         known = file.section(cls.section)
         if name not in known:
             sections = [section for section in file.sections if section != REACTING]
-            others = [f"{other} ({section})" for section in sections for other in file.section(section)]
-            raise UnknownName(f"gait of {walker.model.name} under {cls.section}", name, known or others)
+            others = [
+                compound("{other} ({section})", other=other, section=section)
+                for section in sections
+                for other in file.section(section)
+            ]
+            raise UnknownName(
+                message(
+                    "programs.gait_under",
+                    "gait of {model} under {section}",
+                    model=walker.model.name,
+                    section=cls.section,
+                ),
+                name,
+                known or others,
+            )
         found = validated(cls, dict(known[name]), f"{file.file}: {cls.section}.{name}")
         return found.changed(changes, amplitude, name)
 
@@ -208,7 +222,11 @@ class Gait(Strict):
         """Return it with changes, scaled by an amplitude; raises InvalidParameter, InvalidConfig: what cannot be."""
         amplitude = number(amplitude, "amplitude")
         scaled = {key: amplitude * value for key in self.scaled if (value := getattr(self, key, 0.0))}
-        return validated(type(self), {**self.model_dump(exclude_unset=True), **scaled, **changes}, f"gait {name}")
+        return validated(
+            type(self),
+            {**self.model_dump(exclude_unset=True), **scaled, **changes},
+            message("programs.gait_called", "gait {name}", name=name),
+        )
 
     @classmethod
     def planned(

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from simrob_drake.base.arguments import whole
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.blocks.references import smooth
 
 SAMPLE = 0.01  # time between the samples of a plan [s]
@@ -34,9 +35,17 @@ class Phase:
     def __post_init__(self) -> None:
         """Check the times; raises InvalidParameter: a phase without duration, or with more in it than it lasts."""
         if not self.duration > 0:
-            raise InvalidParameter("duration of a phase", self.duration, "positive [s]")
+            raise InvalidParameter(
+                message("programs.duration_of_phase", "duration of a phase"),
+                self.duration,
+                message("programs.positive_time", "positive [s]"),
+            )
         if self.transfer > self.duration + 1e-9 or self.delay + self.rest + self.hold >= self.duration:
-            raise InvalidParameter("phase", repr(self), "one whose parts are no longer than itself")
+            raise InvalidParameter(
+                "phase",
+                repr(self),
+                message("programs.phase_longer_than_parts", "one whose parts are no longer than itself"),
+            )
 
 
 @dataclass(frozen=True)
@@ -62,7 +71,7 @@ def gait_plan(feet: Mapping[str, Vector], zmp: Vector, phases: Sequence[Phase]) 
     Raises UnknownName: a phase swings a foot that is none; InvalidParameter: no phase at all.
     """
     if not phases:
-        raise InvalidParameter("phases", "empty", "at least one")
+        raise InvalidParameter("phases", "empty", message("programs.at_least_one", "at least one"))
     ends = np.cumsum([phase.duration for phase in phases])
     times = samples(float(ends[-1]))
     paths = {name: np.tile([*place[:2], 0.0, place[2]], (len(times), 1)) for name, place in feet.items()}
@@ -99,7 +108,11 @@ def _ratio(part: Vector, whole: float) -> Vector:
 def samples(duration: float) -> Vector:
     """Return times of a plan's samples (m,) [s]; raises InvalidParameter: no time, or more than is planned at once."""
     if not 0 < duration <= _LONGEST:
-        raise InvalidParameter("gait", f"{duration:.6g} s long", f"at most {_LONGEST:g} s long; take fewer steps")
+        raise InvalidParameter(
+            "gait",
+            message("programs.seconds_long", "{duration:.6g} s long", duration=duration),
+            message("programs.at_most_long", "at most {longest:g} s long; take fewer steps", longest=_LONGEST),
+        )
     return np.arange(round(duration / SAMPLE) + 1, dtype=float) * SAMPLE
 
 

@@ -7,6 +7,7 @@ from pydantic import Field
 
 from simrob_drake.base.errors import InvalidParameter, UnknownName
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Integer, Number, Positive
 from simrob_drake.programs.gaits.motion import EvenSteps, JointMotion, Pace, SolvedGait
 from simrob_drake.programs.gaits.phases import Phase, check_steps, gait_plan, on_path, ramp_shares
@@ -112,7 +113,7 @@ class Stand(SolvedGait):
         """Return its motion."""
         start, foot = _stance(walker, self), self.foot
         if foot not in start:
-            raise UnknownName(f"foot of {walker.model.name}", foot, start)
+            raise UnknownName(message("programs.foot_of", "foot of {model}", model=walker.model.name), foot, start)
         triangle = np.array([at[:2] for other, at in start.items() if other != foot])
         over = moved_inside(np.zeros(2), triangle, self.inside)
         rise = 0.6
@@ -156,13 +157,17 @@ def moved_inside(point: Vector, triangle: Vector, margin: float) -> Vector:
     candidates += [np.linalg.solve(normals[[a, b]], offsets[[a, b]]) for a, b in ((0, 1), (1, 2), (2, 0))]
     inside = [place for place in candidates if (normals @ place >= offsets - 1e-9).all()]
     if not inside:
-        raise InvalidParameter("inside", margin, "smaller than what the triangle of three feet has room for [m]")
+        raise InvalidParameter(
+            "inside",
+            margin,
+            message("programs.within_triangle", "smaller than what the triangle of three feet has room for [m]"),
+        )
     return min(inside, key=lambda place: float(np.linalg.norm(place - point)))
 
 
 def _stance(walker: Walker, gait: SolvedGait) -> dict[str, Vector]:
     """Return where the feet stand about the middle of them, shape (3,) each [m, rad]."""
-    feet = walker.feet_called(CRAWL_ORDER, gait.feet, "four feet, to walk so")
+    feet = walker.feet_called(CRAWL_ORDER, gait.feet, message("programs.four_feet_to_walk", "four feet, to walk so"))
     return {name: np.array([foot.home[0], foot.home[1] + foot.side * gait.widen, 0.0]) for name, foot in feet.items()}
 
 

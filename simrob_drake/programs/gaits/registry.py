@@ -14,6 +14,7 @@ from pydantic import Field, create_model
 from simrob_drake.base.errors import InvalidParameter, SimrobError
 from simrob_drake.base.extension import check_usable, classes_of_extensions, register_core_names
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Number, Strict, validated
 from simrob_drake.programs.gaits.biped import BipedWalk, Kick
 from simrob_drake.programs.gaits.climb import Climb
@@ -124,8 +125,14 @@ def first_gait(model: RobotModel, worn: str | None, known: Mapping[str, Gait]) -
         name for name in made if carries(model, worn, made[name])
     ]
     if not fitting:
-        kinds = ", ".join(dict.fromkeys(str(kind) for kind in made.values())) or "another robot"
-        raise InvalidParameter(f"feet of {model.name}", str(worn), f"some that it has a gait for: {kinds} (robot.feet)")
+        kinds = ", ".join(dict.fromkeys(str(kind) for kind in made.values())) or message(
+            "programs.another_robot", "another robot"
+        )
+        raise InvalidParameter(
+            message("programs.feet_of", "feet of {model}", model=model.name),
+            str(worn),
+            message("programs.feet_with_gait", "some that it has a gait for: {kinds} (robot.feet)", kinds=kinds),
+        )
     return fitting[0]
 
 

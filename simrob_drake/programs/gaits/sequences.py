@@ -11,6 +11,7 @@ from simrob_drake.base.arguments import positive
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.interpolation import stacked
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Boolean, Integer
 from simrob_drake.blocks.references import smooth
 from simrob_drake.kinematics.skeleton import Skeleton
@@ -96,7 +97,11 @@ class Posing(Gait):
                 times.append(begun + target.time)
                 postures.append(_vector(model, target.target_deg, postures[-1]))
         if (np.diff(times) <= 0).any():
-            raise InvalidParameter("targets", f"at {[target.time for target in self.targets]} s", "one after the other")
+            raise InvalidParameter(
+                "targets",
+                message("programs.at_times", "at {times} s", times=[target.time for target in self.targets]),
+                message("programs.one_after_other", "one after the other"),
+            )
         motion = _motion(walker, self.feet, times, postures, self.ramps, self.rest)
         return replace(motion, feed_velocity=self.feed_velocity, falls=self.falls)
 

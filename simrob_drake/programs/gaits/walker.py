@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.interpolation import stacked
+from simrob_drake.base.messages import message
 from simrob_drake.blocks.references import smooth
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.skeleton import Skeleton, skeleton_of
@@ -76,7 +77,11 @@ def feet_of(skeleton: Skeleton, facing_deg: float, kind: str | None = None) -> l
     """
     model = skeleton.model
     if model.feet is None:
-        raise InvalidParameter(f"robot {model.name}", "one without feet", "a legged one, to walk")
+        raise InvalidParameter(
+            message("base.robot_called", "robot {name}", name=model.name),
+            message("programs.robot_without_feet", "one without feet"),
+            message("programs.legged_robot", "a legged one, to walk"),
+        )
     contact = model.feet.kind(kind)
     turn = facing_rotation(facing_deg)
     names = {frame: tool for tool, frame in model.tools.items()}
@@ -172,7 +177,11 @@ class Walker:
         """Return the feet of a kind by their names; raises InvalidParameter: they are others; names what is needed."""
         feet = {foot.name: foot for foot in self.feet(kind)}
         if sorted(feet) != sorted(names):
-            raise InvalidParameter(f"robot {self.model.name}", f"one with {len(feet)} feet", f"one with {needed}")
+            raise InvalidParameter(
+                message("base.robot_called", "robot {name}", name=self.model.name),
+                message("programs.count_of_feet", "one with {count} feet", count=len(feet)),
+                message("programs.robot_with", "one with {needed}", needed=needed),
+            )
         return feet
 
 

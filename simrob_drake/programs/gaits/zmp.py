@@ -24,6 +24,7 @@ from scipy.linalg import solve_banded
 from simrob_drake.base.constants import STANDARD_GRAVITY
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.kinematics.skeleton import Skeleton
 
 LEVEL = np.array([0.0, 0.0, -STANDARD_GRAVITY])  # gravity over a level floor [m/s²]
@@ -66,7 +67,11 @@ def com_from_zmp(zmp: Vector, *, step: float, height: float, gravity: float = ST
         if not (np.isfinite(value) and value > 0):
             raise InvalidParameter(name, value, "positive")
     if zmp.ndim != 2 or len(zmp) < 3:
-        raise InvalidParameter("zmp", f"of shape {zmp.shape}", "(m, k) with m > 2")
+        raise InvalidParameter(
+            "zmp",
+            message("programs.of_shape", "of shape {shape}", shape=zmp.shape),
+            message("programs.of_shape_m_k", "(m, k) with m > 2"),
+        )
     off_diagonal = -height / gravity / step**2
     bands = np.zeros((3, len(zmp)))
     bands[0, 2:] = off_diagonal

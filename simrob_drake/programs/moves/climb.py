@@ -9,6 +9,7 @@ from pydantic import ConfigDict
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Positive
 from simrob_drake.programs.gaits.biped import SIDES
 from simrob_drake.programs.gaits.climb import BallFootholds, Climb, Footholds, Places, SoleFootholds
@@ -52,19 +53,28 @@ class ClimbMove(Move):
         """Check that the robot can stride so on level ground, and return the stage that looks for footholds then."""
         own = self.model_extra or {}
         if self.distance > _FARTHEST:
-            raise InvalidParameter("distance", f"{self.distance:g} m", f"at most {_FARTHEST:g} m at once")
+            raise InvalidParameter(
+                "distance",
+                compound("{distance:g} m", distance=self.distance),
+                message("programs.farthest_climb", "at most {farthest:g} m at once", farthest=_FARTHEST),
+            )
         planned_gait(robot, self.gait, own, station=outlook.station)
         worn = robot.worn_feet
         if not _has_edges(robot.model, worn):
-            expected = "soles with edges (boxes), which may stand over those of stairs: robot.feet"
-            raise InvalidParameter(f"feet of {robot.model.name}", str(worn), expected)
+            expected = message(
+                "programs.soles_with_edges",
+                "soles with edges (boxes), which may stand over those of stairs: robot.feet",
+            )
+            raise InvalidParameter(
+                message("programs.feet_of", "feet of {model}", model=robot.model.name), str(worn), expected
+            )
         outlook.changed = True
 
         def go(robot: LeggedGeometry) -> SimulationResult | None:
             with naming(name):
                 path = ClimbPath.of(robot, Climb.of(Walker.of(robot.model), self.gait, own), self.distance)
                 for place, aim in path.foreseen(robot).items():
-                    with naming(f"{place:.2f} m ahead"):
+                    with naming(message("programs.place_ahead", "{place:.2f} m ahead", place=place)):
                         planned_gait(robot, self.gait, {**own, **aim}, bends=True)
             runs = list[SimulationResult]()
             while not (runs and runs[-1].ending != "completed") and (aim := path.aim(*path.seen(robot))):

@@ -11,6 +11,7 @@ from pydantic import model_validator
 
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Duration, NotNegative, Pose, Positive
 from simrob_drake.programs.moves.move import Move, NameOf, Run
 from simrob_drake.programs.plan import Plan
@@ -42,7 +43,7 @@ class ToolMove(Move):
     @model_validator(mode="after")
     def _one_way(self) -> Self:
         if (self.name is None) == (self.pose is None):
-            raise ValueError("a tool is given by one of name and pose")
+            raise ValueError(message("programs.name_or_pose", "a tool is given by one of name and pose"))
         return self
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> None:
@@ -92,7 +93,13 @@ class FingerMove(Move):
         robot, row = planning.model, planning.start.copy()
         if not robot.fingers:
             raise InvalidParameter(
-                "robot", robot.name, f"one with a gripper: in its robot.yaml; {gripper_advice(robot)}"
+                "robot",
+                robot.name,
+                message(
+                    "programs.robot_with_gripper",
+                    "one with a gripper: in its robot.yaml; {advice}",
+                    advice=gripper_advice(robot),
+                ),
             )
         part = float(self.opens) if self.width is None else self._part(robot, self.width)
         for place, (closed, opened) in robot.fingers.items():
@@ -108,7 +115,16 @@ class FingerMove(Move):
         """Return which part of their way the fingers are open at a width [m]."""
         stroke = _known(stroke_of(robot), robot, "width", width)
         if width > stroke.widest * (1 + 1e-9):
-            raise InvalidParameter("width", width, f"at most {stroke.widest:.4g} m, as far as {robot.name} opens")
+            raise InvalidParameter(
+                "width",
+                width,
+                message(
+                    "programs.as_far_as_opens",
+                    "at most {widest:.4g} m, as far as {robot} opens",
+                    widest=stroke.widest,
+                    robot=robot.name,
+                ),
+            )
         return stroke.part(width)
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
@@ -155,19 +171,32 @@ class GripMove(FingerMove):
 
     def _check_force(self, planning: Planning, config: StationConfig, force: float) -> None:
         if not config.engine.moves_by_forces:
-            raise Unsuitable("force", "a kinematic station has no forces", "leave it out; attach() holds pieces there")
+            raise Unsuitable(
+                "force",
+                message("programs.no_forces", "a kinematic station has no forces"),
+                message("programs.attach_holds", "leave it out; attach() holds pieces there"),
+            )
         robot = planning.model
         stroke = _known(stroke_of(robot), robot, "force", force)
         most = (robot.gripper and robot.gripper.force) or _motors_force(robot, stroke)
         if force > most:
-            raise InvalidParameter("force", force, f"at most {most:.4g}, as much as the fingers have")
+            raise InvalidParameter(
+                "force",
+                force,
+                message("programs.as_much_as_fingers", "at most {most:.4g}, as much as the fingers have", most=most),
+            )
         servo = config.servo_of(planning.robot)
         gains = servo_gains(robot, servo)
         for place, (closed, opened) in robot.fingers.items():
             # of one that is wide open; a piece leaves less
             pressing = gains.kp[place] * abs(opened - closed) / stroke.effort(1.0)
             if servo.law == "pid" and gains.ki[place] == 0 and pressing < force:
-                expected = f"at most {pressing:.3g}, as servo.kp of {list(robot.axes)[place]} presses with wide open"
+                expected = message(
+                    "programs.pressing_wide_open",
+                    "at most {pressing:.3g}, as servo.kp of {axis} presses with wide open",
+                    pressing=pressing,
+                    axis=list(robot.axes)[place],
+                )
                 raise InvalidParameter("force", force, expected)
 
     def _force(self, robot: RobotModel, stroke: Stroke | None) -> float | None:
@@ -185,7 +214,14 @@ class OpenMove(FingerMove):
 def _known(stroke: Stroke | None, robot: RobotModel, key: str, value: float) -> Stroke:
     """Return how fingers close, which ``key`` asks for; raises InvalidParameter: their shapes do not tell."""
     if stroke is None:
-        raise Unsuitable(key, f"the fingers of {robot.name} have no shapes that tell where they meet")
+        raise Unsuitable(
+            key,
+            message(
+                "programs.fingers_without_shapes",
+                "the fingers of {robot} have no shapes that tell where they meet",
+                robot=robot.name,
+            ),
+        )
     return stroke
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Duration, Number
 from simrob_drake.programs.errors import JointLimitExceeded
 from simrob_drake.programs.geometry import LeggedGeometry
@@ -39,7 +40,7 @@ class JointMove(Move):
         """Move an arm there, straight in the joints, with the axes that are coupled to those that are named."""
         planning = cell.planning(robot)
         posture = planning.start.copy()
-        targets = targets_on(planning.model, self.target_deg, "the target")
+        targets = targets_on(planning.model, self.target_deg, message("programs.the_target", "the target"))
         for place, position in targets.items():
             posture[place] = position
         posture = with_partners(cell.model.resolved, planning.robot, posture, targets)
@@ -67,7 +68,11 @@ def targets_on(model: RobotModel, target_deg: Mapping[str, float], where: str, t
     for axis, value in target_deg.items():
         place = model.axis_index(axis, where)
         if place in found:
-            raise InvalidParameter(f"{where}: {axis}", "another name of an axis that it moves, too", "named once")
+            raise InvalidParameter(
+                compound("{where}: {axis}", where=where, axis=axis),
+                message("programs.other_name_of_axis", "another name of an axis that it moves, too"),
+                message("programs.named_once", "named once"),
+            )
         found[place] = float(value * units[place])
 
     places = list(found)
@@ -76,7 +81,14 @@ def targets_on(model: RobotModel, target_deg: Mapping[str, float], where: str, t
     violation = limits.find_violation(positions[np.newaxis])
     if violation is not None:
         unit = violation.unit
-        shown = f"{violation.value} {unit}, {violation.excess} {unit} beyond its limit of {violation.limit} {unit}"
+        shown = message(
+            "programs.beyond_limit",
+            "{position} {unit}, {excess} {unit} beyond its limit of {limit} {unit}",
+            position=violation.value,
+            unit=unit,
+            excess=violation.excess,
+            limit=violation.limit,
+        )
         name, value = names[places[violation.axis]], float(positions[violation.axis])
         raise JointLimitExceeded(where, name, point=1, time=time, value=value, shown=shown)
     return dict(zip(places, limits.clamp(positions, where).tolist(), strict=True))

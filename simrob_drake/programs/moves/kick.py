@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import ConfigDict
 
 from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Number, Positive
 from simrob_drake.programs.gaits.biped import Kick
 from simrob_drake.programs.gaits.motion import JointMotion
@@ -72,9 +73,18 @@ class KickMove(Move):
         worst = int((fastest / limits).argmax())
         if fastest[worst] > limits[worst]:
             raise InvalidParameter(
-                "speed of the kick", "the gait's" if self.speed is None else f"{self.speed:g} m/s",
-                f"slower: {robot.axes[worst]} would turn at {fastest[worst]:.2f} rad/s, and can at {limits[worst]:.2f}",
-            )  # fmt: skip
+                message("programs.speed_of_kick", "speed of the kick"),
+                message("programs.gaits_own", "the gait's")
+                if self.speed is None
+                else compound("{speed:g} m/s", speed=self.speed),
+                message(
+                    "programs.slower_kick",
+                    "slower: {axis} would turn at {speed:.2f} rad/s, and can at {limit:.2f}",
+                    axis=robot.axes[worst],
+                    speed=fastest[worst],
+                    limit=limits[worst],
+                ),
+            )
         return motion
 
     def aim(self, robot: LeggedGeometry) -> dict[str, Any]:
@@ -94,9 +104,11 @@ class KickMove(Move):
     def _radius(self, station: StationConfig) -> float:
         """Return the radius of the ball [m]."""
         name = str(self.ball)
-        one_of("piece", name, station.pieces)
+        one_of(message("base.piece", "piece"), name, station.pieces)
         piece = resolve(station).pieces[name]
         radii = [shape.sphere for shape in piece.model.shapes if shape.sphere is not None]
         if not piece.free or len(radii) != 1:
-            raise InvalidParameter("ball", name, "a free piece whose shape is a sphere")
+            raise InvalidParameter(
+                "ball", name, message("programs.a_free_sphere", "a free piece whose shape is a sphere")
+            )
         return radii[0]

@@ -14,6 +14,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from simrob_drake.base.errors import InvalidConfig, Unsuitable, nearest, quoted
 from simrob_drake.base.extension import check_usable, classes_of_extensions, register_core_names
+from simrob_drake.base.messages import message
 from simrob_drake.programs.moves.attach import AttachMove, ReleaseMove
 from simrob_drake.programs.moves.climb import ClimbMove
 from simrob_drake.programs.moves.get_up import GetUpMove
@@ -134,11 +135,15 @@ def move_from(
     else:
         return move_of(content, otherwise if duration is None else duration)
     if duration is not None:
-        raise Unsuitable("duration", "it belongs to targets of axes, and there are none")
+        raise Unsuitable(
+            "duration", message("programs.belongs_to_axes", "it belongs to targets of axes, and there are none")
+        )
     return move
 
 
-def check_move(entry: Any, where: str = "the move", kinds: Mapping[str, type[Move]] = KINDS) -> Move:
+def check_move(
+    entry: Any, where: str = message("programs.the_move", "the move"), kinds: Mapping[str, type[Move]] = KINDS
+) -> Move:
     """Check one entry of a program's file by itself, so that messages can name it, and return its move.
 
     Raises:
@@ -147,11 +152,21 @@ def check_move(entry: Any, where: str = "the move", kinds: Mapping[str, type[Mov
         BrokenExtension: the entry is of a kind that an extension adds, and that cannot be used.
     """
     if not isinstance(entry, Mapping):
-        raise InvalidConfig(where, "", f"must be a mapping of keys to values (it is {quoted(entry)})")
+        raise InvalidConfig(
+            where,
+            "",
+            message(
+                "programs.move_is_mapping", "must be a mapping of keys to values (it is {entry})", entry=quoted(entry)
+            ),
+        )
     kind = kind_of(entry, kinds.values())
     strange = next((name for name in entry if name not in JointMove.model_fields), None)
     if kind is None and strange is not None:
         check_usable(_POINT, str(strange), Move, named_by="key")
         known = [*kinds, *JointMove.model_fields]
-        raise InvalidConfig(where, str(strange), f"unknown key{nearest(str(strange), known)}")
+        raise InvalidConfig(
+            where,
+            str(strange),
+            message("base.unknown_key", "unknown key{suggestion}", suggestion=nearest(str(strange), known)),
+        )
     return read_move(kind or JointMove, entry, where)

@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar, Self, cast
 import numpy as np
 from pydantic import Field, model_validator
 
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Duration, Integer, Number, Pose, Positive, Strict
 from simrob_drake.kinematics.registry import SolverName
 from simrob_drake.programs.moves.move import Move, Run
@@ -53,7 +54,7 @@ class ArmMotion(Move):
     @model_validator(mode="after")
     def _one_unit(self) -> Self:
         if (self.targets is None) == (self.targets_deg is None):
-            raise ValueError("where to is given by one of targets and targets_deg")
+            raise ValueError(message("programs.one_of_targets", "where to is given by one of targets and targets_deg"))
         return self
 
     @property

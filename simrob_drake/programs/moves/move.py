@@ -21,10 +21,12 @@ from pydantic_core import CoreSchema
 
 from simrob_drake.base.arguments import LONGEST, SHORTEST, plain
 from simrob_drake.base.errors import InvalidParameter, SimrobError
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Strict, validated
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.stateful_station import StatefulStation
+from simrob_drake.results.record.run import move_title
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import StationConfig
@@ -38,10 +40,14 @@ Stage: TypeAlias = Callable[[LeggedGeometry], SimulationResult | None]
 MOVE_TIME = 1.0  # time of a move of joints unless another one is asked for [s]; ``tinc`` of the thesis
 MOST_STEPS, MOST_AMPLITUDE = 10_000, 100  # of one walk: about an hour; far beyond what legs can do
 _EXPECTED = {
-    "duration": f"a positive time [s], {SHORTEST:g} to {LONGEST:g}",
-    "target_deg": "a mapping of at least one axis to degrees",
-    "steps": f"a whole number, at most {MOST_STEPS}",
-    "amplitude": f"a number up to {MOST_AMPLITUDE}; 1 walks as the gait's parameters say",
+    "duration": message(
+        "base.a_positive_time", "a positive time [s], {shortest:g} to {longest:g}", shortest=SHORTEST, longest=LONGEST
+    ),
+    "target_deg": message("programs.axes_to_degrees", "a mapping of at least one axis to degrees"),
+    "steps": message("programs.whole_number_at_most", "a whole number, at most {most}", most=MOST_STEPS),
+    "amplitude": message(
+        "programs.number_up_to", "a number up to {most}; 1 walks as the gait's parameters say", most=MOST_AMPLITUDE
+    ),
 }
 
 
@@ -161,7 +167,11 @@ class Move(Strict):
 
         ``robot`` is whose program it is in, None the only one. Raises SimrobError: it cannot be done.
         """
-        raise InvalidParameter("the move", self.key, "one of arms: this one is for legs")
+        raise InvalidParameter(
+            message("programs.the_move", "the move"),
+            self.key,
+            message("programs.move_for_legs", "one of arms: this one is for legs"),
+        )
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Check that a robot with legs can do it, and return the stage that does, called ``name`` in messages.
@@ -169,7 +179,11 @@ class Move(Strict):
         The outlook is the station when it will be done; it is changed to what the move leaves. Raises SimrobError: it
         cannot.
         """
-        raise InvalidParameter("the move", self.key, "one for legs: this one is of arms")
+        raise InvalidParameter(
+            message("programs.the_move", "the move"),
+            self.key,
+            message("programs.move_for_arms", "one for legs: this one is of arms"),
+        )
 
 
 def field_of(*kinds: type[Move]) -> Any:
@@ -211,15 +225,36 @@ def checked(kind: type[Kind], /, **content: Any) -> Kind:
     except ValidationError as problem:
         finding = problem.errors()[0]
         key = ".".join(str(part) for part in finding["loc"])
-        otherwise = "a finite number [deg]" if key.startswith("target_deg") else "a text"
+        otherwise = (
+            message("programs.finite_degrees", "a finite number [deg]")
+            if key.startswith("target_deg")
+            else message("programs.a_text", "a text")
+        )
         raise InvalidParameter(key, finding["input"], _EXPECTED.get(key, otherwise)) from problem
 
 
-def move_name(number: int, count: int, file: str = "") -> str:
-    """Return what messages call a move of a program that has so many, and may stand in a file."""
+def move_name(index: int, count: int, file: str = "") -> str:
+    """Name of a move in messages, which count moves from 1.
+
+    Args:
+        index: index of the move in its program, from 0.
+        count: how many moves the program has. A single one needs no number.
+        file: file of the program, which is part of the name; empty if the program has none.
+    """
     if file:
-        return f"{file}: moves[{number}]"
-    return f"move {number}" if count > 1 else "the move"
+        return compound("{file}: {move}", file=file, move=move_title(index))
+    return move_title(index) if count > 1 else message("programs.the_move", "the move")
+
+
+def reference_name(index: int, file: str = "") -> str:
+    """Name of a reference of a program in messages, which count from 1 as they do for moves.
+
+    Args:
+        index: index of the reference in its program, from 0.
+        file: file of the program, which is part of the name; empty if the program has none.
+    """
+    reference = message("programs.reference_number", "reference {number}", number=index + 1)
+    return compound("{file}: {reference}", file=file, reference=reference) if file else reference
 
 
 @contextmanager
@@ -229,7 +264,7 @@ def naming(move: str) -> Iterator[None]:
         yield
     except SimrobError as problem:
         if move:
-            problem.args = (f"{move}: {problem}",)
+            problem.put_in_front(move)
         raise
 
 

@@ -21,6 +21,7 @@ from simrob_drake.base.arguments import positive, truth, whole
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.interpolation import stacked
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Boolean, Integer, Pose, Positive
 from simrob_drake.kinematics.every_branch import goal_postures
 from simrob_drake.programs.errors import GoalInCollision
@@ -72,7 +73,12 @@ class MoveFree(ArmMotion):
         targets = [self.targets, self.targets_deg, self.piece, self.joints, self.joints_deg]
         requests = [target for target in targets if target is not None]
         if len(requests) != 1:
-            raise ValueError("where to is given by one of targets, targets_deg, piece, joints and joints_deg")
+            raise ValueError(
+                message(
+                    "programs.one_target",
+                    "where to is given by one of targets, targets_deg, piece, joints and joints_deg",
+                )
+            )
         return self
 
     def posture(self, planning: Planning) -> npt.ArrayLike | str | None:
@@ -173,7 +179,11 @@ def plan_together(moves: Sequence[MoveFree], plannings: Sequence[Planning]) -> l
     robots = {planning.robot for planning in plannings}
     have_equal_options = all(move.how == first.how for move in moves)
     if not have_equal_options or len(robots) < len(plannings):
-        raise InvalidParameter("moves around obstacles together", "different", "of different robots, in the same time")
+        raise InvalidParameter(
+            message("programs.moves_around_together", "moves around obstacles together"),
+            "different",
+            message("programs.different_robots_same_time", "of different robots, in the same time"),
+        )
     goals = [move.goals(planning) for move, planning in zip(moves, plannings, strict=True)]
     show_search = any(move.show_search for move in moves)
     planning_time = max(move.planning_time for move in moves)
@@ -210,7 +220,11 @@ def goals_of(
     """
     whole(seed, "seed", 0, _LARGEST_SEED)
     if (targets is None) == (joints is None):
-        raise InvalidParameter("the target", "given twice" if joints is not None else "missing", "a pose or joints=")
+        raise InvalidParameter(
+            message("programs.the_target", "the target"),
+            message("programs.given_twice", "given twice") if joints is not None else "missing",
+            message("programs.pose_or_joints", "a pose or joints="),
+        )
     if joints is not None:
         return _posture_goal(planning, joints)
     if isinstance(targets, str):
@@ -228,7 +242,7 @@ def goals_of(
         # The solver of other moves finds at most one posture, from the start, and the error says how near it came.
         solutions = planning.inverse(None).solve(poses, start)
         if not solutions.reached.all():
-            raise solutions.unreachable(0, "the target")
+            raise solutions.unreachable(0, message("programs.the_target", "the target"))
         goals = solutions.positions
     distances = np.abs((goals - start) * metres_per_radian(chain)).sum(axis=1)
     return np.asarray(goals[np.argsort(distances, kind="stable")])
@@ -244,7 +258,13 @@ def _posture_goal(planning: Planning, joints: npt.ArrayLike | str) -> Vector:
     postures = planning.postures(joints, "joints")
     hint = degrees_hint(planning.chain, postures)
     # A target has no time: the zeros are needed for the call only.
-    check_limits(planning.chain, np.zeros(len(postures)), postures, lambda _: PathPoint(1, "the target"), hint)
+    check_limits(
+        planning.chain,
+        np.zeros(len(postures)),
+        postures,
+        lambda _: PathPoint(1, message("programs.the_target", "the target")),
+        hint,
+    )
     _check_single(postures)
     return postures
 
@@ -252,7 +272,11 @@ def _posture_goal(planning: Planning, joints: npt.ArrayLike | str) -> Vector:
 def _check_single(targets: Vector) -> None:
     """Check that an array contains a single target: a pose (1, 4, 4) or a posture (1, n)."""
     if len(targets) != 1:
-        raise InvalidParameter("targets", f"{len(targets)} of them", "one: a move around obstacles has one target")
+        raise InvalidParameter(
+            "targets",
+            message("programs.count_of_them", "{count} of them", count=len(targets)),
+            message("programs.one_target_around", "one: a move around obstacles has one target"),
+        )
 
 
 def plan_around(
@@ -416,5 +440,5 @@ def _free_goals(space: FreeSpace, goals: Sequence[Vector]) -> Vector:
             break
     if not free_postures:
         least = min(hits, key=lambda hit: hit.depth)
-        raise GoalInCollision("the target", len(hits), least.depth, least.moved)
+        raise GoalInCollision(message("programs.the_target", "the target"), len(hits), least.depth, least.moved)
     return np.array(free_postures)

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from simrob_drake.base.arguments import truth
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Boolean
 from simrob_drake.kinematics.registry import SolverLike
 from simrob_drake.programs.moves.motion import ArmMotion, Rows, ToolMotion
@@ -56,15 +57,21 @@ def plan_move_abs_j(
     """
     rows = planning.postures(targets)
     if planning.chain.limits.are_within(rows):
-        rows = planning.chain.limits.clamp(rows, "the targets")
+        rows = planning.chain.limits.clamp(rows, message("programs.the_targets", "the targets"))
     points, zone = points_of(how, POINTS), zone_of(how, len(rows))
     if truth(stop, "stop") and zone:
         raise Unsuitable(
-            "stop", "a zone rounds the targets, so that the joints do not stop there", "give one of the two"
+            "stop",
+            message("programs.zone_rounds_targets", "a zone rounds the targets, so that the joints do not stop there"),
+            message("programs.give_one_of_two", "give one of the two"),
         )
     through = not stop and len(rows) > 1 and "zone" not in how
     if through and {"profile", "acceleration"} & {*how}:
-        raise InvalidParameter("profile", "given", "given with stop=True or a zone: else the joints do not cruise")
+        raise InvalidParameter(
+            "profile",
+            "given",
+            message("programs.with_stop_or_zone", "given with stop=True or a zone: else the joints do not cruise"),
+        )
     ways = [joint_way(planning.chain, start, row) for start, row in pairwise([planning.start, *rows])]
     segments = [joint_segment(way, points=count) for way, count in grouped(ways, zone, points)]
     plan = planning.checked(segments, how, points, rows, through=through, hint=degrees_hint(planning.chain, rows))

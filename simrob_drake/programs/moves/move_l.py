@@ -10,6 +10,7 @@ from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.interpolation import Arc, stacked, turn
 from simrob_drake.base.interpolation import poses as poses_between
+from simrob_drake.base.messages import message
 from simrob_drake.kinematics.registry import SolverLike
 from simrob_drake.programs.moves.motion import ArmMotion, Rows, ToolMotion
 from simrob_drake.programs.plan import Plan, target_name
@@ -101,10 +102,19 @@ def plan_move_c(
     middles = places(via, planning.frame(wobj), "via")
     poses = planning.poses(targets, wobj)
     if len(middles) != len(poses):
-        raise InvalidParameter("via", f"{len(middles)} points", f"one a target, of which there are {len(poses)}")
+        raise InvalidParameter(
+            "via",
+            message("programs.count_of_points", "{count} points", count=len(middles)),
+            message("programs.one_a_target", "one a target, of which there are {count}", count=len(poses)),
+        )
     ways = list[Way]()
     for index, (begin, middle, end) in enumerate(zip([planning.pose, *poses], middles, poses, strict=False)):
-        arc = Arc.through(begin[:3, 3], middle, end[:3, 3], f"the arc to {target_name(index, len(poses))}")
+        arc = Arc.through(
+            begin[:3, 3],
+            middle,
+            end[:3, 3],
+            message("programs.arc_to", "the arc to {target}", target=target_name(index, len(poses))),
+        )
         ways.append(Way(partial(_on_arc, arc, begin, end), arc.length))
     plan = planning.along(ways, inverse, how, points)
     return recorded(plan, MoveC.key, planning, targets, how, wobj=wobj, solver=solver, via=via)

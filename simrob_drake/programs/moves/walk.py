@@ -9,6 +9,7 @@ from pydantic import ConfigDict, Field
 
 from simrob_drake.base.errors import InvalidParameter, SimrobError
 from simrob_drake.base.frames import finite
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Boolean, Duration, Number
 from simrob_drake.blocks.references import hold
 from simrob_drake.parts.controllers.walk import Walk
@@ -122,7 +123,13 @@ class GoMove(Move):
         """Return a walk at speeds [m/s] and a turn [rad/s], from a user; raises InvalidParameter: no such numbers."""
         for name, value in (("ahead", ahead), ("sideways", sideways), ("turn", turn)):
             if finite(value).shape != ():
-                raise InvalidParameter(name, value, "a finite number [rad/s]" if name == "turn" else "one [m/s]")
+                raise InvalidParameter(
+                    name,
+                    value,
+                    message("programs.finite_turn", "a finite number [rad/s]")
+                    if name == "turn"
+                    else message("programs.one_speed", "one [m/s]"),
+                )
         content = {"ahead": ahead, "sideways": sideways, "turn_deg": math.degrees(turn)}
         return checked(cls, **content, duration=duration, strict=strict)
 

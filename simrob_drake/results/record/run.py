@@ -16,6 +16,7 @@ from pydrake.systems.framework import Context
 
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.frames import VELOCITY_NAMES, XYZ_QUATERNION_NAMES, Vector
+from simrob_drake.base.messages import Message, message
 from simrob_drake.base.signals import Panel, Signal
 from simrob_drake.blocks.references import Reference, Samples
 from simrob_drake.parts.resolved import named
@@ -128,6 +129,7 @@ class RecordedRun:
         shortened: how often the solver tried a step again with a shorter length; None if all steps have one length.
         references: references that were passed to simulate(), by robot; they replace those of the configuration.
         did: what the run did, in a few words, such as ``move_l of left``.
+        place: name of the run's move in its program, such as ``move 3``; empty outside of programs.
         moves: planned moves of arms, all of which begin at the start of the run.
         runs: for a program, the runs that follow each other; see :func:`simrob_drake.results.result.joined`.
         begun: for a program, the station in which it began; None for a single run.
@@ -160,6 +162,7 @@ class RecordedRun:
     context: Callable[[], Context] | None = None
     shortened: int | None = None
     did: str = ""
+    place: str = ""
     moves: tuple[AskedMove, ...] = ()
     runs: tuple[Self, ...] = ()
     begun: StationConfig | None = None
@@ -259,9 +262,18 @@ class RecordedRun:
                 found[name] = times
         return found
 
-    def numbered(self, number: int) -> Self:
-        """Copy the run, with its moves named after their index in a program (from 0), such as ``move 3``."""
-        return replace(self, moves=tuple(replace(move, place=f"move {number}") for move in self.moves))
+    def numbered(self, index: int) -> Self:
+        """Copy the run, with its moves named by their number in a program.
+
+        Args:
+            index: index of the move in the program, from 0. Its name counts from 1, see :func:`move_title`.
+        """
+        return self.at_place(move_title(index))
+
+    def at_place(self, place: str) -> Self:
+        """Copy the run, with its moves named by their place in a program, such as ``move 3``."""
+        moves = tuple(replace(move, place=place) for move in self.moves)
+        return replace(self, place=place, moves=moves)
 
     @property
     def parts(self) -> tuple[Self, ...]:
@@ -318,6 +330,15 @@ class RecordedRun:
     def _robot(self, name: str | None) -> StationRobot:
         """Robot by its name, or the only robot if the name is None."""
         return self.plant.robots[named(name, list(self.plant.robots))]
+
+
+def move_title(index: int) -> Message:
+    """Name of a move of a program for users, who count from 1. Files and the API count from 0.
+
+    Args:
+        index: index of the move in the program, from 0.
+    """
+    return message("results.move", "move {number}", number=index + 1)
 
 
 def begins_of(*runs: RecordedRun) -> Vector:

@@ -23,6 +23,18 @@ from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.torques import torque_shares
 from simrob_drake.results.verdict.contact_forces import measure_friction_share, measure_resting_force
+from simrob_drake.results.verdict.remedies import (
+    contact_with_floor,
+    less_load,
+    more_grip,
+    more_time_for_motors,
+    more_time_for_speed,
+    other_solver,
+    rest_for_motor,
+    sag_or_saturation,
+    stiffer_contact,
+)
+from simrob_drake.results.verdict.severity import severity_of_end
 from simrob_drake.results.verdict.verdict import NOTHING_LEFT_OUT, Criterion, Measure, Measured, Verdict
 from simrob_drake.robots.motors import rated_torques
 
@@ -148,7 +160,8 @@ def _final_error(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
     errors = _errors(run, robot)
     if errors is None or run.ending not in _REGULAR_ENDINGS:
         return None
-    return AxisValues(errors[-1], left_out=_without_error(run, robot))
+    ends = np.full(len(errors[-1]), run.stop_time)
+    return AxisValues(errors[-1], ends, left_out=_without_error(run, robot))
 
 
 @_of_each_robot
@@ -280,24 +293,40 @@ def _heat(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
 
 
 MOTION = (
-    Criterion("final_error", "rad", "final error", "{of} ended {value} off what was asked", _final_error),
-    Criterion("largest_error", "rad", "largest error", "{of} was {value} off what was asked{when}", _largest_error),
+    Criterion(
+        "final_error", "rad", "final error", "{of} ended {value} off what was asked{during}",
+        _final_error, remedy=sag_or_saturation,
+    ),
+    Criterion(
+        "largest_error", "rad", "largest error", "{of} was {value} off what was asked{when}",
+        _largest_error, remedy=sag_or_saturation,
+    ),
     Criterion("beyond_stop", "rad", "beyond a stop", "{of} was pressed {value} beyond its range{when}", _beyond_stop),
-    Criterion("torque_share", "1", "torque", "{of} needed {value} of its torque, {amount},{when}", _torque_share),
     Criterion(
-        "torque_time", "1", "at the limit of torque",
-        "{of} was at its limit of torque for {value} of the run", _torque_time, per_time=True,
-    ),
-    Criterion("speed_share", "1", "speed", "{of} moved at {value} of its speed, {amount},{when}", _speed_share),
-    Criterion(
-        "speed_time", "1", "beyond that of speed",
-        "{of} was beyond its limit of speed for {value} of the run", _speed_time, per_time=True,
+        "torque_share", "1", "torque", "{of} needed {value} of its torque, {amount},{when}",
+        _torque_share, remedy=more_time_for_motors,
     ),
     Criterion(
-        "rated_time", "1", "beyond the rated torque",
-        "{of} was beyond the rated torque of its motor for {value} of the run", _rated_time, per_time=True,
+        "torque_time", "1", "time at torque limit", "{of} was at its limit of torque for {value} of the run",
+        _torque_time, per_time=True, remedy=more_time_for_motors,
     ),
-    Criterion("heat", "1", "heat", "the motor of {of} got {value} as warm as its rated torque makes it{when}", _heat),
+    Criterion(
+        "speed_share", "1", "speed", "{of} moved at {value} of its speed, {amount},{when}",
+        _speed_share, remedy=more_time_for_speed,
+    ),
+    Criterion(
+        "speed_time", "1", "time over speed limit", "{of} was beyond its limit of speed for {value} of the run",
+        _speed_time, per_time=True,
+    ),
+    Criterion(
+        "rated_time", "1", "time over rated torque",
+        "{of} was beyond the rated torque of its motor for {value} of the run",
+        _rated_time, per_time=True, remedy=rest_for_motor,
+    ),
+    Criterion(
+        "heat", "1", "motor heat", "the motor of {of} got {value} as warm as its rated torque makes it{when}",
+        _heat, remedy=rest_for_motor,
+    ),
 )  # fmt: skip
 """Criteria of axes."""
 
@@ -390,11 +419,22 @@ def _coupling_gap(run: RecordedRun) -> Measured | None:
 
 CRITERIA = (
     *MOTION,
-    Criterion("tcp_speed", "1", "tool's speed", "{of} was at {value} of its rated speed, {amount},{when}", _tcp_speed),
-    Criterion("payload", "1", "payload", "{of} carried {value} of its rated payload, {amount}", _payload),
-    Criterion("below_floor", "m", "below the floor", "{of} was {value} below the floor{when}", _below_floor),
-    Criterion("distance", "m", "nearest", "{of} measured a distance of {value}{when}", _distance, least=True),
-    Criterion("penetration", "m", "penetration", "{of} were {value} deep in each other{when}", _penetration),
+    Criterion(
+        "tcp_speed", "1", "tool speed", "{of} was at {value} of its rated speed, {amount},{when}",
+        _tcp_speed, remedy=more_time_for_speed,
+    ),
+    Criterion(
+        "payload", "1", "payload", "{of} carried {value} of its rated payload, {amount}", _payload, remedy=less_load
+    ),
+    Criterion(
+        "below_floor", "m", "depth below floor", "{of} was {value} below the floor{when}",
+        _below_floor, remedy=contact_with_floor,
+    ),
+    Criterion("distance", "m", "nearest distance", "{of} measured a distance of {value}{when}", _distance, least=True),
+    Criterion(
+        "penetration", "m", "penetration", "{of} were {value} deep in each other{when}",
+        _penetration, remedy=stiffer_contact,
+    ),
     Criterion(
         "resting_force", "1", "contact force at rest",
         "the contact forces on {of}, which rests, are {value} off its weight{when}", measure_resting_force,
@@ -404,8 +444,14 @@ CRITERIA = (
         "the friction between {of} is {value} of what their surfaces can give{when}", measure_friction_share,
     ),
     Criterion("coupling_gap", "m", "open coupling", "{of} was {value} (or mrad) open{when}", _coupling_gap),
-    Criterion("foot_slip", "m", "slip", "{of} slid {value} before it was lifted again{when}", _foot_slip),
-    Criterion("shortened_steps", "1", "shortened steps", "{of} shortened {amount}", _shortened_steps),
+    Criterion(
+        "foot_slip", "m", "foot slip", "{of} slid {value} before it was lifted again{when}",
+        _foot_slip, remedy=more_grip,
+    ),
+    Criterion(
+        "shortened_steps", "1", "solver retries", "{of} tried steps again, shorter: {amount}",
+        _shortened_steps, remedy=other_solver, shows_share=True,
+    ),
 )  # fmt: skip
 """All criteria, in the order in which a verdict lists them."""
 
@@ -423,6 +469,9 @@ def verdict_of(run: RecordedRun) -> Verdict:
         measures=tuple(measure for measure in measures if measure is not None),
         sample_rate=run.config.sample_rate,
         contact_rate=run.touch.rate if has_touched else None,
+        ended=run.end_in_words,
+        severity_of_end=severity_of_end(run),
+        doubts=tuple(run.solver_warnings),
     )
 
 

@@ -10,15 +10,31 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from simrob_drake.base.messages import compound, message
+from simrob_drake.base.remarks import Remark, Remedy
 from simrob_drake.blocks.servo import AT_LIMIT
 from simrob_drake.results.record.torques import torque_shares
-from simrob_drake.results.verdict.verdict import in_words
+from simrob_drake.results.verdict.remedies import sag_or_saturation
+from simrob_drake.results.verdict.severity import VIOLATION
+from simrob_drake.results.verdict.verdict import MeasuredValue
+from simrob_drake.results.verdict.words import in_words
 
 if TYPE_CHECKING:
     from simrob_drake.results.record.run import Approach, AskedMove, RecordedRun
-    from simrob_drake.stations.solver_config import VerdictConfig
 
 _DISTANCE_SAMPLES = 41  # count of times during a move at which distances are computed, since this is slow
+_HEADINGS = (
+    "move",
+    "end\n[s]",
+    "reached",
+    "off target\n[mm]",
+    "off path\n[mm]",
+    "speed\n[m/s]",
+    "nearest\n[mm]",
+    "itself\n[mm]",
+)
+"""Headings of the table of moves. ``nearest`` and ``itself`` are distances to other bodies and to the robot's own."""
+
 _ROUNDING = 1e-6  # times that differ by at most this are equal [s]
 
 
@@ -45,7 +61,8 @@ class MoveVerdict:
         own_distance: smallest distance between two bodies of the robot, with what it carries [m]. It is negative if
             the bodies overlap, and None if no two bodies of the robot can collide.
         own_nearest: names of these two bodies.
-        warnings: a sentence for each value that violates its bound.
+        misses_target: whether the move was completed, and ended too far from its target.
+        remarks: a remark for each value that violates its bound.
     """
 
     move: str
@@ -63,16 +80,22 @@ class MoveVerdict:
     nearest: str
     own_distance: float | None = None
     own_nearest: str = ""
-    warnings: tuple[str, ...] = ()
+    misses_target: bool = False
+    remarks: tuple[Remark, ...] = ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A sentence for each value that violates its bound."""
+        return tuple(remark.text for remark in self.remarks)
 
     def later(self, begin: float) -> "MoveVerdict":
         """Shift the times of the move, as part of a run that begins at a later time [s]."""
         return replace(self, begin=self.begin + begin, end=self.end + begin)
 
     def summary(self) -> dict[str, Any]:
-        """Content for ``summary.json``: all attributes but the warnings, which the verdict lists."""
-        content = asdict(self)
-        del content["warnings"]
+        """Content for ``summary.json``: all attributes but the remarks, which the verdict lists."""
+        content = asdict(replace(self, remarks=()))
+        del content["remarks"]
         return content
 
 
@@ -106,9 +129,15 @@ def judge_move(run: "RecordedRun", asked: "AskedMove") -> MoveVerdict:
     is_stopped = run.stop_time < asked.duration - _ROUNDING
     bound = run.config.verdict.move_end
     is_near_target = bound == "none" or position_error <= bound
-    owner = f" of {asked.robot}" if len(run.plant.robots) > 1 else ""
+    kind = asked.kind or "move"
+    if len(run.plant.robots) > 1:
+        name = message(
+            "results.move_of_robot", "{place} ({kind} of {robot})", place=asked.place, kind=kind, robot=asked.robot
+        )
+    else:
+        name = compound("{place} ({kind})", place=asked.place, kind=kind)
     verdict = MoveVerdict(
-        move=f"{asked.place} ({asked.kind or 'move'}{owner})",
+        move=name,
         robot=asked.robot,
         begin=0.0,
         end=min(asked.duration, run.stop_time),
@@ -124,34 +153,78 @@ def judge_move(run: "RecordedRun", asked: "AskedMove") -> MoveVerdict:
         own_distance=_finite_distance(approaches.to_itself),
         own_nearest=approaches.to_itself.bodies,
     )
-    warnings = _warnings(verdict, run.config.verdict, is_stopped=is_stopped)
-    return replace(verdict, warnings=tuple(warnings))
+    return replace(
+        verdict,
+        misses_target=not is_near_target and not is_stopped,
+        remarks=tuple(_remarks(run, verdict, is_stopped=is_stopped)),
+    )
 
 
-def _warnings(verdict: MoveVerdict, bounds: "VerdictConfig", *, is_stopped: bool) -> Iterator[str]:
-    """Yield a sentence for each value of a move that violates its bound.
+def _remarks(run: "RecordedRun", verdict: MoveVerdict, *, is_stopped: bool) -> Iterator[Remark]:
+    """Yield a remark for each value of a move that violates its bound.
 
     Args:
+        run: the run, whose configuration has the bounds; ``none`` if there is no bound.
         verdict: the values of the move.
-        bounds: the bounds; ``none`` if there is no bound.
         is_stopped: whether the run ended before the move did. The final position and the speed of such a move are not
             judged.
     """
+    bounds = run.config.verdict
     name = verdict.move
     if bounds.move_end != "none" and verdict.position_error > bounds.move_end and not is_stopped:
-        text = f"{name} ends {in_words(verdict.position_error, 'm')} beside its target"
-        yield f"{text} (bound {in_words(bounds.move_end, 'm')})"
+        text = message(
+            "results.move_misses_target",
+            "{move} ends {distance} beside its target (bound {bound})",
+            move=name,
+            distance=in_words(verdict.position_error, "m"),
+            bound=in_words(bounds.move_end, "m"),
+        )
+        yield Remark(VIOLATION, text, _remedy(run, verdict))
     if bounds.move_following != "none" and verdict.following_error > bounds.move_following:
-        text = f"{name} was {in_words(verdict.following_error, 'm')} off its way"
-        yield f"{text} (bound {in_words(bounds.move_following, 'm')})"
+        text = message(
+            "results.move_leaves_path",
+            "{move} was {distance} off its path (bound {bound})",
+            move=name,
+            distance=in_words(verdict.following_error, "m"),
+            bound=in_words(bounds.move_following, "m"),
+        )
+        yield Remark(VIOLATION, text, _remedy(run, verdict))
     if bounds.move_speed != "none" and verdict.asked_speed is not None and not is_stopped:
         share = verdict.speed / verdict.asked_speed
         if share < bounds.move_speed:
-            text = f"{name} reaches {verdict.speed:.3g} of {verdict.asked_speed:.3g} m/s"
-            yield f"{text} (bound {in_words(bounds.move_speed, '1')})"
+            text = message(
+                "results.move_too_slow",
+                "{move} reaches {speed:.3g} of {asked:.3g} m/s (bound {bound})",
+                move=name,
+                speed=verdict.speed,
+                asked=verdict.asked_speed,
+                bound=in_words(bounds.move_speed, "1"),
+            )
+            yield Remark(VIOLATION, text)
     if bounds.move_distance != "none" and verdict.distance is not None and verdict.distance < bounds.move_distance:
-        text = f"{name} comes within {in_words(verdict.distance, 'm')}, {verdict.nearest}"
-        yield f"{text} (bound {in_words(bounds.move_distance, 'm')})"
+        text = message(
+            "results.move_too_near",
+            "{move} comes within {distance}, {bodies} (bound {bound})",
+            move=name,
+            distance=in_words(verdict.distance, "m"),
+            bodies=verdict.nearest,
+            bound=in_words(bounds.move_distance, "m"),
+        )
+        yield Remark(VIOLATION, text)
+
+
+def _remedy(run: "RecordedRun", verdict: MoveVerdict) -> Remedy | None:
+    """Remedy of a move whose tool is not where it should be."""
+    tool = MeasuredValue(
+        subject=f"tool of {verdict.robot}",
+        value=verdict.position_error,
+        unit="m",
+        bound=None,
+        time=verdict.end,
+        limit=0.0,
+        limit_unit="",
+    )
+    return sag_or_saturation(run, tool)
 
 
 def _finite_distance(approach: "Approach") -> float | None:
@@ -161,31 +234,41 @@ def _finite_distance(approach: "Approach") -> float | None:
 
 
 def table_of_moves(moves: Sequence[MoveVerdict]) -> list[list[str]]:
-    """Rows of the table of moves: the headings, then one row for each move, with values in the units for users."""
-    headings = ["move", "end [s]", "reached", "beside", "following", "at torque limit"]
-    table = [[*headings, "speed of asked", "nearest", "to itself"]]
+    """Rows of the table of moves: the headings, then one row for each move, with values in the units for users.
+
+    The bodies that come nearest are in ``summary.json``: their names would make the table wider than a screen.
+    """
+    table = [list(_HEADINGS)]
     for move in moves:
-        speed = f"{move.speed:.3g}"
-        if move.asked_speed is not None:
-            speed += f" of {move.asked_speed:.3g}"
         row = [
             move.move,
             f"{move.end:.2f}",
             "yes" if move.reached else "no",
-            f"{1e3 * move.position_error:.1f} mm",
-            f"{1e3 * move.following_error:.1f} mm",
-            f"{move.torque_time:.2f} s",
-            f"{speed} m/s",
-            _in_table(move.distance, move.nearest),
-            _in_table(move.own_distance, move.own_nearest),
+            f"{1e3 * move.position_error:.1f}",
+            f"{1e3 * move.following_error:.1f}",
+            f"{move.speed:.3g}",
+            _in_table(move.distance),
+            _in_table(move.own_distance),
         ]
         table.append(row)
     return table
 
 
-def _in_table(distance: float | None, bodies: str) -> str:
-    """Format a smallest distance [m] and its two bodies for the table.
+def nearest_bodies(moves: Sequence[MoveVerdict]) -> str:
+    """Say in which move the robot came nearest to another body, and to which. Empty if no distance was measured."""
+    measured = [move for move in moves if move.distance is not None]
+    if not measured:
+        return ""
+    nearest = min(measured, key=lambda move: move.distance or 0.0)
+    return message(
+        "results.nearest_bodies",
+        "nearest: {distance}, {bodies}, in {move}",
+        distance=in_words(nearest.distance or 0.0, "m"),
+        bodies=nearest.nearest,
+        move=nearest.move,
+    )
 
-    Returns an empty string if the distance is None.
-    """
-    return "" if distance is None else f"{1e3 * distance:z.0f} mm {bodies}"
+
+def _in_table(distance: float | None) -> str:
+    """Write a smallest distance, given in m, in mm. Returns an empty string if the distance is None."""
+    return "" if distance is None else f"{1e3 * distance:z.0f}"

@@ -6,8 +6,8 @@ of all criteria. The *bounds* of the values are given in the section ``verdict``
 violates its bound becomes a warning.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -16,10 +16,23 @@ import numpy as np
 
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import Message, compound, join_texts, message
+from simrob_drake.base.remarks import Remark, Remedy, Severity, worst_severity
+from simrob_drake.results.record.run import move_title
+from simrob_drake.results.verdict.remedies import MakeRemedy
+from simrob_drake.results.verdict.severity import VIOLATION, severity_of
+from simrob_drake.results.verdict.words import (
+    amount_in_words,
+    capitalised,
+    count_in_words,
+    in_words,
+    rounded_in_words,
+    text_table,
+)
 from simrob_drake.stations.solver_config import VerdictConfig
 
 if TYPE_CHECKING:  # this import would be circular: a run has a verdict
-    from simrob_drake.results.record.run import RecordedRun
+    from simrob_drake.results.record.run import MoveSpan, RecordedRun
 
 
 NOTHING_LEFT_OUT: Mapping[Any, str] = MappingProxyType({})
@@ -61,6 +74,7 @@ class MeasuredValue(NamedTuple):
         time: when the value occurred [s]. None if it belongs to the whole run.
         limit: what the value is a share of; 0 if it is no share.
         limit_unit: unit of the limit; empty if there is none.
+        move: in a program, name of the move in which the value occurred, such as ``move 2``; empty otherwise.
     """
 
     subject: str
@@ -70,6 +84,7 @@ class MeasuredValue(NamedTuple):
     time: float | None
     limit: float
     limit_unit: str
+    move: str = ""
 
 
 @dataclass(frozen=True)
@@ -81,13 +96,16 @@ class Criterion:
             under the names ``bound_keys``.
         unit: ``m``, ``1`` for a share, or ``rad`` for axes. The values of prismatic axes are in m, and the bounds of
             axes have the endings ``_deg`` and ``_m``.
-        title: short title for lists.
-        sentence: text of a warning, with the placeholders ``{of}`` (subject), ``{value}``, ``{amount}`` and ``{when}``.
+        title: short title for tables.
+        sentence: text of a warning, with the placeholders ``{of}`` (subject), ``{value}``, ``{amount}``, ``{when}``
+            (time and move) and ``{during}`` (time and move, in a program only).
         measure: measures the quantity in a run; returns None if there is nothing to measure.
         per_time: whether the value is a share of the run's time, which is averaged over runs that follow each other.
         least: whether smaller values are worse, as for distances.
         default_bound: for a criterion of an extension, its bound in stations that give none, in the unit of the values;
             None for no bound. The criteria of the core have theirs in :class:`VerdictConfig`.
+        remedy: finds what most likely brings the value within its bound; None if nothing is known about that.
+        shows_share: whether tables show a share of a limit in per cent; otherwise as an amount, such as 37.2 N·m.
     """
 
     name: str
@@ -98,6 +116,13 @@ class Criterion:
     per_time: bool = False
     least: bool = False
     default_bound: float | None = None
+    remedy: MakeRemedy | None = None
+    shows_share: bool = False
+
+    @property
+    def title_message(self) -> Message:
+        """The title, for all languages."""
+        return message(f"results.title_{self.name}", self.title)
 
     @property
     def bound_keys(self) -> tuple[str, ...]:
@@ -115,7 +140,10 @@ class Criterion:
         for index, subject in enumerate(measured.subjects):
             if subject not in measured.left_out:
                 entries.append(self._entry(measured, index, run.config.verdict))
-        return Measure(self, tuple(entries), dict(measured.left_out))
+        result = Measure(self, tuple(entries), dict(measured.left_out))
+        if self.remedy is None or not result.warning:
+            return result
+        return replace(result, remedy=self.remedy(run, result.worst))
 
     def _entry(self, measured: Measured, index: int, bounds: VerdictConfig) -> MeasuredValue:
         """Make the entry of one subject, given by its index among the measured values."""
@@ -147,11 +175,53 @@ class Criterion:
         return entry.value < entry.bound if self.least else entry.value > entry.bound
 
 
-class Severity(NamedTuple):
+class Rank(NamedTuple):
     """Key for comparing entries. An entry that violates its bound is worse than all entries that do not."""
 
     is_violation: bool
     amount: float  # the larger, the worse
+
+
+class CriterionRow(NamedTuple):
+    """An entry of the table of criteria.
+
+    Attributes:
+        severity: how the value is judged.
+        criterion: title of the criterion.
+        value: the worst value, with its unit.
+        bound: bound of the value, with its unit; ``–`` if there is none.
+        worst: the part with the worst value, such as an axis.
+    """
+
+    severity: Severity
+    criterion: str
+    value: str
+    bound: str
+    worst: str
+
+
+TABLE_HEADINGS = (
+    "",
+    message("results.heading_criterion", "criterion"),
+    message("results.heading_value", "value"),
+    message("results.heading_bound", "bound"),
+    message("results.heading_worst", "worst part"),
+)
+"""Headings of the table of criteria. The first column shows severities and has none."""
+
+SEVERITY_WORDS: dict[Severity, str] = {
+    "success": message("results.severity_ok", "ok"),
+    "note": message("results.severity_note", "note"),
+    "warning": message("results.severity_warning", "warning"),
+    "failure": message("results.severity_failure", "failure"),
+}
+"""Words of the severities in the table of criteria."""
+
+_TIME_ROUNDING = 1e-6
+"""Times that differ by at most this are equal [s]."""
+
+NO_BOUND = "–"
+"""What a table shows instead of a bound if there is none."""
 
 
 @dataclass(frozen=True)
@@ -162,11 +232,14 @@ class Measure:
         criterion: the criterion.
         entries: the values, one for each subject that is judged.
         left_out: subjects that are not judged, each with the reason.
+        remedy: what most likely brings the worst value within its bound. None if it is within, or if no remedy is
+            known.
     """
 
     criterion: Criterion
     entries: tuple[MeasuredValue, ...]
     left_out: Mapping[str, str] = field(default_factory=lambda: NOTHING_LEFT_OUT)
+    remedy: Remedy | None = None
 
     @cached_property
     def worst(self) -> MeasuredValue:
@@ -177,7 +250,7 @@ class Measure:
         nothing = MeasuredValue(
             subject="", value=0.0, unit=self.criterion.unit, bound=None, time=None, limit=0.0, limit_unit=""
         )
-        return max(self.entries, key=self._severity, default=nothing)
+        return max(self.entries, key=self._rank, default=nothing)
 
     @cached_property
     def warning(self) -> str:
@@ -186,14 +259,49 @@ class Measure:
         if not violations:
             return ""
         worst = self.worst
-        sentence = self.criterion.sentence.format(
+        sentence = message(
+            f"results.beyond_{self.criterion.name}",
+            self.criterion.sentence,
             of=worst.subject,
             value=in_words(worst.value, worst.unit),
-            amount=f"{worst.value * worst.limit:.3g} of {worst.limit:.3g} {worst.limit_unit}",
-            when="" if worst.time is None else f" at {worst.time:.2f} s",
+            amount=_amount_of_limit(worst),
+            when=_when(worst),
+            during=_during(worst),
         )
-        others = f"; {violations - 1} more beyond it" if violations > 1 else ""
-        return f"{sentence} (bound {in_words(worst.bound or 0.0, worst.unit)}{others})"
+        bound = in_words(worst.bound or 0.0, worst.unit)
+        if violations == 1:
+            return message("results.with_bound", "{sentence} (bound {bound})", sentence=sentence, bound=bound)
+        return message(
+            "results.with_bound_and_others",
+            "{sentence} (bound {bound}; {others} more beyond it)",
+            sentence=sentence,
+            bound=bound,
+            others=violations - 1,
+        )
+
+    @property
+    def remark(self) -> Remark | None:
+        """The warning with its severity and remedy, or None if all values are within their bounds."""
+        return Remark(VIOLATION, self.warning, self.remedy) if self.warning else None
+
+    @property
+    def row(self) -> CriterionRow:
+        """Entry of the table of criteria."""
+        worst = self.worst
+        return CriterionRow(
+            severity=severity_of(self),
+            criterion=self.criterion.title_message,
+            value=self._in_table(worst.value),
+            bound=NO_BOUND if worst.bound is None else self._in_table(worst.bound),
+            worst=worst.subject,
+        )
+
+    def _in_table(self, value: float) -> Message:
+        """Write a value of the worst entry, or its bound, for the table. Shares of a limit are written as amounts."""
+        worst = self.worst
+        if worst.limit_unit and not self.criterion.shows_share:
+            return amount_in_words(value, worst.limit, worst.limit_unit)
+        return rounded_in_words(value, worst.unit)
 
     def __str__(self) -> str:
         """Title of the criterion, worst value and subject."""
@@ -201,18 +309,18 @@ class Measure:
             return f"{self.criterion.title} not judged"
         return f"{self.criterion.title} {in_words(self.worst.value, self.worst.unit)} ({self.worst.subject})"
 
-    def _severity(self, entry: MeasuredValue) -> Severity:
-        """Severity of an entry, by which it is compared with others.
+    def _rank(self, entry: MeasuredValue) -> Rank:
+        """Rank of an entry, by which it is compared with others.
 
         Values count as multiples of their bounds if these are not zero, since the axes of a robot may have bounds in
         different units. If smaller values are worse, the negative value counts.
         """
         is_violation = self.criterion.is_violated_by(entry)
         if self.criterion.least:
-            return Severity(is_violation, -entry.value)
+            return Rank(is_violation, -entry.value)
         if entry.bound:
-            return Severity(is_violation, entry.value / entry.bound)
-        return Severity(is_violation, entry.value)
+            return Rank(is_violation, entry.value / entry.bound)
+        return Rank(is_violation, entry.value)
 
     def summary(self) -> dict[str, Any]:
         """Content for ``summary.json``: the worst entry, and the value of each subject.
@@ -231,6 +339,7 @@ class Measure:
             "unit": worst.unit,
             "bound": worst.bound,
             "time": worst.time,
+            "severity": severity_of(self),
             "each": values,
         }
         if self.left_out:
@@ -238,7 +347,33 @@ class Measure:
         return content
 
 
-@dataclass(frozen=True)
+def _amount_of_limit(entry: MeasuredValue) -> Message:
+    """Write a share as an amount of its limit, such as ``37.2 of 150 N·m``."""
+    return message(
+        "results.amount_of_limit",
+        "{amount:.3g} of {limit:.3g} {unit}",
+        amount=entry.value * entry.limit,
+        limit=entry.limit,
+        unit=entry.limit_unit,
+    )
+
+
+def _when(entry: MeasuredValue) -> Message:
+    """Write in which move and at what time a value occurred, with a space before it. Empty if neither is known."""
+    if entry.time is None:
+        return compound("")
+    at = message("results.at_time", " at {time:.2f} s", time=entry.time)
+    if not entry.move:
+        return at
+    return message("results.at_time_in_move", " at {time:.2f} s, in {move}", time=entry.time, move=entry.move)
+
+
+def _during(entry: MeasuredValue) -> Message:
+    """Write in which move of a program, and at what time, a value occurred. Empty for a single run."""
+    return _when(entry) if entry.move else compound("")
+
+
+@dataclass(frozen=True, repr=False)
 class Verdict:
     """Judgement of a run by all criteria.
 
@@ -248,12 +383,18 @@ class Verdict:
         contact_rate: rate at which overlaps of bodies and slips of feet were evaluated [Hz]. None if nothing touched.
         moves: results of the moves that the run consists of, in order: instances of
             :class:`~simrob_drake.results.verdict.moves.MoveVerdict`.
+        ended: how the run ended, in words. Empty if that is not known.
+        severity_of_end: severity of how the run ended.
+        doubts: reasons of the solver why the result may be wrong, in words.
     """
 
     measures: tuple[Measure, ...]
     sample_rate: float
     contact_rate: float | None = None
     moves: tuple[Any, ...] = ()
+    ended: str = ""
+    severity_of_end: Severity = "success"
+    doubts: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> Measure:
         """Result of a criterion by its name, such as ``final_error``.
@@ -277,14 +418,99 @@ class Verdict:
             warnings += move.warnings
         return warnings
 
-    def __str__(self) -> str:
-        """The worst value of each criterion in one line. Values of 0 are left out, except for distances."""
+    @property
+    def remarks(self) -> list[Remark]:
+        """Remarks about the run: a sentence that sums it up, then one for each warning, with its remedy.
+
+        A run that failed has the sentence only: what its signals violate after that is no news.
+        """
+        if self.severity_of_end == "failure":
+            return [Remark("failure", self.sentence)]
+        warnings = [Remark(VIOLATION, doubt) for doubt in self.doubts]
+        warnings += [measure.remark for measure in self.measures if measure.remark is not None]
+        for move in self.moves:
+            warnings += move.remarks
+        severity = worst_severity([Remark(self.severity_of_end, self.ended), *warnings])
+        return [Remark(severity, self.sentence), *warnings]
+
+    @property
+    def severity(self) -> Severity:
+        """Severity of the whole verdict: that of its worst remark."""
+        return self.remarks[0].severity
+
+    @property
+    def sentence(self) -> str:
+        """A sentence that says how the run ended and what missed its bound, without a capital and a full stop.
+
+        For example: ``ran to its end at 3 s. Two targets missed, by up to 31.3 mm``.
+        """
+        parts = [part for part in (self.ended, self.judgement) if part]
+        return join_texts(parts, ". ")
+
+    @property
+    def judgement(self) -> str:
+        """What missed its bound: the sentence without how the run ended. Empty if the run failed."""
+        if self.severity_of_end == "failure":
+            return ""
+        return join_texts(self._judgements(), ". ")
+
+    def _judgements(self) -> Iterator[Message]:
+        """Yield a sentence for what missed: targets of moves, then bounds, then the solver's doubts."""
+        misses = [move.position_error for move in self.moves if move.misses_target]
+        if misses:
+            yield _missed_targets(misses)
+        beyond = [measure.criterion.title_message for measure in self.measures if measure.warning]
+        if len(beyond) == 1:
+            yield message("results.one_bound", "One bound exceeded: {titles}", titles=beyond[0])
+        elif beyond:
+            count = count_in_words(len(beyond))
+            titles = join_texts(beyond)
+            yield message("results.several_bounds", "{count} bounds exceeded: {titles}", count=count, titles=titles)
+        others = sum(len(move.remarks) for move in self.moves) - len(misses)
+        if others:
+            yield message("results.other_warnings", "{count} {count:warning|warnings} about moves", count=others)
+        if self.doubts:
+            yield message("results.solver_doubts", "The result may be inaccurate: see the warning")
+        if not (misses or beyond or others or self.doubts):
+            yield message("results.all_within", "All within bounds")
+
+    @property
+    def table(self) -> list[CriterionRow]:
+        """The table of criteria: those that are violated first. Values of 0 are left out, except for distances."""
         shown = [measure for measure in self.measures if measure.criterion.least or measure.worst.value > 0]
-        return ", ".join(map(str, shown)) or "nothing to judge"
+        rows = [measure.row for measure in shown if measure.entries]
+        return sorted(rows, key=lambda row: row.severity != VIOLATION)
+
+    def __str__(self) -> str:
+        """The sentence of the verdict."""
+        return capitalised(self.sentence)
+
+    def __repr__(self) -> str:
+        """The sentence, and the table of criteria."""
+        return "\n".join([str(self), *text_table([self.headings, *self.cells])])
+
+    @property
+    def headings(self) -> tuple[str, ...]:
+        """Headings of the table of criteria."""
+        return TABLE_HEADINGS
+
+    @property
+    def cells(self) -> list[tuple[str, ...]]:
+        """Rows of the table of criteria as texts; the severities are words, such as ``ok``."""
+        return [(SEVERITY_WORDS[row.severity], *row[1:]) for row in self.table]
+
+    def _repr_html_(self) -> str:
+        """The sentence, the warnings with their remedies, and the table of criteria, as a notebook shows them."""
+        from simrob_drake.results.html import html_of_verdict  # only notebooks need it
+
+        return html_of_verdict(self)
 
     def summary(self) -> dict[str, Any]:
         """Content for ``summary.json``."""
         return {
+            "severity": self.severity,
+            "sentence": capitalised(self.sentence),
+            "remarks": [remark.summary() for remark in self.remarks[1:]],
             "sample_rate": self.sample_rate,
             "contact_rate": self.contact_rate,
             "figures": {measure.criterion.name: measure.summary() for measure in self.measures},
@@ -292,7 +518,17 @@ class Verdict:
         }
 
 
-def join_verdicts(verdicts: Sequence[Verdict], durations: Sequence[float]) -> Verdict:
+def _missed_targets(misses: Sequence[float]) -> Message:
+    """Say how many moves missed their target, and by how much [m]."""
+    distance = in_words(max(misses), "m")
+    if len(misses) == 1:
+        return message("results.missed_target", "One target missed, by {distance}", distance=distance)
+    count = count_in_words(len(misses))
+    template = "{count} targets missed, by up to {distance}"
+    return message("results.missed_targets", template, count=count, distance=distance)
+
+
+def join_verdicts(verdicts: Sequence[Verdict], durations: Sequence[float], names: Sequence[str] = ()) -> Verdict:
     """Combine the verdicts on runs that follow each other. For each subject the worst value of all runs is kept.
 
     A value that is a share of the time becomes a share of the whole time.
@@ -300,18 +536,24 @@ def join_verdicts(verdicts: Sequence[Verdict], durations: Sequence[float]) -> Ve
     Args:
         verdicts: the verdicts, in the order of the runs.
         durations: durations of the runs [s].
+        names: names of the moves that the runs are, such as ``move 2``. Empty if they have none.
     """
     begins = np.cumsum([0.0, *durations]).tolist()  # one more than runs: the last is the end
     total_time = sum(durations)
     entries: dict[Criterion, dict[str, MeasuredValue]] = {}  # the combined entry of each subject
     left_out: dict[Criterion, dict[str, str]] = {}
     moves = list[Any]()
-    for verdict, begin, duration in zip(verdicts, begins, durations, strict=False):
+    remedies: dict[Criterion, Remedy | None] = {}  # of the latest run in which the criterion is violated
+    move_names = names or [""] * len(verdicts)
+    for verdict, begin, duration, name in zip(verdicts, begins, durations, move_names, strict=False):
         for measure in verdict.measures:
+            if measure.warning:
+                remedies[measure.criterion] = measure.remedy
             own = entries.setdefault(measure.criterion, {})
             left_out.setdefault(measure.criterion, {}).update(measure.left_out)
             for entry in measure.entries:
-                shifted = entry._replace(time=None if entry.time is None else begin + entry.time)
+                time = None if entry.time is None else begin + entry.time
+                shifted = entry._replace(time=time, move=name or entry.move)
                 before = own.get(entry.subject)
                 own[entry.subject] = _combine(measure, before, shifted, duration, total_time)
         moves += [move.later(begin) for move in verdict.moves]
@@ -320,7 +562,7 @@ def join_verdicts(verdicts: Sequence[Verdict], durations: Sequence[float]) -> Ve
     for criterion, own in entries.items():
         # A subject that is judged in one of the runs counts as judged, such as an axis that has a motor in some runs.
         never_judged = {subject: why for subject, why in left_out[criterion].items() if subject not in own}
-        measures.append(Measure(criterion, tuple(own.values()), never_judged))
+        measures.append(Measure(criterion, tuple(own.values()), never_judged, remedies.get(criterion)))
     contact_rates = [verdict.contact_rate for verdict in verdicts if verdict.contact_rate]
     return Verdict(
         measures=tuple(measures),
@@ -328,6 +570,33 @@ def join_verdicts(verdicts: Sequence[Verdict], durations: Sequence[float]) -> Ve
         contact_rate=min(contact_rates) if contact_rates else None,
         moves=tuple(moves),
     )
+
+
+def with_move_names(verdict: Verdict, spans: Sequence["MoveSpan"]) -> Verdict:
+    """Name the move in which each value of a program occurred. Values that have a move, or no time, stay as they are.
+
+    Args:
+        verdict: verdict on the program.
+        spans: when the moves of the program began and ended.
+    """
+    measures = []
+    for measure in verdict.measures:
+        entries = tuple(entry._replace(move=entry.move or _move_at(entry.time, spans)) for entry in measure.entries)
+        measures.append(replace(measure, entries=entries))
+    return replace(verdict, measures=tuple(measures))
+
+
+def _move_at(time: float | None, spans: Sequence["MoveSpan"]) -> str:
+    """Name of the move that a program made at a time [s]. Empty if the time is None, or no move was made then.
+
+    At the time at which a move ends and the next one begins, it is the one that ends: its final error occurs then.
+    """
+    if time is None:
+        return ""
+    for span in spans:
+        if span.begin - _TIME_ROUNDING <= time <= span.end + _TIME_ROUNDING and span.end > span.begin:
+            return move_title(span.index)
+    return ""
 
 
 def _combine(
@@ -347,24 +616,6 @@ def _combine(
     if measure.criterion.per_time:
         share = new.value * duration / total_time if total_time else 0.0
         return new._replace(value=share + (known.value if known else 0.0))
-    if known is None or measure._severity(new) > measure._severity(known):
+    if known is None or measure._rank(new) > measure._rank(known):
         return new
     return known
-
-
-def in_words(value: float, unit: str) -> str:
-    """Write a value for users: angles in degrees, lengths in millimetres (from 1 m on in metres), shares in per cent.
-
-    Args:
-        value: the value, in its SI unit or as a share.
-        unit: ``rad``, ``m``, or ``1`` for a share.
-    """
-    if unit == "rad":
-        number, name = np.rad2deg(value), "deg"
-    elif unit == "m" and abs(value) >= 1:
-        number, name = value, "m"
-    elif unit == "m":
-        number, name = 1e3 * value, "mm"
-    else:
-        number, name = 100 * value, "%"
-    return f"{number + 0.0:.3g} {name}"  # adding 0.0 turns -0.0 into 0.0

@@ -152,11 +152,11 @@ moves:
 """)
     remarks = ExportedProgram.of(program, Workcell(STATION)).remarks
     assert remarks == [
-        "moves[0]: points left out",
-        "moves[0]: passes its targets smoothly here, rests at each there; give it a zone",
-        "moves[1]: profile trapezoid left out: only its time is kept",
+        "move 1: points left out",
+        "move 1: passes its targets smoothly here, rests at each there; give it a zone",
+        "move 2: profile trapezoid left out: only its time is kept",
     ]
-    with pytest.raises(InvalidParameter, match="move 1: the move is play"):
+    with pytest.raises(InvalidParameter, match="move 2: the move is play"):
         ExportedProgram.of(Program.of_text("moves: [{wait: 1}, {play: 1}]"), Workcell(STATION))
 
 

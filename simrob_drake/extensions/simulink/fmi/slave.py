@@ -18,8 +18,8 @@ STATION_FILE = "station.yaml"
 _OK, _WARNING, _ERROR = 0, 1, 3
 
 
-class Message(NamedTuple):
-    """A line for the log of whoever runs the unit."""
+class UnitLogEntry(NamedTuple):
+    """An entry of the log that the tool which runs the unit keeps."""
 
     status: int
     category: str
@@ -44,7 +44,7 @@ class Fmi2Slave:
         self._station = SteppedStation(Path(resources) / STATION_FILE)
         self._names = [variable.name for variable in variables_of(self._station)]
         self._refused: dict[str, str] = {}
-        self._messages: list[Message] = []
+        self._messages: list[UnitLogEntry] = []
         self._offset: float | None = None
 
     def terminate(self, *_: float) -> None:
@@ -61,10 +61,10 @@ class Fmi2Slave:
                 raise StepFailed("; ".join(self._refused.values()))
             self._station.advance(current_time - self._offset + step_size)
         except (StepFailed, SimrobError) as problem:
-            self._messages.append(Message(_ERROR, "logStatusError", str(problem)))
+            self._messages.append(UnitLogEntry(_ERROR, "logStatusError", str(problem)))
             return StepResult(_ERROR)
         if self._station.stopped:
-            self._messages.append(Message(_WARNING, "logStatusWarning", self._station.stopped))
+            self._messages.append(UnitLogEntry(_WARNING, "logStatusWarning", self._station.stopped))
         return StepResult(_OK, bool(self._station.stopped))
 
     def get_real(self, references: list[int]) -> list[float]:
@@ -99,7 +99,7 @@ class Fmi2Slave:
         """Return why a monitor ended the run."""
         return [self._station.stopped if self._names[reference] == MESSAGE else "" for reference in references]
 
-    def _get_log_queue(self) -> list[Message]:
+    def _get_log_queue(self) -> list[UnitLogEntry]:
         return self._messages
 
     def _get_fmu_state(self) -> dict[str, Any]:

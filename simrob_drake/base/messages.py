@@ -1,0 +1,317 @@
+"""Messages for users: sentences with an id and fields, which other languages have words for.
+
+The English template of a message stands in the code where it is used::
+
+    message("results.ran_to_its_end", "ran to its end at {time:g} s", time=end)
+
+A :class:`Message` is its English text, so that code, logs and files use it as they use any text. A page that shows
+another language calls :func:`in_language`, which finds the template by the id and never by the English text.
+
+The first word of an id is the package that uses the message. The templates of the core are in ``base/languages``, one
+folder for each language and one YAML file for each package; an extension announces a folder of its own (see
+``Extension.messages``).
+"""
+
+import string
+import warnings
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache
+from numbers import Number
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+SOURCE_LANGUAGE = "en"
+"""Language of the templates in the code."""
+
+_CORE = Path(__file__).parents[1]
+_CORE_CATALOGUES = _CORE / "base" / "languages"
+
+_WITH_DECIMAL_COMMA = frozenset({"es"})
+"""Languages that write 23,5 for the number 23.5."""
+
+_SWAPPED_SEPARATORS = str.maketrans(".,", ",.")
+
+
+class MessageWarning(UserWarning):
+    """Warning that a template of another language cannot be filled, so that the English one is shown."""
+
+
+class Message(str):
+    """The English text of a message, with what other languages need.
+
+    Attributes:
+        id: stable name of the message, such as ``results.ran_to_its_end``. It is empty for a compound, whose template
+            has no words and is the same in each language.
+        template: the English template, with format specifications as in :meth:`str.format`. A specification with a
+            bar chooses singular or plural: ``{count} {count:step|steps}``.
+        fields: values of the template's fields: numbers, texts and other messages.
+        longest: largest length of the text, in any language. A longer one is cut at its end, see :func:`one_line`. None
+            if it is not limited.
+    """
+
+    id: str
+    template: str
+    fields: Mapping[str, Any]
+    longest: int | None
+
+    def __new__(
+        cls, message_id: str, template: str, fields: Mapping[str, Any], longest: int | None = None
+    ) -> "Message":
+        """Create the message, and fill its template in English. The arguments are the attributes.
+
+        Raises:
+            KeyError: the template has a field without a value.
+        """
+        text = _filled(template, fields, SOURCE_LANGUAGE)
+        created = super().__new__(cls, _cut(text, longest))
+        created.id = message_id
+        created.template = template
+        created.fields = dict(fields)
+        created.longest = longest
+        return created
+
+    def __str__(self) -> str:
+        """Return the message itself, so that ``str(error)`` keeps its id."""
+        return self
+
+    def __add__(self, other: str) -> "Message":
+        """Append a text, in which a message keeps its id."""
+        return join_texts([self, other], "")
+
+    def __radd__(self, other: str) -> "Message":
+        """Put a text in front, in which a message keeps its id."""
+        return join_texts([other, self], "")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle and copy the message with its id and its fields."""
+        return Message, (self.id, self.template, self.fields, self.longest)
+
+    def limited_to(self, length: int) -> "Message":
+        """Return this message with a largest length in any language. A smaller one than before stays."""
+        shorter = length if self.longest is None else min(length, self.longest)
+        return Message(self.id, self.template, self.fields, shorter)
+
+
+for _dumper in (yaml.SafeDumper, yaml.CSafeDumper):
+    # A file has a message as plain English text.
+    _dumper.add_representer(Message, lambda dumper, text: dumper.represent_str(str.__str__(text)))
+
+
+def message(message_id: str, template: str, /, **fields: object) -> Message:
+    """Create a message.
+
+    Args:
+        message_id: stable name of the message: its package, a dot, and two to five words, such as
+            ``results.ran_to_its_end``.
+        template: the English text, see :class:`Message`.
+        fields: values of the template's fields. Give numbers as numbers, with a format in the template, so that a
+            language writes its own decimal sign. An error stands for its message.
+    """
+    return Message(message_id, template, {name: _kept(value) for name, value in fields.items()})
+
+
+def compound(template: str, /, **fields: object) -> Message:
+    """Create a message of other messages, names and numbers: its template has no words, such as ``{place}: {problem}``.
+
+    No catalogue has an entry for it: each part is rendered in its language.
+    """
+    return message("", template, **fields)
+
+
+def join_texts(parts: Iterable[str], separator: str = ", ") -> Message:
+    """Join texts to a message, in which each part keeps its own id.
+
+    Args:
+        parts: messages or other texts.
+        separator: text between two parts. If it has words, it is a message, such as `` and ``.
+    """
+    fields = {f"part_{number}": part for number, part in enumerate(parts)}
+    if isinstance(separator, Message):
+        template = "{separator}".join(f"{{{name}}}" for name in fields)
+        return compound(template, separator=separator, **fields)
+    between = separator.replace("{", "{{").replace("}", "}}")
+    return compound(between.join(f"{{{name}}}" for name in fields), **fields)
+
+
+def message_of(error: BaseException) -> str:
+    """Message of an error: a Message if the error has one, or was raised with one, otherwise its text."""
+    candidates = [getattr(error, "message", None), *error.args[:1]]
+    return next((candidate for candidate in candidates if isinstance(candidate, Message)), str(error))
+
+
+def in_language(text: str, language: str) -> str:
+    """Render a message in a language. A text that is no :class:`Message` is returned as it is.
+
+    Args:
+        text: the message, or another text such as a name.
+        language: the language, such as ``es``. A message without a template in it is rendered in English, and its
+            fields, where they are messages, in the language.
+    """
+    if not isinstance(text, Message) or language == SOURCE_LANGUAGE:
+        return str(text)
+    template = _template(text.id, language)
+    if template is not None:
+        try:
+            return _cut(_filled(template, text.fields, language), text.longest)
+        except (KeyError, IndexError, ValueError) as problem:
+            reason = f"{type(problem).__name__}: {problem}"
+            sentence = f"the template of {text.id} in '{language}' cannot be filled ({reason}); English is shown"
+            warnings.warn(sentence, MessageWarning, stacklevel=2)
+    return _cut(_filled(text.template, text.fields, language), text.longest)
+
+
+def as_data(text: str) -> Any:
+    """Convert a message to data that JSON has, with all that other languages need. Other texts stay texts."""
+    if not isinstance(text, Message):
+        return text
+    fields = {name: as_data(value) if isinstance(value, str) else _plain(value) for name, value in text.fields.items()}
+    return {"id": text.id, "template": text.template, "fields": fields, "longest": text.longest}
+
+
+def from_data(data: Any) -> Any:
+    """Return the message that :func:`as_data` converted. Other data, such as texts and numbers, stay as they are."""
+    if not (isinstance(data, Mapping) and {"id", "template", "fields"} <= data.keys()):
+        return data
+    fields = {name: from_data(value) for name, value in data["fields"].items()}
+    return Message(data["id"], data["template"], fields, data.get("longest"))
+
+
+def catalogue(package: str, language: str) -> Mapping[str, str]:
+    """Templates of a package in a language, by the ids of the messages. Empty if there are none.
+
+    Args:
+        package: first word of the ids.
+        language: the language, such as ``es``.
+    """
+    return _read_catalogue(_catalogue_file(package, language))
+
+
+def register_catalogues(find_folder: Callable[[str], Path | None]) -> None:
+    """Declare where messages of extensions are.
+
+    Args:
+        find_folder: returns the folder with one file ``<language>.yaml`` for each language, for the first word of ids,
+            or None if no extension has such ids.
+    """
+    _folder_finders.append(find_folder)
+
+
+_folder_finders: list[Callable[[str], Path | None]] = []
+
+
+def core_packages() -> list[str]:
+    """List the names of the core's packages, with which the ids of its messages begin."""
+    return sorted(path.stem for path in _CORE.iterdir() if path.stem.isidentifier())
+
+
+def _kept(value: object) -> Any:
+    """Value of a field as a message keeps it: numbers and texts, which survive pickling and have no references.
+
+    An error becomes its message, and any other object its text.
+    """
+    if isinstance(value, BaseException):
+        return message_of(value)
+    return value if isinstance(value, str | Number) else str(value)
+
+
+def _plain(value: Any) -> Any:
+    """Convert a number of numpy to one of Python, for JSON."""
+    return value.item() if hasattr(value, "item") else value
+
+
+def one_line(text: str, length: int) -> str:
+    """Write a text on one line, without control characters, and cut its end if it is long.
+
+    Args:
+        text: the text.
+        length: largest length of the result.
+    """
+    # A text may be very long: only its beginning is examined.
+    head = text[: 100 * length]
+    line = " ".join(head.split())
+    # Control characters could change the state of a terminal.
+    shown = "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in line)
+    is_whole = len(shown) <= length and len(text) <= 100 * length
+    return shown if is_whole else shown[: length - 1] + "…"
+
+
+def _cut(text: str, longest: int | None) -> str:
+    """Write a text on one line and cut its end, if there is a largest length."""
+    return text if longest is None else one_line(text, longest)
+
+
+def _filled(template: str, fields: Mapping[str, Any], language: str) -> str:
+    """Fill a template with the values of its fields, in a language."""
+    # Python's own formatting is ten times as fast, and English without plurals needs nothing else.
+    if language == SOURCE_LANGUAGE and "|" not in template:
+        return template.format(**fields)
+    return _Filler(language).vformat(template, (), fields)
+
+
+class _Filler(string.Formatter):
+    """Fills templates in one language: messages in fields, decimal signs, and plurals."""
+
+    def __init__(self, language: str) -> None:
+        """Create the formatter.
+
+        Args:
+            language: the language, such as ``es``.
+        """
+        self._language = language
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        """Format the value of a field.
+
+        Args:
+            value: the value.
+            format_spec: its format specification. With a bar, it is the singular and the plural of a word, of which
+                the number chooses one.
+        """
+        if "|" in format_spec:
+            singular, plural = format_spec.split("|")
+            return singular if value == 1 else plural
+        if isinstance(value, str):
+            return format(in_language(value, self._language), format_spec)
+        text = format(value, format_spec)
+        is_number = isinstance(value, Number) and not isinstance(value, bool)
+        if is_number and self._language in _WITH_DECIMAL_COMMA:
+            return text.translate(_SWAPPED_SEPARATORS)
+        return text
+
+
+def _template(message_id: str, language: str) -> str | None:
+    """Template of a message in a language. Returns None if there is none, or if the message is a compound."""
+    package, dot, _ = message_id.partition(".")
+    return catalogue(package, language).get(message_id) if dot else None
+
+
+@cache
+def _catalogue_file(package: str, language: str) -> Path | None:
+    """Find the file with the templates of a package in a language. Returns None if there is none."""
+    core_file = _CORE_CATALOGUES / language / f"{package}.yaml"
+    if core_file.is_file():
+        return core_file
+    for find_folder in _folder_finders:
+        folder = find_folder(package)
+        if folder is not None:
+            file = folder / f"{language}.yaml"
+            return file if file.is_file() else None
+    return None
+
+
+@cache
+def _read_catalogue(file: Path | None) -> Mapping[str, str]:
+    """Read a file of templates once. Empty if the file is None, or cannot be read, which is a warning."""
+    if file is None:
+        return {}
+    try:
+        content = yaml.load(file.read_text(encoding="utf-8"), yaml.CSafeLoader)
+    except (OSError, ValueError, yaml.YAMLError) as problem:
+        warnings.warn(f"{file} cannot be read ({problem}); its messages are in English", MessageWarning, stacklevel=2)
+        return {}
+    if not isinstance(content, dict):
+        warnings.warn(f"{file} must hold a mapping of ids to templates", MessageWarning, stacklevel=2)
+        return {}
+    return {str(name): str(template) for name, template in content.items()}

@@ -1,0 +1,72 @@
+"""Remarks about a run or a station: sentences with a severity and, where one is known, a remedy.
+
+A verdict, a check and an import give remarks. The command line, the pendant and a notebook show them; each of these
+decides only how a severity looks.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+Severity = Literal["success", "note", "warning", "failure"]
+"""How a remark is judged.
+
+``success``: what was asked is reached. ``note``: a fact without a judgement. ``warning``: a value violates its bound,
+or a result may be wrong. ``failure``: the run ended early, or an input cannot be used.
+"""
+
+SEVERITIES: tuple[Severity, ...] = ("success", "note", "warning", "failure")
+"""All severities, from the best to the worst."""
+
+
+@dataclass(frozen=True)
+class Remedy:
+    """What most likely removes the cause of a remark.
+
+    Attributes:
+        text: the remedy as a sentence, without a full stop.
+        key: dotted key of the station that the remedy sets, such as ``servo.feedforward``. Empty if no key does.
+        value: new value of the key. None if there is no key, or if the user chooses the value.
+    """
+
+    text: str
+    key: str = ""
+    value: object = None
+
+    @property
+    def setting(self) -> str:
+        """The remedy as an argument of ``--set``, such as ``servo.feedforward=gravity``.
+
+        Returns an empty text if no key does it, or if the user chooses the value.
+        """
+        if not self.key or self.value is None:
+            return ""
+        return f"{self.key}={self.value}"
+
+
+@dataclass(frozen=True)
+class Remark:
+    """A sentence with its severity.
+
+    Attributes:
+        severity: how the remark is judged.
+        text: the sentence, without a full stop.
+        remedy: what most likely removes the cause. None if nothing is wrong, or if no remedy is known.
+    """
+
+    severity: Severity
+    text: str
+    remedy: Remedy | None = None
+
+    def summary(self) -> dict[str, Any]:
+        """Content for ``summary.json``: severity and text and, if there is a remedy, its text and its setting."""
+        content: dict[str, Any] = {"severity": self.severity, "text": self.text}
+        if self.remedy is not None:
+            content["remedy"] = self.remedy.text
+            content["set"] = self.remedy.setting or None
+        return content
+
+
+def worst_severity(remarks: list[Remark]) -> Severity:
+    """Worst severity of the remarks, or ``success`` if there are none."""
+    ranks = [SEVERITIES.index(remark.severity) for remark in remarks]
+    return SEVERITIES[max(ranks, default=0)]

@@ -1,0 +1,195 @@
+"""The most likely remedy of each violated bound, and the key of the station that applies it.
+
+A remedy with a key and a value can be applied at once, by ``--set KEY=VALUE`` or by a button. It is offered only if the
+station takes the key, and if the recorded run shows the cause, such as a servo that is not at its torque limit.
+"""
+
+from collections.abc import Callable
+from math import ceil, floor, log10
+from typing import TYPE_CHECKING
+
+from simrob_drake.base.messages import message
+from simrob_drake.base.remarks import Remedy
+from simrob_drake.blocks.servo import AT_LIMIT
+from simrob_drake.parts.station_plant import StationRobot
+from simrob_drake.results.record.run import RecordedRun
+from simrob_drake.results.record.torques import torque_shares
+
+if TYPE_CHECKING:  # this import would be circular: a criterion has a remedy
+    from simrob_drake.results.verdict.verdict import MeasuredValue
+
+MakeRemedy = Callable[[RecordedRun, "MeasuredValue"], Remedy | None]
+"""Finds the remedy of the worst value of a violated criterion; returns None if none is known."""
+
+_MORE_TIME = 2.0
+"""A move that a motor at its limit cannot do in time is given this many times its duration."""
+
+_MARGIN = 1.1
+"""A move that is too fast is given the duration at which its speed would be at the limit, times this."""
+
+_STIFFER = 10.0
+"""Bodies that sink into each other too deep get a contact stiffness so many times larger."""
+
+
+def sag_or_saturation(run: RecordedRun, entry: "MeasuredValue") -> Remedy | None:
+    """Remedy of an axis, or of a robot's tool, that is not where it should be.
+
+    A saturated motor needs more time or torque. Otherwise a servo without an integral part leaves an error, which
+    gravity causes: gravity feedforward removes it.
+    """
+    robot = robot_of(run, entry.subject)
+    if robot is None or not run.config.engine.moves_by_forces:
+        return None
+    if torque_shares(run, robot).max(initial=0.0) >= AT_LIMIT:
+        return more_time_for_motors(run, entry)
+    if not _takes_feedforward(run, robot):
+        text = message("results.remedy_stiffer_servo", "raise the servo's gains kp and kd")
+        return Remedy(text, key=_servo_key(run, robot, "kp"))
+    text = message("results.remedy_gravity", "the servos sag under gravity: turn on gravity feedforward")
+    return Remedy(text, key=_servo_key(run, robot, "feedforward"), value="gravity")
+
+
+def more_time_for_motors(run: RecordedRun, entry: "MeasuredValue") -> Remedy | None:
+    """Remedy of a motor that is at its torque limit: more time, or else a smaller load."""
+    robot = robot_of(run, entry.subject)
+    if robot is None:
+        return None
+    if _is_saturated_at_rest(run, robot):
+        text = message(
+            "results.remedy_weak_motor", "the motor is too weak to hold this: carry less, or raise its limit"
+        )
+        return Remedy(text, key=_servo_key(run, robot, "torque_limit"))
+    text = message("results.remedy_more_time", "give the motion more time")
+    return _with_longer_reference(run, robot, text, _MORE_TIME)
+
+
+def more_time_for_speed(run: RecordedRun, entry: "MeasuredValue") -> Remedy | None:
+    """Remedy of an axis or a tool that moves too fast: more time, in proportion to its speed."""
+    robot = robot_of(run, entry.subject)
+    if robot is None:
+        return None
+    if robot.model.base == "floating":
+        text = message("results.remedy_slower_gait", "take shorter steps (amplitude), or slower ones (step_time)")
+        return Remedy(text)
+    text = message("results.remedy_more_time", "give the motion more time")
+    return _with_longer_reference(run, robot, text, _MARGIN * entry.value)
+
+
+def less_load(run: RecordedRun, entry: "MeasuredValue") -> Remedy:
+    """Remedy of a robot that carries more than its rated payload."""
+    del run, entry  # the remedy is the same for all robots
+    return Remedy(message("results.remedy_less_load", "carry less, or take a robot with a larger payload"))
+
+
+def contact_with_floor(run: RecordedRun, entry: "MeasuredValue") -> Remedy | None:
+    """Remedy of a body that sank into the floor: contact, if the station has none."""
+    del entry  # the remedy is the same for all bodies
+    if run.config.contact is not None:
+        return None
+    if not run.config.engine.moves_by_forces:
+        text = message(
+            "results.remedy_no_contact_kinematic",
+            "this station has no contact: its floor is only drawn. Keep the target above the floor",
+        )
+        return Remedy(text)
+    text = message("results.remedy_no_contact", "this station has no contact: its floor is only drawn. Turn contact on")
+    return Remedy(text, key="contact", value="{}")
+
+
+def stiffer_contact(run: RecordedRun, entry: "MeasuredValue") -> Remedy | None:
+    """Remedy of two bodies that are too deep in each other: a stiffer contact."""
+    del entry  # the remedy is the same for all bodies
+    contact = run.config.contact
+    if contact is None or contact.stiffness is None:
+        return None
+    text = message("results.remedy_stiffer_contact", "make the contact stiffer")
+    return Remedy(text, key="contact.stiffness", value=_readable(_STIFFER * contact.stiffness))
+
+
+def more_grip(run: RecordedRun, entry: "MeasuredValue") -> Remedy:
+    """Remedy of a foot that slides over the ground."""
+    del run, entry  # the remedy is the same for all feet
+    return Remedy(message("results.remedy_more_grip", "take shorter steps, or raise the friction of sole and floor"))
+
+
+def other_solver(run: RecordedRun, entry: "MeasuredValue") -> Remedy:
+    """Remedy of a solver that retries its steps too often."""
+    del run, entry  # the remedy is the same for all stations
+    text = message("results.remedy_other_solver", "choose another solver scheme, or smaller gains and stiffnesses")
+    return Remedy(text, key="solver.scheme")
+
+
+def rest_for_motor(run: RecordedRun, entry: "MeasuredValue") -> Remedy:
+    """Remedy of a motor that becomes too hot."""
+    del run, entry  # the remedy is the same for all motors
+    return Remedy(message("results.remedy_cooler_motor", "let the motor rest between moves, or carry less"))
+
+
+def robot_of(run: RecordedRun, subject: str) -> StationRobot | None:
+    """Find the robot that a value belongs to.
+
+    Args:
+        run: the run.
+        subject: name of an axis, such as ``left.joint_2``; of a robot; or of its tool, such as ``tool of left``.
+
+    Returns:
+        the robot, or None if the subject belongs to none.
+    """
+    if len(run.plant.robots) == 1:
+        return next(iter(run.plant.robots.values()))
+    for name, robot in run.plant.robots.items():
+        if subject in (name, f"tool of {name}") or subject.startswith(robot.prefix):
+            return robot
+    return None
+
+
+def _takes_feedforward(run: RecordedRun, robot: StationRobot) -> bool:
+    """Whether gravity feedforward may be turned on: for a robot with a fixed base that has none yet.
+
+    The model of a robot with a floating base lacks the contact forces that carry it.
+    """
+    servo = run.config.servo_of(robot.name)
+    return servo.law != "computed_torque" and servo.feedforward == "none" and robot.model.base != "floating"
+
+
+def _is_saturated_at_rest(run: RecordedRun, robot: StationRobot) -> bool:
+    """Whether a motor is at its torque limit at the end of the run, so that more time would not help."""
+    return bool(torque_shares(run, robot)[-1].max() >= AT_LIMIT)
+
+
+def _servo_key(run: RecordedRun, robot: StationRobot, key: str) -> str:
+    """Dotted key of the servo section that is valid for a robot."""
+    has_own_section = run.config.robots[robot.name].servo is not None
+    return f"{_section_of(run, robot) if has_own_section else ''}servo.{key}"
+
+
+def _section_of(run: RecordedRun, robot: StationRobot) -> str:
+    """Start of the dotted keys of a robot's own section. Empty if the station has a single robot."""
+    return "" if run.config.only_robot else f"robots.{robot.name}."
+
+
+def _with_longer_reference(run: RecordedRun, robot: StationRobot, text: str, factor: float) -> Remedy:
+    """Remedy that makes the motion longer: with a key if the motion is the reference of the station.
+
+    Args:
+        run: the run.
+        robot: the robot that moves.
+        text: the remedy in words.
+        factor: by how much the motion is to last longer.
+    """
+    reference = run.config.reference_of(robot.name)
+    duration = getattr(reference, "duration", None)
+    if duration is None or run.references.get(robot.name) is not None or run.did:
+        return Remedy(text)  # a program, or Python code, decides how the robot moves
+    has_own_section = run.config.robots[robot.name].reference is not None
+    section = _section_of(run, robot) if has_own_section else ""
+    longer = _readable(factor * duration)
+    # A motion that outlasts the run would not reach its target: then the user chooses both durations.
+    fits = getattr(reference, "start", 0.0) + longer <= run.config.duration
+    return Remedy(text, key=f"{section}reference.duration", value=longer if fits else None)
+
+
+def _readable(value: float) -> float:
+    """Round a positive value up to two significant digits."""
+    scale = 10.0 ** (floor(log10(value)) - 1)
+    return float(f"{ceil(value / scale - 1e-9) * scale:.2g}")

@@ -1,0 +1,39 @@
+"""How severe each remark about a run is. This is the only module that decides it."""
+
+from typing import TYPE_CHECKING
+
+from simrob_drake.base.remarks import Severity
+from simrob_drake.results.record.run import RecordedRun, fallen
+
+if TYPE_CHECKING:  # this import would be circular: a verdict has remarks
+    from simrob_drake.results.verdict.verdict import Measure
+
+_OF_ENDINGS: dict[str, Severity] = {
+    "completed": "success",
+    "monitor": "success",  # a monitor is set to end the run there, except for a fall
+    "interrupted": "note",
+    "diverged": "failure",
+    "failed": "failure",
+}
+"""Severity of each ending of a run, if no robot fell."""
+
+VIOLATION: Severity = "warning"
+"""Severity of a value that violates its bound, and of a solver's doubt about the result."""
+
+CONTROLLER_REMARK: Severity = "note"
+"""Severity of what a controller reports, such as a walk that was asked for too high a speed and went slower."""
+
+
+def severity_of_end(run: RecordedRun) -> Severity:
+    """Severity of how a run ended."""
+    if run.ending == "monitor" and fallen(run) is not None:
+        return "failure"
+    return _OF_ENDINGS[run.ending]
+
+
+def severity_of(measure: "Measure") -> Severity:
+    """Severity of a criterion's result: a note if there is no bound, otherwise a success or a violation."""
+    if measure.warning:
+        return VIOLATION
+    has_bound = any(entry.bound is not None for entry in measure.entries)
+    return "success" if has_bound else "note"

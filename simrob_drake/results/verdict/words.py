@@ -1,0 +1,88 @@
+"""Values and counts as users read them: with units, and as the words of a sentence."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from simrob_drake.base.messages import Message, compound, message
+
+_COUNT_WORDS = {
+    2: message("results.two", "Two"),
+    3: message("results.three", "Three"),
+    4: message("results.four", "Four"),
+    5: message("results.five", "Five"),
+    6: message("results.six", "Six"),
+    7: message("results.seven", "Seven"),
+    8: message("results.eight", "Eight"),
+    9: message("results.nine", "Nine"),
+}
+"""Counts with which a sentence begins. Larger ones are written as digits."""
+
+_LEAST_SHARE = 5e-4
+"""A smaller share is written as 0 %: its digits would only show the rounding of the computer."""
+
+
+def count_in_words(count: int) -> Message:
+    """Count of at least two things, for the begin of a sentence."""
+    return _COUNT_WORDS.get(count) or compound("{count}", count=count)
+
+
+def in_words(value: float, unit: str) -> Message:
+    """Write a value: angles in degrees, lengths in millimetres (from 1 m on in metres), shares in per cent.
+
+    Args:
+        value: the value, in its SI unit or as a share.
+        unit: ``rad``, ``m``, or ``1`` for a share.
+    """
+    if unit == "rad":
+        number = float(np.rad2deg(value))
+        name = "deg"
+    elif unit == "m" and abs(value) >= 1:
+        number = value
+        name = "m"
+    elif unit == "m":
+        number = 1e3 * value
+        name = "mm"
+    else:
+        number = 100.0 * value
+        name = "%"
+    return compound("{number:.3g} {unit}", number=number + 0.0, unit=name)  # adding 0.0 turns -0.0 into 0.0
+
+
+def rounded_in_words(value: float, unit: str) -> Message:
+    """Write a value as :func:`in_words` does, for a table: per cent without decimals, and no tiny shares."""
+    if unit == "1":
+        share = value if abs(value) >= _LEAST_SHARE else 0.0
+        return compound("{number:.0f} %", number=100.0 * share)
+    return in_words(value, unit)
+
+
+def amount_in_words(share: float, limit: float, unit: str) -> Message:
+    """Write a share of a limit as an amount, such as ``37.2 N·m``.
+
+    Args:
+        share: the share.
+        limit: what the value is a share of, in the unit.
+        unit: the unit.
+    """
+    return compound("{number:.3g} {unit}", number=share * limit, unit=unit)
+
+
+def text_table(rows: Sequence[Sequence[str]], width: int = 80) -> list[str]:
+    """Write rows of cells as lines of text with aligned columns. A line that is too long is cut.
+
+    Args:
+        rows: the headings, then the other rows, with equally many cells.
+        width: largest length of a line.
+    """
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = []
+    for row in rows:
+        cells = [cell.ljust(size) for cell, size in zip(row, widths, strict=True)]
+        lines.append("  ".join(cells).rstrip()[:width])
+    return lines
+
+
+def capitalised(text: str) -> str:
+    """Begin a text with a capital letter. The result is plain text, without the id of a message."""
+    return text[:1].upper() + text[1:]
