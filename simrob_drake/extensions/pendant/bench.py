@@ -13,6 +13,7 @@ import numpy as np
 
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message_of
 from simrob_drake.base.sections import validated
 from simrob_drake.extensions.pendant import arm_questions
 from simrob_drake.extensions.pendant.describe import description
@@ -299,6 +300,11 @@ class Bench:
     def _tell_view(self, subject: str, commands: Sequence[Command]) -> None:
         self._inbox.tell("view", subject=subject, commands=list(commands))
 
+    def _tell_warning(self, warning: Warning | str, *_: object, **__: object) -> None:
+        """Tell the page of a warning, in place of :func:`warnings.showwarning`."""
+        text = message_of(warning) if isinstance(warning, Warning) else warning
+        self._inbox.tell("warned", text=text)
+
     def _fits(self, positions: Vector) -> bool:
         """Tell whether positions are of this plant: what stands in the station may have been changed since."""
         scene = self._view.scene
@@ -328,7 +334,7 @@ class Bench:
             self.pacer.begin(line, until=until, one=one)
             try:
                 with warnings.catch_warnings():
-                    warnings.showwarning = lambda message, *_, **__: self._inbox.tell("warned", text=str(message))
+                    warnings.showwarning = self._tell_warning
                     result = perform(cell, program)
                 break
             except Rewound as asked:
@@ -348,8 +354,8 @@ class Bench:
             "ending": "stopped" if result.stopped_by == USER else result.ending,
             "message": result.message,
             "stopped_by": result.stopped_by,
-            "verdict": str(result.verdict),
-            "warnings": result.warnings,
+            "remarks": result.remarks,
+            "criteria": result.verdict.table,
             "goes_on": not self._fell,
             "begun": begun,
             "time": line.now,

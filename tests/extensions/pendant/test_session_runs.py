@@ -173,9 +173,10 @@ def test_while_it_runs_it_is_told_what_holds_a_run_up_and_then_what_became_of_it
     assert during == "running"
     assert re.match(r"irb120_dynamic makes .* real time.* with .* s left: ", slow)
     lines = ended.splitlines()
-    assert lines[0].startswith("ran to its end at 0.5 s")
-    assert lines[1].startswith("final error ")
-    assert len(lines) == 2 + len(session.run.ending["warnings"])
+    assert lines[0].startswith("Ran to its end at 0.5 s")
+    assert len(lines) == len(session.run.ending["remarks"])
+    assert {row.severity for row in session.message.criteria} <= {"success", "note", "warning"}
+    assert "final error" in [row.criterion for row in session.message.criteria]
 
 
 def test_a_push_of_a_test_that_was_discarded_is_forgotten(teach):
