@@ -115,12 +115,13 @@ def test_what_the_import_did_is_told(tmp_path):
     file = keep({source.name: source.read_bytes()}, tmp_path)
 
     session = Session.open(file, tmp_path, live=CountingRun)
-    lines = report_of(session.book.model.urdf_path).splitlines()
+    report = report_of(session.book.model.urdf_path)
     session.close()
-    assert lines[0].startswith("double_pendulum.urdf: ")
-    assert "1 dropped" in lines[0]
-    assert any("'base.obj' there is no such file" in line for line in lines)
-    assert report_of(source) == ""
+    assert str(report).startswith("double_pendulum.urdf was imported. Its file leaves these things open")
+    (lost,) = (remark for remark in report.remarks if "'base.obj' there is no such file" in remark.text)
+    assert lost.severity == "warning", "the base is not shown"
+    assert {remark.severity for remark in report.remarks} == {"note", "warning"}
+    assert report_of(source) is None
 
 
 def test_what_the_import_did_is_told_in_spanish():

@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
-from math import inf, isfinite
+from math import ceil, floor, inf, isfinite
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -11,9 +11,26 @@ from nicegui import Client, ElementFilter, context, core, ui
 from simrob_drake.extensions.pendant.pages.words import Words, figure
 
 _DIGITS = 3  # behind the point
+_DIGITS_OF_ANGLES = 1  # behind the point of a limit in degrees
 _SLACK, _SAME = 0.5 * 10**-_DIGITS, 1e-6
 """How far beyond a limit a number may be shown, which stands for the limit then; and how far it is the same."""
 _DEBOUNCE = 600  # after the last key until a typed number counts, unless the user ends it with Enter [ms]
+
+
+def limit_text(value: float, unit: str, *, is_upper: bool) -> str:
+    """Write a limit with its unit, rounded towards the inside, so that a value that is read there can be entered.
+
+    Args:
+        value: the limit.
+        unit: unit behind the number, as :class:`Phrases` has it; angles have one digit behind the point.
+        is_upper: whether it is an upper limit.
+    """
+    if not isfinite(value):
+        return ""
+    scale = 10.0 ** (_DIGITS_OF_ANGLES if unit == "°" else _DIGITS)
+    # Of a limit such as 30 that is stored as 29.999999999999996 the rounding error is left out first.
+    scaled = round(value * scale, 6)
+    return f"{figure((floor if is_upper else ceil)(scaled) / scale)}{unit}"
 
 
 def step_of(unit: str) -> float:
@@ -71,8 +88,11 @@ class NumberField:
         within = value is None or self.low - _SLACK <= value <= self.high + _SLACK
         if within and not (self._whole and value is not None and value % 1):
             return None
-        low, high = (f"{figure(limit)}{self._unit}" for limit in (self.low, self.high))
-        return self._t("legs.whole_limits" if self._whole else "legs.limits", low=low, high=high)
+        low, high = (limit_text(limit, self._unit, is_upper=limit == self.high) for limit in (self.low, self.high))
+        kind = "whole_limits" if self._whole else "limits"
+        if low and high:
+            return self._t(f"legs.{kind}", low=low, high=high)
+        return self._t(f"legs.{kind}_low", low=low) if low else self._t(f"legs.{kind}_high", high=high)
 
 
 class Slider(ui.slider):
@@ -140,8 +160,9 @@ class Dial:
         ends = max(low, -self._side), min(high, self._side)
         self._slider.props["min"], self._slider.props["max"] = (round(end, _DIGITS) for end in ends)
         self._slider.update()
-        for label, limit in zip(self._ends, (low, high), strict=True):
-            label.text = f"{figure(limit)}{self._unit}" if isfinite(limit) else ""
+        low_label, high_label = self._ends
+        low_label.text = limit_text(low, self._unit, is_upper=False)
+        high_label.text = limit_text(high, self._unit, is_upper=True)
 
     def show(self, value: float) -> None:
         """Show a value, without moving anything."""

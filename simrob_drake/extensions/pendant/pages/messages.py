@@ -42,19 +42,18 @@ class Messages:
         self._buttons = []
         self._place.clear()
         with self._place:
-            if notice.remarks:
-                for remark, text in zip(notice.remarks, notice.lines(self._t.of_engine), strict=True):
-                    self._build_line(remark.severity, text)
-                    if remark.remedy is not None:
-                        self._build_remedy(remark.remedy)
-            else:
+            if notice.key or not notice.remarks:
                 self._build_line(notice.severity, self._text_of(notice))
+            for remark, text in zip(notice.remarks, notice.lines(self._t.of_engine), strict=True):
+                self._build_line(remark.severity, text)
+                if remark.remedy is not None:
+                    self._build_remedy(remark.remedy)
             if notice.criteria:
                 self._build_table(notice.criteria, is_open=notice.severity == "warning")
         self._allow()
 
     def _text_of(self, notice: Notice) -> str:
-        """Text of a notice without remarks, in the language of the page."""
+        """Text of a notice above its remarks, in the language of the page."""
         return self._t(f"notice.{notice.key}", **notice.fills) if notice.key else self._t.of_engine(str(notice))
 
     def _build_line(self, severity: Severity, text: str) -> None:

@@ -49,7 +49,9 @@ class Words:
         line; an unknown one stays as it is.
         """
         if isinstance(text, Message):
-            return in_language(text, self.language)
+            rendered = in_language(text, self.language)
+            if rendered != text:  # else it has no words in this language yet
+                return rendered
         return "\n".join(map(self._said, text.split("\n"))) if self._sentences else text
 
     def _said(self, line: str) -> str:
@@ -98,7 +100,7 @@ class Notice:
         key: key of the text in the section ``notice`` of the words; empty for a text that is in ``fills``.
         fills: values that are filled into the text; ``text`` alone for an error, which has words of its own.
         wrong: whether something went wrong.
-        remarks: remarks about a run, the first of which sums it up.
+        remarks: remarks about a run, the first of which sums it up; or further lines below the text.
         criteria: the table of criteria of the run's verdict.
     """
 
@@ -134,9 +136,11 @@ class Notice:
 
     def __str__(self) -> str:
         """Return the notice in English."""
+        if self.key:
+            return "\n".join([words("en")(f"notice.{self.key}", **self.fills), *self.lines(str)])
         if self.remarks:
             return "\n".join(self.lines(str))
-        return words("en")(f"notice.{self.key}", **self.fills) if self.key else str(self.fills.get("text", ""))
+        return str(self.fills.get("text", ""))
 
 
 Content = Mapping[str, Any]  # a move as a program's file has it, an axis as a description has it
