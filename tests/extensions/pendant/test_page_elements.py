@@ -155,8 +155,9 @@ def test_each_icon_of_the_page_has_one_meaning():
         (171.88733853924697, "°", True, "171.8°"),
         (-171.88733853924697, "°", False, f"{MINUS}171.8°"),
         (29.999999999999996, "°", True, "30°"),
+        (164.99981, "°", True, "165°"),
         (-90.00000000000001, "°", False, f"{MINUS}90°"),
-        (0.75049, " m", True, "0.75 m"),
+        (0.7504, " m", True, "0.75 m"),
         (float("inf"), "°", True, ""),
     ],
 )
@@ -171,6 +172,14 @@ def test_a_limit_as_it_is_shown_can_be_entered():
         return [field.problem(value) for value in (171.8, -171.8, 172.0)]
 
     assert on_page(build) == [None, None, f"from {MINUS}171.8° to 171.8°"]
+
+
+def test_a_round_number_that_stands_for_a_limit_is_the_limit():
+    def build():
+        field = NumberField(words("en"), "Joint 1", 165.0, low=-164.99981, high=164.99981, unit="°")
+        return field.problem(165.0), field.value
+
+    assert on_page(build) == (None, 164.99981)
 
 
 def test_a_number_without_an_upper_limit_names_the_lower_one_alone():

@@ -12,25 +12,38 @@ from simrob_drake.extensions.pendant.pages.words import Words, figure
 
 _DIGITS = 3  # behind the point
 _DIGITS_OF_ANGLES = 1  # behind the point of a limit in degrees
-_SLACK, _SAME = 0.5 * 10**-_DIGITS, 1e-6
-"""How far beyond a limit a number may be shown, which stands for the limit then; and how far it is the same."""
+_SLACK = 0.5 * 10**-_DIGITS
+"""How far beyond a limit a number may be entered that is no angle; it stands for the limit then."""
+_SLACK_OF_ANGLES = 0.01
+"""The same of angles [deg]: limits are often round numbers of degrees that a file has as rounded radians."""
+_SAME = 1e-6
+"""Numbers that differ by less are the same."""
 _DEBOUNCE = 600  # after the last key until a typed number counts, unless the user ends it with Enter [ms]
 
 
 def limit_text(value: float, unit: str, *, is_upper: bool) -> str:
-    """Write a limit with its unit, rounded towards the inside, so that a value that is read there can be entered.
+    """Write a limit with its unit, so that the value that is read can be entered.
+
+    A limit of an angle has one digit behind the point. It is rounded to the nearest number if that is accepted (165°
+    for a limit of 2.87979 rad, which is 164.9998°), otherwise towards the inside.
 
     Args:
         value: the limit.
-        unit: unit behind the number, as :class:`Phrases` has it; angles have one digit behind the point.
+        unit: unit behind the number, as :class:`Phrases` has it.
         is_upper: whether it is an upper limit.
     """
     if not isfinite(value):
         return ""
     scale = 10.0 ** (_DIGITS_OF_ANGLES if unit == "°" else _DIGITS)
-    # Of a limit such as 30 that is stored as 29.999999999999996 the rounding error is left out first.
-    scaled = round(value * scale, 6)
-    return f"{figure((floor if is_upper else ceil)(scaled) / scale)}{unit}"
+    nearest = round(value * scale) / scale
+    inside = (floor if is_upper else ceil)(value * scale) / scale
+    shown = nearest if abs(nearest - value) <= slack_of(unit) else inside
+    return f"{figure(shown)}{unit}"
+
+
+def slack_of(unit: str) -> float:
+    """How far beyond a limit a number of a unit may be entered. It stands for the limit then."""
+    return _SLACK_OF_ANGLES if unit == "°" else _SLACK
 
 
 def step_of(unit: str) -> float:
@@ -85,7 +98,8 @@ class NumberField:
 
     def problem(self, value: Any) -> str | None:
         """Return what is wrong with a value, if anything is."""
-        within = value is None or self.low - _SLACK <= value <= self.high + _SLACK
+        slack = slack_of(self._unit)
+        within = value is None or self.low - slack <= value <= self.high + slack
         if within and not (self._whole and value is not None and value % 1):
             return None
         low, high = (limit_text(limit, self._unit, is_upper=limit == self.high) for limit in (self.low, self.high))
