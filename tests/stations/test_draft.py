@@ -33,6 +33,7 @@ def test_an_arm_follows_its_first_move(tmp_path):
     assert np.rad2deg(np.abs(result.axes("q_ref")[-1] - result.axes("q")[-1])).max() < 0.01
 
 
+@pytest.mark.long
 def test_a_floating_robot_stands_on_the_floor(tmp_path):
     config = drafted(tmp_path, models_root() / "irb120" / "irb120.urdf", ImportOptions(base="floating"))
     assert config.contact is not None

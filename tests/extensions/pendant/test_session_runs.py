@@ -135,6 +135,7 @@ def test_the_script_of_a_station_with_a_block_of_ones_own_takes_its_file_along(t
     assert load_station(file, allow_code=True).controllers["mine"].block("mine").get_output_port().size() == 1
 
 
+@pytest.mark.long
 def test_a_walk_is_driven_added_and_repeated_without_a_hand(teach, monkeypatch):
     monkeypatch.setattr(run_pacer, "PATIENCE", 60.0)
     session, run = teach("roid1")
@@ -391,6 +392,7 @@ def test_a_fall_is_scrubbed_with_its_signals_and_gone_back_from(teach):
     assert shown(session, run)[2] > lying[2] + 0.05
 
 
+@pytest.mark.long
 def test_a_run_that_diverges_is_scrubbed(teach):
     session, _ = teach("irb120_dynamic")
     for key, value in {"solver.scheme": "explicit_euler", "solver.max_step": 0.01, "servo.torque_limit": 1e12}.items():
