@@ -233,6 +233,7 @@ def test_what_runs_nothing_loads_no_drake(command):
 READERS = {"read_text", "read_bytes", "safe_load", "loadtxt", "genfromtxt"}
 """Functions that read files, or YAML, without the bounds of the border."""
 OWN_FILES = {
+    "base/messages.py": "its own catalogues, and those of extensions",
     "base/folders.py": "the package's own code, of which a cache's entry is made",
     "cli/command_table.py": "its own code",
     "results/animation/recording.py": "its own script",

@@ -23,7 +23,7 @@ def test_a_walk_is_that_of_the_program_and_its_way_is_told(tmp_path, capsys):
     assert run_command([*arguments, "--no-recording", "--set", "sample_rate=50"]) == 0
     out = " ".join(capsys.readouterr().out.split())
     way = json.loads((tmp_path / "r" / "summary.json").read_text())["locomotion"]
-    told = re.search(r"robot came ([\d.]+) m at ([\d.]+) m/s .* turned by ([\d.]+) deg to the (left|right)", out)
+    told = re.search(r"robot moved ([\d.]+) m at ([\d.]+) m/s .* turned by ([\d.]+) deg to the (left|right)", out)
     assert told is not None
     assert float(told[1]) == pytest.approx(way["distance"], abs=6e-4)
     assert float(told[2]) == pytest.approx(way["speed"], abs=6e-4)

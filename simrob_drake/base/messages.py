@@ -150,7 +150,7 @@ def in_language(text: str, language: str) -> str:
             fields, where they are messages, in the language.
     """
     if not isinstance(text, Message) or language == SOURCE_LANGUAGE:
-        return str(text)
+        return str.__str__(text)
     template = _template(text.id, language)
     if template is not None:
         try:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from simrob_drake.base.errors import Unsuitable
+from simrob_drake.base.messages import message
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import station_from
 from simrob_drake.cli.options import Saving, Settings, StationArgument, with_mesh_path, with_saving
@@ -82,7 +83,10 @@ def _done(
     """Let a robot of a station do something, and save it; changes are refused that the gait decides on."""
     for setting in settings or []:
         if setting.split("=")[0].split(".")[0].strip() in ("duration", "reference"):
-            raise Unsuitable(f"--set {setting}", "the gait or act says how the robot moves, and how long")
+            raise Unsuitable(
+                message("cli.set_option", "--set {setting}", setting=setting),
+                message("cli.gait_says_how", "the gait or act says how the robot moves, and how long"),
+            )
 
     def prepared(cell: "Workcell") -> Callable[[], tuple[SimulationResult, str]]:
         from simrob_drake.programs.legged_robot import LeggedRobot

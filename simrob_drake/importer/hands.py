@@ -13,6 +13,7 @@ import numpy as np
 
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.frames import transform_from_pose
+from simrob_drake.base.messages import compound, message
 from simrob_drake.importer.repairs.names import FreeNames
 from simrob_drake.robots.bodies import tool_links
 from simrob_drake.robots.fingers import JAW
@@ -56,10 +57,13 @@ def add_hand(robot: ET.Element, read: ReadRobot, work: Path, options: ImportOpti
     folder.mkdir()
     hand_report = ImportReport(options.hand)
     hand = read(options.hand, folder, of_hand(options), hand_report)
-    report.entries += [replace(entry, element=f"{HAND}: {entry.element}") for entry in hand_report.entries]
+    report.entries += [
+        replace(entry, element=compound("{hand}: {element}", hand=HAND, element=entry.element))
+        for entry in hand_report.entries
+    ]
     if options.hand_link:
         links = [name_of(element) for tag in ("link", "frame") for element in robot.iterfind(tag)]
-        mount = one_of("link for hand_link", options.hand_link, links)
+        mount = one_of(message("importer.link_for_hand", "link for hand_link"), options.hand_link, links)
     else:
         mount = tool_links(robot)[0]  # the usual link for a tool
     _rename_duplicates(hand, robot)
@@ -69,7 +73,11 @@ def add_hand(robot: ET.Element, read: ReadRobot, work: Path, options: ImportOpti
     robot.extend(hand)
     pose = transform_from_pose(options.hand_pose)
     add_joint(robot, f"{root}_mount", parent=mount, child=root, pose=pose)
-    report.add("read", f"link '{root}'", f"of {options.hand.name}, put on '{mount}'")
+    report.add(
+        "read",
+        message("robots.link_called", "link '{link}'", link=root),
+        message("importer.hand_put_on", "of {hand}, put on '{mount}'", hand=options.hand.name, mount=mount),
+    )
 
 
 def _rename_duplicates(hand: ET.Element, arm: ET.Element) -> None:
@@ -107,10 +115,15 @@ def mark_jaw(robot: ET.Element, joint: str, report: ImportReport) -> None:
         UnknownName: no joint of this name moves.
         InvalidModel: the joint has no limits, so its closed position is not known.
     """
-    one_of("joint for gripper", joint, movable_joints(robot))
+    one_of(message("importer.joint_for_gripper", "joint for gripper"), joint, movable_joints(robot))
     jaw = next(element for element in robot.iterfind("joint") if name_of(element) == joint)
     if not np.isfinite(joint_limits(jaw)).all():
-        raise report.refusal(f"joint '{joint}'", "has no limits, so that no end of its range is that of a closed jaw")
+        raise report.refusal(
+            message("robots.joint_called", "joint '{joint}'", joint=joint),
+            message(
+                "importer.gripper_without_limits", "has no limits, so that no end of its range is that of a closed jaw"
+            ),
+        )
     for element in robot.iterfind("joint"):
         for mark in element.findall(JAW):
             element.remove(mark)

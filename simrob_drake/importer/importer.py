@@ -18,6 +18,7 @@ from simrob_drake.base.errors import InvalidConfig, SimrobError
 from simrob_drake.base.extension import additions, load_addition_class, register_core_names
 from simrob_drake.base.files import NotRead, opened
 from simrob_drake.base.known_extensions import check_provided
+from simrob_drake.base.messages import message
 from simrob_drake.robots.imports import ImportOptions, ImportReport
 
 CORE_SUFFIXES = (".urdf", ".xacro", ".xml", ".sdf", ".world")
@@ -44,7 +45,7 @@ class Importer:
         owner: package and extension of the importer, for messages. It is set when the importer is loaded.
     """
 
-    title: ClassVar[str] = "a file of another tool"
+    title: ClassVar[str] = message("importer.file_of_other_tool", "a file of another tool")
     owner: str = ""
 
 
@@ -150,7 +151,15 @@ class FileImporter(Importer, ABC):
         Raises:
             SimrobError: the file cannot be read, or the importer does not implement this method.
         """
-        raise InvalidConfig(file, "", f"is {self.title}, which simrob import reads, and simrob check cannot")
+        raise InvalidConfig(
+            file,
+            "",
+            message(
+                "importer.import_reads_it",
+                "is {title}, which simrob import reads, and simrob check cannot",
+                title=self.title,
+            ),
+        )
 
 
 def find_importer(file: Path | str) -> Importer | None:
@@ -192,7 +201,9 @@ def load_importer(key: str, file: Path | None = None) -> Importer | None:
         return None
     addition = additions("importers").get(key)
     if addition is None:
-        check_provided("importers", key, f"a file with {key}" if file is None else str(file))
+        check_provided(
+            "importers", key, message("importer.file_with", "a file with {key}", key=key) if file is None else str(file)
+        )
         return None
     importer: Importer = load_addition_class(addition, Importer)()
     importer.owner = addition.owner

@@ -21,6 +21,7 @@ from simrob_drake.base.errors import InvalidConfig, OutputError, SimrobError, li
 from simrob_drake.base.files import ROBOT_FILE, opened, text_of
 from simrob_drake.base.folders import cache_entry, filled_at_once
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.packages import MANIFEST, package_root
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.importer.hands import add_hand, mark_jaw, of_hand
@@ -62,8 +63,8 @@ _HEADER = """\
 
 
 _FINGERS = (
-    "is the moving jaw of a hand, closed where it is nearest to the fixed one",
-    "are fingers, closed where they are nearest to each other",
+    message("importer.is_moving_jaw", "is the moving jaw of a hand, closed where it is nearest to the fixed one"),
+    message("importer.are_fingers", "are fingers, closed where they are nearest to each other"),
 )
 _LONGEST = 100  # letters of a robot's name that its file keeps
 
@@ -141,7 +142,9 @@ def write_robot(
     try:
         return load_robot_from_urdf(file)
     except InvalidConfig as problem:  # figures that nothing has, such as gains for masses of 1e30 kg
-        raise report.refusal(f"{ROBOT_FILE} {problem.key}", problem.problem) from problem
+        raise report.refusal(
+            compound("{robot_file} {key}", robot_file=ROBOT_FILE, key=problem.key), problem.problem
+        ) from problem
 
 
 def _write(robot: ET.Element, file: Path) -> None:
@@ -158,7 +161,16 @@ def _add_grasp(robot: ET.Element, file: Path, report: ImportReport) -> None:
     add_frame(robot, GRASP, palm, pose)
     _write(robot, file)
     place = " ".join(f"{value:.4g}" for value in pose.translation())
-    report.add("read", f"frame '{GRASP}'", f"where the fingers meet, at {place} m of '{palm}'; they close along its y")
+    report.add(
+        "read",
+        message("importer.frame_called", "frame '{name}'", name=GRASP),
+        message(
+            "importer.where_fingers_meet",
+            "where the fingers meet, at {place} m of '{palm}'; they close along its y",
+            place=place,
+            palm=palm,
+        ),
+    )
 
 
 def _repaired(source: Path, work: Path, options: ImportOptions, report: ImportReport) -> ET.Element:
@@ -192,7 +204,15 @@ def _check_apart(source: Path, folder: Path) -> None:
     root, target = _source_root(source), folder.resolve()
     if target.is_relative_to(root) or root.is_relative_to(target):
         example = root.parent / f"{source.stem}_imported"
-        raise OutputError(f"{folder} lies within the source {root}; choose a folder outside of it, such as {example}")
+        raise OutputError(
+            message(
+                "importer.folder_within_source",
+                "{folder} lies within the source {root}; choose a folder outside of it, such as {example}",
+                folder=folder,
+                root=root,
+                example=example,
+            )
+        )
 
 
 def _description(
@@ -210,7 +230,16 @@ def _description(
         return draft(robot, notes, report, semantics)
     if described.base == base:
         return text_of(described.folder / ROBOT_FILE)
-    report.add("repaired", ROBOT_FILE, f"base: {base} instead of {described.base}, as asked")
+    report.add(
+        "repaired",
+        ROBOT_FILE,
+        message(
+            "importer.base_as_asked",
+            "base: {base} instead of {file_base}, as asked",
+            base=base,
+            file_base=described.base,
+        ),
+    )
     content = described.model_copy(update={"base": base}).model_dump(mode="json", exclude={"folder"}, exclude_none=True)
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)
 
@@ -239,11 +268,26 @@ def draft(robot: RobotModel, notes: Notes, report: ImportReport, semantics: Sema
         content["home_deg"] = robot.home_deg
         midway = ", ".join(axis for axis in robot.home_deg if not robot.gripper or axis not in robot.gripper.axes)
         if midway:
-            report.add("defaulted", "robot.yaml", f"zero is outside of the limits of {midway}: they start midway")
+            report.add(
+                "defaulted",
+                "robot.yaml",
+                message(
+                    "importer.start_midway", "zero is outside of the limits of {axes}: they start midway", axes=midway
+                ),
+            )
     if robot.gripper is not None:
         content["gripper"] = robot.gripper.model_dump(mode="json", exclude_none=True)
         names = ", ".join(robot.gripper.axes)
-        report.add("read", "robot.yaml", f"{names} {_FINGERS[len(robot.gripper.axes) > 1]}, open at the start")
+        report.add(
+            "read",
+            "robot.yaml",
+            message(
+                "importer.fingers_open_at_start",
+                "{names} {fingers}, open at the start",
+                names=names,
+                fingers=_FINGERS[len(robot.gripper.axes) > 1],
+            ),
+        )
     if robot.loops:
         content["loops"] = {name: dict(entry) for name, entry in robot.loops.items()}
     content |= described_by(semantics, robot, report)
@@ -253,9 +297,19 @@ def draft(robot: RobotModel, notes: Notes, report: ImportReport, semantics: Sema
         own = {key: dict(notes.get(note, {})) for key, note in (("kp", KP), ("kd", KD))}
         content["servo"] = {key: values | own[key] for key, values in made.items()}
         if own["kp"]:
-            report.add("read", "robot.yaml", f"servo gains of {len(own['kp'])} axes are those of the file's actuators")
+            report.add(
+                "read",
+                "robot.yaml",
+                message(
+                    "importer.gains_of_actuators",
+                    "servo gains of {count} axes are those of the file's actuators",
+                    count=len(own["kp"]),
+                ),
+            )
         if len(own["kp"]) < len(robot.axes):
-            report.add("defaulted", "robot.yaml", "servo gains from the mass matrix")
+            report.add(
+                "defaulted", "robot.yaml", message("importer.gains_of_mass_matrix", "servo gains from the mass matrix")
+            )
         _report_stiff_joints(robot, made["kp"], report)
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
     return _HEADER + text
@@ -272,8 +326,14 @@ def _report_stiff_joints(robot: RobotModel, kp: Mapping[str, float], report: Imp
     """
     held = [axis for axis in robot.axes if kp[axis] >= LARGEST_GAIN]
     if held:
-        text = f"no servo moves {listed(held)}: the damping of the joint is too large. Make the joint fixed"
-        report.add("approximated", "robot.yaml", f"{text} if it is not to move")
+        text = message(
+            "importer.no_servo_moves",
+            "no servo moves {held}: the damping of the joint is too large. Make the joint fixed",
+            held=listed(held),
+        )
+        report.add(
+            "approximated", "robot.yaml", message("importer.if_not_to_move", "{text} if it is not to move", text=text)
+        )
 
 
 _CODE = [Path(__file__).parents[1] / room for room in ("importer", "robots")]

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from simrob_drake.base.errors import InvalidModel, InvalidParameter, quoted
+from simrob_drake.base.messages import message
 from simrob_drake.base.yaml_files import is_yaml_name
 from simrob_drake.importer.robot_files import is_robot_file
 from simrob_drake.robots.catalog import RobotModel, load_robot, load_robot_file
@@ -24,7 +25,9 @@ def read_robot(robot: str | Path, options: ImportOptions | None = None) -> Robot
         SimrobError: there is no such robot, or its files have a defect.
     """
     if not isinstance(robot, (str, Path)):
-        raise InvalidParameter("robot", quoted(robot), "a name of `simrob list`, or a path")
+        raise InvalidParameter(
+            "robot", quoted(robot), message("importer.name_or_path", "a name of `simrob list`, or a path")
+        )
     if is_yaml_name(robot):
         return read_described_robot(Path(robot))
     if is_robot_file(str(robot)) or Path(robot).suffix:

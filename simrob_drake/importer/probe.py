@@ -12,6 +12,7 @@ from copy import deepcopy
 from pathlib import Path
 
 from simrob_drake.base.errors import SimrobError, shortened
+from simrob_drake.base.messages import compound, message
 from simrob_drake.robots.imports import ImportReport
 
 _SUSPECTS = ("visual", "collision", "inertial", "limit", "dynamics", "axis")
@@ -23,7 +24,10 @@ def probe(file: Path, report: ImportReport) -> None:
     complaint = _complaint(file)
     if complaint is None:
         return
-    raise report.refusal(_culprit(file), f"Drake cannot build it: {complaint}")
+    raise report.refusal(
+        _culprit(file),
+        message("importer.drake_cannot_build", "Drake cannot build it: {complaint}", complaint=complaint),
+    )
 
 
 def _complaint(file: Path) -> str | None:
@@ -32,14 +36,14 @@ def _complaint(file: Path) -> str | None:
     try:
         child = subprocess.run(command, capture_output=True, text=True, timeout=_PATIENCE, check=False)
     except subprocess.TimeoutExpired:
-        return f"it takes longer than {_PATIENCE:g} s"
+        return message("importer.takes_longer", "it takes longer than {patience:g} s", patience=_PATIENCE)
     if child.returncode == 0:
         return None
-    message = (child.stdout.strip() or child.stderr.strip()).splitlines()
+    text = (child.stdout.strip() or child.stderr.strip()).splitlines()
     return (
-        shortened(message[-1].removeprefix(f"{file}: "), 300)
-        if message
-        else f"the process ended with code {child.returncode}"
+        shortened(text[-1].removeprefix(f"{file}: "), 300)
+        if text
+        else message("importer.ended_with_code", "the process ended with code {code}", code=child.returncode)
     )
 
 
@@ -57,7 +61,7 @@ def _culprit(file: Path) -> str:
                 return ""  # two culprits, one in each half
         places = half
     owner = robot[places[0][0]]
-    return f"{owner.tag} '{owner.get('name')}' <{owner[places[0][1]].tag}>"
+    return compound("{tag} '{get}' <{tag_2}>", tag=owner.tag, get=owner.get("name"), tag_2=owner[places[0][1]].tag)
 
 
 def _built_without(file: Path, robot: ET.Element, places: list[tuple[int, int]]) -> bool:

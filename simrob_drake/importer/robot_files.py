@@ -12,6 +12,7 @@ from typing import Any
 from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import InvalidModel, UnknownName
 from simrob_drake.base.extension import classes_of_extensions
+from simrob_drake.base.messages import message
 from simrob_drake.base.packages import descriptions_cache
 from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.importer.importer import CORE_SUFFIXES, RobotImporter, load_importer
@@ -87,17 +88,33 @@ def _description_file(name: str) -> Path:
     try:
         cache, repositories, descriptions = _description_modules()
     except ImportError as problem:
-        message = "is no file; as a name of robot_descriptions it needs that: pip install robot_descriptions"
-        raise InvalidModel(Path(name), "", message) from problem
+        text = message(
+            "importer.robot_descriptions_needed",
+            "is no file; as a name of robot_descriptions it needs that: pip install robot_descriptions",
+        )
+        raise InvalidModel(Path(name), "", text) from problem
     if name not in descriptions.DESCRIPTIONS:
-        raise UnknownName("robot of robot_descriptions", name, list(descriptions.DESCRIPTIONS))
+        raise UnknownName(
+            message("importer.robot_of_robot_descriptions", "robot of robot_descriptions"),
+            name,
+            list(descriptions.DESCRIPTIONS),
+        )
 
     def find_repository(repository: str, commit: str | None = None) -> str:
         """Find the folder of a repository in the cache, in place of ``clone_to_cache``, which would download it."""
         folder_name = repositories.REPOSITORIES[repository].cache_path
         folder = descriptions_cache() / (f"{folder_name}-{commit}/{folder_name}" if commit else folder_name)
         if not isdir(folder):
-            raise InvalidModel(Path(name), "", f"is not in {folder}; `robot_descriptions pull {name}` downloads it")
+            raise InvalidModel(
+                Path(name),
+                "",
+                message(
+                    "importer.not_downloaded",
+                    "is not in {folder}; `robot_descriptions pull {name}` downloads it",
+                    folder=folder,
+                    name=name,
+                ),
+            )
         return str(folder)
 
     # The module of a description calls `clone_to_cache` while it is imported, and computes its paths from the folder.

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from simrob_drake.base.errors import InvalidModel
 from simrob_drake.base.file_cache import file_state
+from simrob_drake.base.messages import message
 from simrob_drake.importer.reading.source import read_source
 from simrob_drake.robots.bodies import carriers
 from simrob_drake.robots.catalog import RobotModel
@@ -96,7 +97,11 @@ def read_semantics(source: Path, robot: ET.Element, options: ImportOptions, repo
     except InvalidModel as problem:
         if options.srdf is not None:
             raise
-        report.add("dropped", f"SRDF {file.name}", f"cannot be read: {problem}")
+        report.add(
+            "dropped",
+            message("importer.srdf_file", "SRDF {file}", file=file.name),
+            message("importer.cannot_be_read", "cannot be read: {problem}", problem=problem),
+        )
         return NOTHING
 
     joints = {name_of(joint): joint for joint in robot.iterfind("joint")}
@@ -117,8 +122,21 @@ def read_semantics(source: Path, robot: ET.Element, options: ImportOptions, repo
         carriers=tuple(hand_carriers),
         pairs=frozenset(_ignored_pairs(tree, carrier_of_link)),
     )
-    pairs = f"{len(semantics.pairs)} pairs of links that do not mind each other"
-    report.add("read", f"SRDF {file.name}", f"postures {', '.join(semantics.states) or 'none'}; {pairs}")
+    pairs = message(
+        "importer.pairs_that_may_touch",
+        "{count} pairs of links that do not mind each other",
+        count=len(semantics.pairs),
+    )
+    report.add(
+        "read",
+        message("importer.srdf_file", "SRDF {file}", file=file.name),
+        message(
+            "importer.postures_and_pairs",
+            "postures {states}; {pairs}",
+            states=", ".join(semantics.states) or message("importer.no_postures", "none"),
+            pairs=pairs,
+        ),
+    )
     return semantics
 
 
@@ -140,8 +158,12 @@ def _read_states(tree: ET.Element, joints: Container[str], report: ImportReport)
             if name_of(joint) in joints:
                 states.setdefault(name_of(state), {})[name_of(joint)] = value
             else:
-                where = f"SRDF state '{name_of(state)}'"
-                report.add("dropped", where, f"the robot has no joint '{name_of(joint)}'")
+                where = message("importer.srdf_state", "SRDF state '{name}'", name=name_of(state))
+                report.add(
+                    "dropped",
+                    where,
+                    message("importer.no_joint_of_robot", "the robot has no joint '{joint}'", joint=name_of(joint)),
+                )
     return states
 
 
@@ -261,7 +283,11 @@ def described_by(semantics: Semantics, robot: RobotModel, report: ImportReport) 
         axes = {axis: (opened, closed) for axis, (closed, opened) in robot.gripper.axes.items()}
         gripper = robot.gripper.model_copy(update={"axes": axes})
         entries["gripper"] = gripper.model_dump(mode="json", exclude_none=True)
-        report.add("repaired", "robot.yaml", f"{', '.join(swapped)} are open where the SRDF says so")
+        report.add(
+            "repaired",
+            "robot.yaml",
+            message("importer.open_as_srdf_says", "{axes} are open where the SRDF says so", axes=", ".join(swapped)),
+        )
     return entries
 
 

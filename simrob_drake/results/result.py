@@ -38,6 +38,7 @@ from typing import TypeVar
 from pydrake.multibody.plant import MultibodyPlant
 
 from simrob_drake.base.frames import XYZ_QUATERNION_NAMES, Vector, xyz_quaternion_from_transform
+from simrob_drake.base.messages import compound, message
 from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.results.record.run import MoveSpan, begins_of
 from simrob_drake.results.record.state import State, free_joint, joints_of
@@ -187,7 +188,9 @@ class SimulationResult(RecordedRun):
         if truth(strict, "strict"):
             wrong = [self.message] if self.ending in (DIVERGED, FAILED) else self.warnings
             if wrong:
-                raise VerdictError(f"{self.config.name}: {'; '.join(wrong)}", self)
+                raise VerdictError(
+                    compound("{station}: {problems}", station=self.config.name, problems="; ".join(wrong)), self
+                )
         return self
 
     def summary(self) -> dict[str, Any]:
@@ -217,12 +220,16 @@ def joined(
     Raises InvalidParameter: no run, or runs of stations with other robots or pieces.
     """
     if not runs:
-        raise InvalidParameter("runs", "empty", "some: what was run last")
+        raise InvalidParameter("runs", "empty", message("results.what_was_run_last", "some: what was run last"))
     station, start = (runs[0].config, runs[0].start) if begun is None else begun
     last, stations = runs[-1], [*(run.config for run in runs), *([left] if left else [])]
     for key in ("robots", "pieces"):
         if any(set(getattr(station, key)) != set(getattr(stations[0], key)) for station in stations):
-            raise InvalidParameter("runs", f"of stations with other {key}", "of one station")
+            raise InvalidParameter(
+                "runs",
+                message("results.stations_with_other", "of stations with other {key}", key=key),
+                message("results.one_station", "of one station"),
+            )
     begins = begins_of(*runs).round(12)  # so that sums of decimals are decimals
     wandering = [name for name in stations[0].pieces if len({_hung(station, name) for station in stations}) > 1]
     config = last.config.model_copy(update={"duration": float(begins[-1])})
@@ -338,7 +345,22 @@ def _carried(run: RecordedRun, pieces: Sequence[str], rows: Vector) -> _Position
 
 def _message(last: RecordedRun, count: int, begin: float) -> str:
     if last.ending == "completed":
-        return f"ran to its end at {begin + last.stop_time:.6g} s, in {count} run{'s' if count > 1 else ''}"
+        return message(
+            "results.ran_to_its_end",
+            "ran to its end at {time:.6g} s, in {count} {count:run|runs}",
+            time=begin + last.stop_time,
+            count=count,
+        )
     if last.runs:  # it was cut where something happened
         return _message(last.runs[-1], count, begin + last.stop_time - last.runs[-1].stop_time)
-    return f"{last.message} of the last of {count} runs, which began at {begin:.4g} s" if count > 1 else last.message
+    return (
+        message(
+            "results.ending_of_last_run",
+            "{ending} of the last of {count} runs, which began at {begin:.4g} s",
+            ending=last.message,
+            count=count,
+            begin=begin,
+        )
+        if count > 1
+        else last.message
+    )

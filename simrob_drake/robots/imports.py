@@ -1,13 +1,14 @@
 """What a user may choose about an import, and what it did to a robot: every repair, default and loss, in words."""
 
 from collections import Counter
-from dataclasses import asdict, dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 from simrob_drake.base.errors import InvalidConfig, InvalidModel
 from simrob_drake.base.files import NotRead, text_of
-from simrob_drake.base.messages import compound, join_texts, message
+from simrob_drake.base.messages import as_data, compound, from_data, join_texts, message
 from simrob_drake.base.sections import ORIGIN, Boolean, Pose, Positive, Strict
 from simrob_drake.base.yaml_files import parse_json
 
@@ -66,6 +67,18 @@ CHANGES: dict[EntryKind, str] = {
 }
 """The kinds of entries, as a summary counts them."""
 
+CHANGE: dict[EntryKind, str] = {
+    "read": message("robots.change_read", "read"),
+    "repaired": message("robots.change_repaired", "repaired"),
+    "approximated": message("robots.change_approximated", "approximated"),
+    "defaulted": message("robots.change_defaulted", "defaulted"),
+    "dropped": message("robots.change_dropped", "dropped"),
+    "open": message("robots.change_open", "open"),
+    "lost": message("robots.change_lost", "lost"),
+    "refused": message("robots.change_refused", "refused"),
+}
+"""The kinds of entries, in front of the text of one entry."""
+
 
 @dataclass(frozen=True)
 class Entry:
@@ -77,6 +90,22 @@ class Entry:
     kind: EntryKind
     element: str  # which element, as in ``joint 'elbow' <limit>``; empty for the whole file
     text: str  # in words, with the old and the new figure
+
+    def as_json(self) -> dict[str, Any]:
+        """Entry for a report file: its English texts, and its messages with their ids, for other languages."""
+        messages = {"element": as_data(self.element), "text": as_data(self.text)}
+        return {"kind": self.kind, "element": self.element, "text": self.text, "messages": messages}
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> "Entry":
+        """Entry of a report file. Those of versions before 0.2 have English texts only.
+
+        Raises:
+            LookupError: a key is missing.
+            TypeError: the content is no mapping, or a message is damaged.
+        """
+        messages = content.get("messages", content)
+        return cls(content["kind"], from_data(messages["element"]), from_data(messages["text"]))
 
 
 @dataclass
@@ -118,7 +147,7 @@ class ImportReport:
         return {
             "source": str(self.source),
             "summary": self.summary(),
-            "entries": [asdict(entry) for entry in self.entries],
+            "entries": [entry.as_json() for entry in self.entries],
         }
 
 
@@ -130,7 +159,7 @@ def read_report(folder: Path) -> ImportReport | None:
     """
     try:
         content = parse_json(text_of(folder / REPORT_FILE, _LARGEST_REPORT), folder)
-        entries = [Entry(entry["kind"], entry["element"], entry["text"]) for entry in content["entries"]]
+        entries = [Entry.from_json(entry) for entry in content["entries"]]
         return ImportReport(Path(content["source"]), entries)
-    except (NotRead, InvalidConfig, LookupError, TypeError):
+    except (NotRead, InvalidConfig, LookupError, TypeError, AttributeError, ValueError):
         return None

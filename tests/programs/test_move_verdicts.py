@@ -8,6 +8,7 @@ import pytest
 from simrob_drake import Arm, Workcell, load_station
 from simrob_drake.cli.app import run_command
 from simrob_drake.results.verdict.moves import table_of_moves
+from tests.widths import too_wide
 
 TABLE, DOWN = "inclined_table", [0.0, 0.0, np.pi]
 
@@ -84,7 +85,7 @@ def test_moves_of_a_program_are_called_by_their_numbers(tmp_path, capsys):
     assert run_command(["run", str(file), "--out", str(tmp_path / "run"), "--no-recording"]) == 0
     out = capsys.readouterr().out
     assert "nearest: 236 mm, left.link_2 to bar, in move 2 (move_abs_j of left)" in out
-    assert max(map(len, out.splitlines())) <= 80
+    assert too_wide(out) == []
     moves = json.loads((tmp_path / "run" / "summary.json").read_text())["verdict"]["moves"]
     assert [move["move"] for move in moves] == ["move 2 (move_abs_j of left)", "move 2 (move_abs_j of right)"]
     assert [(move["begin"], move["end"]) for move in moves] == [(pytest.approx(0.1), pytest.approx(0.4))] * 2

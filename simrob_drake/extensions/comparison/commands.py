@@ -8,6 +8,7 @@ import typer
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.extension import needed_extension
 from simrob_drake.base.folders import check_folder
+from simrob_drake.base.messages import message
 from simrob_drake.cli.arguments import refuse, station_from
 from simrob_drake.cli.options import Force, Settings, StationArgument, with_mesh_path
 from simrob_drake.cli.screen import console, errors, say, table
@@ -91,14 +92,18 @@ def _compare_with_log(config: StationConfig, log: Path, map_: list[str], out: Pa
         MissingExtension: the extension ``simulink``, which reads logs, is missing.
         SimrobError: the log or `map_` cannot be read, or the folder exists.
     """
-    with needed_extension("simulink", "simrob compare --with"):
+    with needed_extension("simulink", message("comparison.compare_with", "simrob compare --with")):
         from simrob_drake.extensions.simulink.logs import NUMBERS, compare, read_log, save_differences
 
     own_names = {}  # name of the station's signal, perhaps with a unit, by the name in the log
     for entry in map_:
         theirs, _, ours = (part.strip() for part in entry.partition("="))
         if not (theirs and ours):
-            raise InvalidParameter("--map", entry, "of the form THEIRS=OURS[:UNIT], as yout.1=q.joint_1:deg")
+            raise InvalidParameter(
+                "--map",
+                entry,
+                message("comparison.theirs_and_ours", "of the form THEIRS=OURS[:UNIT], as yout.1=q.joint_1:deg"),
+            )
         own_names[theirs] = ours
     if out is not None:
         check_folder(out, marker=NUMBERS, force=force)

@@ -25,6 +25,7 @@ from simrob_drake.base.extension import needed_extension
 from simrob_drake.base.extras import require
 from simrob_drake.base.folders import filled_at_once
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.programs.whole_program import run_whole
 from simrob_drake.results.colours import COLOURS
@@ -272,7 +273,12 @@ def _in_mujoco(name: str, config: StationConfig) -> Account:
 
     if not config.engine.moves_by_forces:
         if config.program is not None:
-            raise SimrobError("it does no programs of kinematic stations; --set program=null leaves the station's out")
+            raise SimrobError(
+                message(
+                    "comparison.no_kinematic_programs",
+                    "it does no programs of kinematic stations; --set program=null leaves the station's out",
+                )
+            )
         result = inverse_run(config)
         return Account.of(name, result, result)
     if config.program is not None or config.controllers:  # which decide as they go
@@ -288,7 +294,7 @@ def _inverse_dynamics(name: str, config: StationConfig) -> Account:
     Accelerations are those of a spline through the speeds; of the coarser run, through every fourth of them.
     """
     if config.contact is not None or config.forces or not config.robots:
-        raise SimrobError("it knows the torques of arms alone that nothing touches")
+        raise SimrobError(message("comparison.arms_alone", "it knows the torques of arms alone that nothing touches"))
     every = max(round(_RATE / config.sample_rate), 1)
     sampled = config.model_copy(update={"sample_rate": every * config.sample_rate})
     finer = sampled.model_copy(update={"solver": config.solver.tighter(FINER)})
@@ -296,7 +302,13 @@ def _inverse_dynamics(name: str, config: StationConfig) -> Account:
     values, errors = {}, {}
     for robot in fine.plant.robots.values():
         if robot.floats:
-            raise SimrobError(f"{robot.name} floats: what it pushes itself off from is not known")
+            raise SimrobError(
+                message(
+                    "comparison.robot_floats",
+                    "{robot} floats: what it pushes itself off from is not known",
+                    robot=robot.name,
+                )
+            )
         dynamics, units = Dynamics(robot.model, fine.plant.plant, robot.joints), np.array(robot.model.effort_units)
         runs = (coarse, FINER), (fine, 1)
         sparse, dense = (_torques(dynamics, run, robot.name, n)[::every] for run, n in runs)
@@ -305,7 +317,9 @@ def _inverse_dynamics(name: str, config: StationConfig) -> Account:
             what, own = Quantity(f"{robot.prefix}tau", unit), units == unit
             values[what] = dense[:, own]
             errors[what] = float(np.abs((dense[:common] - sparse[:common])[:, own]).max())
-    return Account(name, fine.times[::every], values, errors, "of the motion in Drake")
+    return Account(
+        name, fine.times[::every], values, errors, message("comparison.motion_in_drake", "of the motion in Drake")
+    )
 
 
 def _torques(dynamics: Dynamics, run: SimulationResult, robot: str, every: int) -> Vector:

@@ -8,4 +8,5 @@ EXTENSION = Extension(
     title="Exchange and other engines",
     commands={"compare": "simrob_drake.extensions.comparison.commands:compare"},
     other_files={"comparison": "simrob_drake.extensions.comparison:other_files.yaml"},
+    messages={"comparison": "simrob_drake.extensions.comparison:languages"},
 )

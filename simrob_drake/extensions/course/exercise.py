@@ -18,6 +18,7 @@ from pydantic import Field
 from simrob_drake.base.errors import InvalidConfig, OutputError, SimrobError, UnknownName, shortened
 from simrob_drake.base.files import EXERCISE_FILE, NotRead, content_of, exercise_files, text_of
 from simrob_drake.base.folders import written_at_once
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Integer, Number, Strict, validated
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.extensions.course.measuring import Reading
@@ -90,8 +91,13 @@ class ExerciseFolder:
         if answer.exists() and not force:
             proposal = target.parent / f"exercise-{self.exercise.number}"
             raise OutputError(
-                f"{answer} exists already; choose another folder, such as --out {proposal},"
-                " or replace the answer with --force"
+                message(
+                    "course.answer_exists",
+                    "{answer} exists already; choose another folder, such as --out {proposal}, "
+                    "or replace the answer with --force",
+                    answer=answer,
+                    proposal=proposal,
+                )
             )
         written_at_once(answer, text_of(self.folder / f"template_{language}.py"))
         return answer
@@ -114,7 +120,11 @@ def exercise_of(name: str) -> ExerciseFolder:
     known = {str(entry.exercise.number): entry for entry in exercises()}
     number = name.lstrip("0")
     if number not in known:
-        raise UnknownName(f"exercise, nor folder with an {EXERCISE_FILE}, called", name, known)
+        raise UnknownName(
+            message("course.no_exercise", "exercise, nor folder with an {file}, called", file=EXERCISE_FILE),
+            name,
+            known,
+        )
     return known[number]
 
 
@@ -170,9 +180,13 @@ def checked_points(
     try:
         content_of(answer)
     except NotRead as problem:
-        raise InvalidConfig(answer, "", f"cannot be read ({problem})") from problem
+        raise InvalidConfig(
+            answer, "", message("course.cannot_be_read", "cannot be read ({problem})", problem=problem)
+        ) from problem
     if not allow_code:
-        raise InvalidConfig(answer, "", "is code that would be run; if you trust it, say --allow-code")
+        raise InvalidConfig(
+            answer, "", message("course.code_to_run", "is code that would be run; if you trust it, say --allow-code")
+        )
     names = list(entry.exercise.points)
     job = {
         "checks": str(entry.checks.resolve()), "answer": str(answer.resolve()), "points": names,
@@ -210,7 +224,7 @@ def _replies(job: dict[str, Any], answer: Path, seconds: float, memory: float) -
                 reply = json.loads(line) if line else {"problem": _why(child, errors, late.is_set(), seconds, memory)}
                 if "point" not in reply:
                     problem = _out_of_memory(memory) if reply["problem"] == "memory" else reply["problem"]
-                    raise AnswerStopped(f"{answer}: {problem}")
+                    raise AnswerStopped(compound("{answer}: {problem}", answer=answer, problem=problem))
                 yield {key: value for key, value in reply.items() if key != "point"}
         finally:
             timer.cancel()
@@ -228,17 +242,30 @@ def _end(child: subprocess.Popen[bytes]) -> None:
 
 
 def _out_of_memory(memory: float) -> str:
-    return f"took more than its {memory:g} GB of memory; --memory gives it another limit"
+    return message(
+        "course.took_too_much_memory",
+        "took more than its {memory:g} GB of memory; --memory gives it another limit",
+        memory=memory,
+    )
 
 
 def _why(child: subprocess.Popen[bytes], errors: IO[bytes], late: bool, seconds: float, memory: float) -> str:
     """Return why a process said nothing more."""
     code = child.wait()
     if late or code == -signal.SIGXCPU:
-        return f"took longer than its {seconds:g} s; --seconds gives it another limit"
+        return message(
+            "course.took_too_long",
+            "took longer than its {seconds:g} s; --seconds gives it another limit",
+            seconds=seconds,
+        )
     errors.seek(0)
     lines = errors.read(100_000).decode("utf-8", errors="replace").strip().splitlines()
-    said = shortened(lines[-1], 300) if lines else "without a word"
+    said = shortened(lines[-1], 300) if lines else message("course.without_a_word", "without a word")
     if "bad_alloc" in said or "MemoryError" in said:
         return _out_of_memory(memory)
-    return f"ended its process before all points were measured (exit code {code}, {said})"
+    return message(
+        "course.ended_too_early",
+        "ended its process before all points were measured (exit code {code}, {said})",
+        code=code,
+        said=said,
+    )

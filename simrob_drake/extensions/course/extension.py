@@ -11,4 +11,5 @@ EXTENSION = Extension(
         "course start": "simrob_drake.extensions.course.commands:start",
         "course check": "simrob_drake.extensions.course.commands:check",
     },
+    messages={"course": "simrob_drake.extensions.course:languages"},
 )

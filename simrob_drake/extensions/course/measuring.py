@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simrob_drake.base.errors import InvalidParameter, quoted
+from simrob_drake.base.messages import message
 
 
 @dataclass(frozen=True)
@@ -57,14 +58,22 @@ def numbers(answer: ModuleType, name: str, *arguments: Any, shape: tuple[int, ..
     Raises InvalidParameter: the answer has no such function, or that returns something else.
     """
     returned = value_of(answer, name, *arguments)
-    expected = f"finite numbers of shape {shape}" if shape else "a finite number"
+    expected = (
+        message("course.numbers_of_shape", "finite numbers of shape {shape}", shape=shape)
+        if shape
+        else message("course.a_finite_number", "a finite number")
+    )
     try:
         array = np.asarray(returned, dtype=float)
     except (TypeError, ValueError) as problem:
-        raise InvalidParameter(f"what {name}() returns", quoted(returned), expected) from problem
+        raise InvalidParameter(
+            message("course.returned_value", "what {name}() returns", name=name), quoted(returned), expected
+        ) from problem
     fits = array.ndim == len(shape) and all(b in (-1, a) for a, b in zip(array.shape, shape, strict=True))
     if not fits or not np.isfinite(array).all():
-        raise InvalidParameter(f"what {name}() returns", quoted(returned), expected)
+        raise InvalidParameter(
+            message("course.returned_value", "what {name}() returns", name=name), quoted(returned), expected
+        )
     return array
 
 
@@ -72,5 +81,9 @@ def value_of(answer: ModuleType, name: str, *arguments: Any) -> Any:
     """Return what a function of an answer gives; raises InvalidParameter: the answer has no such function."""
     function = getattr(answer, name, None)
     if not callable(function):
-        raise InvalidParameter(f"{name} of the answer", "missing" if function is None else "no function", "a function")
+        raise InvalidParameter(
+            message("course.of_the_answer", "{name} of the answer", name=name),
+            "missing" if function is None else message("course.no_function", "no function"),
+            message("course.a_function", "a function"),
+        )
     return function(*arguments)

@@ -14,6 +14,7 @@ from types import ModuleType
 from typing import TextIO
 
 from simrob_drake.base.errors import shortened
+from simrob_drake.base.messages import compound, message
 
 LONGEST_PROBLEM = 300
 """Longest text of an error that is passed on [characters]."""
@@ -58,7 +59,7 @@ def load_module(file: Path, name: str) -> ModuleType:
     sys.path.insert(0, str(file.parent))
     spec = spec_from_file_location(name, file)
     if spec is None or spec.loader is None:
-        raise ImportError(f"{file.name} is no Python file")
+        raise ImportError(message("course.no_python_file", "{file} is no Python file", file=file.name))
     module = module_from_spec(spec)
     sys.modules[name] = module
     spec.loader.exec_module(module)
@@ -67,4 +68,4 @@ def load_module(file: Path, name: str) -> ModuleType:
 
 def error_text(problem: BaseException) -> str:
     """Class and message of an error on one line, cut if it is long."""
-    return shortened(f"{type(problem).__name__}: {problem}", LONGEST_PROBLEM)
+    return shortened(compound("{name}: {problem}", name=type(problem).__name__, problem=problem), LONGEST_PROBLEM)

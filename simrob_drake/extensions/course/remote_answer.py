@@ -13,6 +13,7 @@ from types import ModuleType
 from typing import IO, Any, cast
 
 from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.messages import message
 from simrob_drake.blocks.sampled import TIME, BlockFails, Changes, Named, RunEnds, SampledBlock
 from simrob_drake.extensions.course.wire import decode, encode
 
@@ -33,7 +34,9 @@ class AnswerEnded(AnswerFailed):
 
     def __init__(self, code: int) -> None:
         """Make the error from the exit code of the process."""
-        super().__init__(f"the answer ended its process (exit code {code})")
+        super().__init__(
+            message("course.answer_ended_process", "the answer ended its process (exit code {code})", code=code)
+        )
         self.code = code
 
 

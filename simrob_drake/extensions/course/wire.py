@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from simrob_drake.base.errors import SimrobError, quoted
+from simrob_drake.base.messages import message
 
 MOST_NESTED = 100
 """Largest count of levels of an encoded value. A list takes one level, a tuple or a set two, and a mapping three."""
@@ -36,7 +37,7 @@ def encode(value: Any, depth: int = 0) -> Any:
         NotPlain: the value is no plain data, or nested too deeply.
     """
     if depth > MOST_NESTED:
-        raise NotPlain("values nested so deeply cannot be passed on")
+        raise NotPlain(message("course.nested_too_deeply", "values nested so deeply cannot be passed on"))
     # A single number of NumPy becomes a number of Python.
     if isinstance(value, np.generic):
         value = value.item()
@@ -83,7 +84,12 @@ def _tagged_list(value: Any) -> _TaggedList:
     if isinstance(value, frozenset):
         return _TaggedList("frozenset", [*value])
     raise NotPlain(
-        f"{quoted(value)} is of {type(value).__name__}; it must be numbers, texts, lists, mappings or arrays"
+        message(
+            "course.not_plain",
+            "{value} is of {kind}; it must be numbers, texts, lists, mappings or arrays",
+            value=quoted(value),
+            kind=type(value).__name__,
+        )
     )
 
 

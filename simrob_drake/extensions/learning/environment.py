@@ -10,6 +10,7 @@ import numpy.typing as npt
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.extras import needed
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.learning.episode import Episode
 from simrob_drake.extensions.learning.rewards import rewards
 from simrob_drake.extensions.learning.sensing import spaces
@@ -57,7 +58,7 @@ class StationEnvironment(gymnasium.Env[Any, Any]):
         """
         self.render_mode = render_mode
         self.task, path = load_task(task)
-        in_mujoco = one_of("engine", engine, ("drake", "mujoco")) == "mujoco"
+        in_mujoco = one_of(message("learning.engine", "engine"), engine, ("drake", "mujoco")) == "mujoco"
         self._source = station, {**({"solver": {"kind": "mujoco"}} if in_mujoco else {}), **(overrides or {})}, path
         self.config = self._drawn({})
         self.episode = Episode(self.config)

@@ -7,6 +7,7 @@ from pydrake.systems.framework import Context
 
 from simrob_drake.base.arguments import drake_asserts
 from simrob_drake.base.frames import Vector, transform_from_xyz_quaternion
+from simrob_drake.base.messages import message
 from simrob_drake.blocks.monitor import NOT_YET
 from simrob_drake.extensions.learning.policy import LearntPolicy, Policy
 from simrob_drake.extensions.learning.rewards import Origin, RewardSample
@@ -122,10 +123,10 @@ class Episode:
                 self._simulator.AdvanceTo(stop)
             seen = self.policy.observe(self._own())
         except (RuntimeError, SystemExit) as problem:
-            self.ended = f"diverged: {' '.join(str(problem).split())}"
+            self.ended = message("learning.diverged", "diverged: {problem}", problem=" ".join(str(problem).split()))
             return self._seen
         if not np.isfinite(seen).all():
-            self.ended = "diverged: a state ran away to infinity"
+            self.ended = message("learning.diverged_to_infinity", "diverged: a state ran away to infinity")
             return self._seen
         self._seen = seen
         self._look()

@@ -7,4 +7,5 @@ EXTENSION = Extension(
     uses=("mujoco",),
     controllers={"policy": "simrob_drake.extensions.learning.policy:Policy"},
     other_files={"learning": "simrob_drake.extensions.learning:other_files.yaml"},
+    messages={"learning": "simrob_drake.extensions.learning:languages"},
 )

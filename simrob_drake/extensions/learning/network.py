@@ -19,6 +19,7 @@ from simrob_drake.base.errors import InvalidParameter, shown
 from simrob_drake.base.extras import needed
 from simrob_drake.base.files import NotRead, content_of
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 
 _LARGEST_FILE = 10_000_000
 """Largest size of a file [bytes]. A network of a million weights has less than half of it."""
@@ -65,28 +66,43 @@ class Network:
                 much memory or time, or has other inputs and outputs. The message names the ``key``. ONNX Runtime is
                 missing.
         """
-        with needed("a policy of kind ONNX", "rl"):
+        with needed(message("learning.policy_of_onnx", "a policy of kind ONNX"), "rl"):
             import onnx
             import onnxruntime
         try:
             content = content_of(file, _LARGEST_FILE)
         except NotRead as problem:
-            raise InvalidParameter(key, file, f"an ONNX file that can be read ({problem})") from problem
+            raise InvalidParameter(
+                key,
+                file,
+                message("learning.readable_onnx", "an ONNX file that can be read ({problem})", problem=problem),
+            ) from problem
         try:
             model = onnx.ModelProto.FromString(content)
         except Exception as problem:  # protobuf has an error class for each of its implementations
-            raise InvalidParameter(key, file, f"a network as ONNX ({shown(str(problem))})") from problem
+            raise InvalidParameter(
+                key,
+                file,
+                message("learning.network_as_onnx", "a network as ONNX ({problem})", problem=shown(str(problem))),
+            ) from problem
         _check_operators(model, file, key)
         try:
             self._session: Any = _new_session(content)
         except Exception as problem:  # ONNX Runtime has many classes of its own, without a base
             detail = " ".join(str(problem).split())
-            raise InvalidParameter(key, file, f"a network as ONNX ({detail})") from problem
+            raise InvalidParameter(
+                key, file, message("learning.network_as_onnx", "a network as ONNX ({problem})", problem=detail)
+            ) from problem
 
         inputs = self._session.get_inputs()
         outputs = self._session.get_outputs()
         if len(inputs) != 1 or len(outputs) != 1:
-            detail = f"a network of one input and one output (it has {len(inputs)} and {len(outputs)})"
+            detail = message(
+                "learning.one_input_and_output",
+                "a network of one input and one output (it has {inputs} and {outputs})",
+                inputs=len(inputs),
+                outputs=len(outputs),
+            )
             raise InvalidParameter(key, file, detail)
         self.inputs = _vector_size(inputs[0], file, key)
         self.outputs = _vector_size(outputs[0], file, key)
@@ -138,11 +154,21 @@ class Network:
         except Exception as problem:  # ONNX Runtime has many classes of its own, without a base
             detail = " ".join(str(problem).split())
             if options.terminate:
-                detail = f"it is not done after {_LONGEST_TRIAL:g} s"
+                detail = message(
+                    "learning.not_done_after", "it is not done after {seconds:g} s", seconds=_LONGEST_TRIAL
+                )
             elif "Available memory" in detail or "bad allocation" in detail:
-                detail = f"it needs more than {_MOST_MEMORY // 2**20} MiB of memory"
+                detail = message(
+                    "learning.needs_too_much_memory",
+                    "it needs more than {megabytes} MiB of memory",
+                    megabytes=_MOST_MEMORY // 2**20,
+                )
             detail = shown(detail)
-            raise InvalidParameter(key, file, f"a network that can be evaluated ({detail})") from problem
+            raise InvalidParameter(
+                key,
+                file,
+                message("learning.evaluable_network", "a network that can be evaluated ({problem})", problem=detail),
+            ) from problem
         finally:
             deadline.cancel()
 
@@ -215,13 +241,25 @@ def _check_operators(model: Any, file: Path, key: str) -> None:
             if _called_by(node) in functions:
                 continue
             if node.op_type in _CONTROL_FLOW:
-                expected = f"a network without loops and branches (it has the operator {node.op_type})"
+                expected = message(
+                    "learning.network_without_loops",
+                    "a network without loops and branches (it has the operator {operator})",
+                    operator=node.op_type,
+                )
                 raise InvalidParameter(key, file, expected)
             if node.op_type in _RANDOM or _is_training_dropout(node, constants):
-                expected = f"a network without random numbers (it has the operator {node.op_type})"
+                expected = message(
+                    "learning.network_without_random",
+                    "a network without random numbers (it has the operator {operator})",
+                    operator=node.op_type,
+                )
                 raise InvalidParameter(key, file, expected)
     if _count_expanded_nodes(model.graph, functions) > _MOST_NODES:
-        expected = f"a network of at most {_MOST_NODES} operators, with its functions written out"
+        expected = message(
+            "learning.network_of_few_operators",
+            "a network of at most {most} operators, with its functions written out",
+            most=_MOST_NODES,
+        )
         raise InvalidParameter(key, file, expected)
 
 
@@ -299,8 +337,12 @@ def _vector_size(port: Any, file: Path, key: str) -> int:
     # A scalar has an empty shape; its size counts as unknown.
     *batch, size = port.shape or [None]
     if port.type not in _FLOATS or len(batch) > 1 or not isinstance(size, int):
-        expected = (
-            f"a network of floats of shapes (size,) or (batch, size) ('{port.name}' is a {port.type} of {port.shape})"
+        expected = message(
+            "learning.network_of_floats",
+            "a network of floats of shapes (size,) or (batch, size) ('{port}' is a {kind} of {shape})",
+            port=port.name,
+            kind=port.type,
+            shape=port.shape,
         )
         raise InvalidParameter(key, file, expected)
     return size

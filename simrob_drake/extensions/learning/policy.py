@@ -17,6 +17,7 @@ from pydrake.systems.framework import Context
 
 from simrob_drake.base.errors import InvalidParameter, UnknownName, shown
 from simrob_drake.base.frames import Vector, rotation_of
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Frequency, Number, Positive
 from simrob_drake.blocks.sampled import BlockFails, Changes, Named, SampledBlock
 from simrob_drake.extensions.learning.network import Network
@@ -60,9 +61,16 @@ class Policy(LoopSection):
     def _observes_goal_and_clock(self) -> "Policy":
         for name in ("clock", "goal"):
             if bool(getattr(self, name)) != (name in self.observes):
-                raise ValueError(f"{name} goes with '{name}' among what it observes")
+                raise ValueError(
+                    message("learning.goes_with", "{name} goes with '{name}' among what it observes", name=name)
+                )
         if "heading_error" in self.observes and len(self.goal) <= _TURN:
-            raise ValueError("heading_error goes with a goal of three figures, whose last is a rate")
+            raise ValueError(
+                message(
+                    "learning.heading_error_with_goal",
+                    "heading_error goes with a goal of three figures, whose last is a rate",
+                )
+            )
         return self
 
     @property
@@ -82,15 +90,29 @@ class Policy(LoopSection):
     def _block(self, key: str, robot: StationRobot, site: Site) -> "LearntPolicy":
         for output in self._outputs:
             if output not in site.outputs:
-                raise UnknownName(f"what {key} observes", output, [*_READS, *_REMEMBERED, *site.outputs])
+                raise UnknownName(
+                    message("learning.observation_of", "what {key} observes", key=key),
+                    output,
+                    [*_READS, *_REMEMBERED, *site.outputs],
+                )
         sizes = {name: site.outputs[name].size() for name in self._outputs}
         upright = robot.base.rotation()
         block = LearntPolicy(self, sizes=sizes, reach=self.reach(robot), home=robot.initial, upright=upright)
         if self.network is not None:
             network = Network(self.network, f"{key}.network")
             if (network.inputs, network.outputs) != (block.observed, block.acts):
-                size = f"a network that takes {network.inputs} figures and gives {network.outputs}"
-                fits = f"one that takes the {block.observed} that are observed and gives {block.acts}"
+                size = message(
+                    "learning.network_of_sizes",
+                    "a network that takes {inputs} figures and gives {outputs}",
+                    inputs=network.inputs,
+                    outputs=network.outputs,
+                )
+                fits = message(
+                    "learning.network_that_fits",
+                    "one that takes the {observed} that are observed and gives {acts}",
+                    observed=block.observed,
+                    acts=block.acts,
+                )
                 raise InvalidParameter(f"{key}.network", size, fits)
             block.law = network
         return block
@@ -181,14 +203,29 @@ class LearntPolicy(SampledBlock):
         """
         if not np.isfinite(observation).all():
             first = int(np.flatnonzero(~np.isfinite(observation))[0])
-            raise BlockFails(self.get_name(), f"observes {observation[first]} in place {first} of {len(observation)}")
+            raise BlockFails(
+                self.get_name(),
+                message(
+                    "learning.observes_no_number",
+                    "observes {value} in place {index} of {count}",
+                    value=observation[first],
+                    index=first,
+                    count=len(observation),
+                ),
+            )
         try:
             action = law(observation)
         except Exception as problem:  # ONNX Runtime has many classes of its own, without a base
-            raise BlockFails(self.get_name(), f"has a network that fails: {shown(str(problem))}") from problem
+            raise BlockFails(
+                self.get_name(),
+                message("learning.network_fails", "has a network that fails: {problem}", problem=shown(str(problem))),
+            ) from problem
         infinite = action[~np.isfinite(action)]
         if len(infinite):
-            raise BlockFails(self.get_name(), f"has a network that gives {infinite[0]} as an action")
+            raise BlockFails(
+                self.get_name(),
+                message("learning.network_gives", "has a network that gives {value} as an action", value=infinite[0]),
+            )
         return action
 
     def _observation(self, memory: Named, read: Named) -> Vector:

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.extras import needed
 from simrob_drake.base.frames import Vector, rotated
+from simrob_drake.base.messages import message
 from simrob_drake.blocks.command_bus import rounded
 from simrob_drake.extensions.learning.policy import Policy
 from simrob_drake.parts.sensors.frames import Imu
@@ -97,9 +98,15 @@ class PolicySensors:
             return None
         sensor, key = self._config.sensors[name], f"sensors.{name}"
         if not isinstance(sensor, kind):
-            raise InvalidParameter(f"{key}.kind", sensor.kind, "encoders or imu: nothing else is told here")
+            raise InvalidParameter(
+                f"{key}.kind",
+                sensor.kind,
+                message("learning.encoders_or_imu", "encoders or imu: nothing else is told here"),
+            )
         if sensor.late_samples:
-            raise InvalidParameter(f"{key}.delay", sensor.delay, "0: nothing is told late here")
+            raise InvalidParameter(
+                f"{key}.delay", sensor.delay, message("learning.nothing_late", "0: nothing is told late here")
+            )
         return sensor
 
 

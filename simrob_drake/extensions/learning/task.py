@@ -13,6 +13,7 @@ from simrob_drake.base.distributions import AnyDistribution
 from simrob_drake.base.errors import InvalidConfig, UnknownName, one_of
 from simrob_drake.base.files import models_root
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.packages import Border
 from simrob_drake.base.sections import Boolean, Duration, Instant, NotNegative, Number, Positive, Strict, validated
 from simrob_drake.base.yaml_files import is_yaml_name, read_yaml
@@ -49,7 +50,15 @@ class Pushes(Strict):
     def _are_ranges(self) -> Self:
         for name, (least, most) in (("force", self.force), ("start", self.start)):
             if least > most:
-                raise ValueError(f"{name} is from the least to the largest, and not from {least:g} to {most:g}")
+                raise ValueError(
+                    message(
+                        "learning.least_to_largest",
+                        "{name} is from the least to the largest, and not from {least:g} to {most:g}",
+                        name=name,
+                        least=least,
+                        most=most,
+                    )
+                )
         return self
 
 
@@ -62,7 +71,9 @@ class Goals(Strict):
     @model_validator(mode="after")
     def _is_a_box(self) -> Self:
         if len(self.low) != len(self.high) or not np.all(np.array(self.low) <= np.array(self.high)):
-            raise ValueError("low and high are of one size, and low is nowhere above high")
+            raise ValueError(
+                message("learning.low_and_high", "low and high are of one size, and low is nowhere above high")
+            )
         return self
 
 
@@ -79,11 +90,13 @@ class Growth(Strict):
     @model_validator(mode="after")
     def _goes_by_one(self) -> Self:
         if (self.steps is None) == (self.returns is None):
-            raise ValueError("it grows with steps or with returns: one of them must be given")
+            raise ValueError(
+                message("learning.grows_with", "it grows with steps or with returns: one of them must be given")
+            )
         if self.returns is not None and not self.returns[0] < self.returns[1]:
-            raise ValueError("returns are from the smaller to the larger")
+            raise ValueError(message("learning.returns_rise", "returns are from the smaller to the larger"))
         if np.shape(self.first) != np.shape(self.last):
-            raise ValueError("first and last are of one size")
+            raise ValueError(message("learning.first_and_last", "first and last are of one size"))
         return self
 
     def at(self, steps: float, returned: float) -> Any:
@@ -128,7 +141,7 @@ class Task(Strict):
     @model_validator(mode="after")
     def _knows_its_terms(self) -> Self:
         for name in self.rewards:
-            one_of("term of rewards", name, TERMS)
+            one_of(message("learning.term_of_rewards", "term of rewards"), name, TERMS)
         return self
 
     @model_validator(mode="after")
@@ -145,7 +158,11 @@ class Task(Strict):
         section: Any = self
         for number, name in enumerate(key.split(".")):
             known = section if isinstance(section, dict) else getattr(type(section), "model_fields", {})
-            one_of(f"key of the task, for grows.{key}", name, known if number else _GROWING)
+            one_of(
+                message("learning.key_for_grows", "key of the task, for grows.{key}", key=key),
+                name,
+                known if number else _GROWING,
+            )
             section = section[name] if isinstance(section, dict) else getattr(section, name)
 
     @property
@@ -176,22 +193,40 @@ class Task(Strict):
         """
         config = load_station(station or self.station, {"duration": self.duration, **self.overrides, **overrides})
         if len(found := policies_of(config)) != 1:
-            expected = f"hold {len(found)} controllers of kind policy; it must be one, that is to learn"
+            expected = message(
+                "learning.one_policy",
+                "hold {count} controllers of kind policy; it must be one, that is to learn",
+                count=len(found),
+            )
             raise InvalidConfig(where, "overrides.controllers", expected)
         (policy,) = found.values()
         self._check_goals(len(policy.goal), where)
         if self.pushes is not None:
             pushes = [name for name, force in config.forces.items() if isinstance(force, Push) and force.at is None]
-            one_of("push of the station, without a place of its own, for pushes.name", self.pushes.name, pushes)
+            one_of(
+                message("learning.push_of_station", "push of the station, without a place of its own, for pushes.name"),
+                self.pushes.name,
+                pushes,
+            )
         return config
 
     def _check_goals(self, size: int, where: Path | str) -> None:
         for term, sizes, names in _GOALS:
             if term in self.rewards and size not in sizes:
-                expected = f"needs a goal of the policy of {names}, not of {size} figures"
+                expected = message(
+                    "learning.goal_of_policy",
+                    "needs a goal of the policy of {names}, not of {size} figures",
+                    names=names,
+                    size=size,
+                )
                 raise InvalidConfig(where, f"rewards.{term}", expected)
         if self.goals is not None and len(self.goals.low) != size:
-            expected = f"is a box of {len(self.goals.low)} figures; the policy's goal has {size}"
+            expected = message(
+                "learning.box_of_goals",
+                "is a box of {count} figures; the policy's goal has {size}",
+                count=len(self.goals.low),
+                size=size,
+            )
             raise InvalidConfig(where, "goals", expected)
 
 
@@ -217,7 +252,7 @@ def load_task(name_or_path: str | Path) -> tuple[Task, Path]:
     else:
         path = Path(name_or_path)
         if not is_yaml_name(path):
-            raise UnknownName("task", str(name_or_path), task_names())
+            raise UnknownName(message("learning.task", "task"), str(name_or_path), task_names())
     task, folder = validated(Task, read_yaml(path), path), path.absolute().parent
     changes = located_changes(task.overrides, folder, Border(path))
     return task.model_copy(update={"station": located_station(task.station, path), "overrides": changes}), path

@@ -17,6 +17,7 @@ from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.extension import needed_extension
 from simrob_drake.base.extras import needed
 from simrob_drake.base.frames import Vector, xyz_quaternion_from_transform
+from simrob_drake.base.messages import compound, message
 from simrob_drake.blocks.monitor import NOT_YET
 from simrob_drake.extensions.learning.episode import policies_of
 from simrob_drake.extensions.learning.policy import TURNED, observed_of_turn
@@ -33,10 +34,10 @@ with needed("learning", "rl"):
     import gymnasium
     from gymnasium.vector import AutoresetMode
     from gymnasium.vector.utils import batch_space
-with needed("an environment of many robots", "mujoco"):
+with needed(message("learning.many_robots", "an environment of many robots"), "mujoco"):
     import mujoco
     from mujoco.rollout import Rollout
-with needed_extension("mujoco", "an environment of many robots"):
+with needed_extension("mujoco", message("learning.many_robots", "an environment of many robots")):
     from simrob_drake.extensions.mujoco.built import BuiltStation, controls, force_values
     from simrob_drake.extensions.mujoco.model import STEP
 
@@ -100,10 +101,10 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         context = self._plant.plant.CreateDefaultContext()
         self._home = self._plant.plant.GetPositions(context), self._plant.plant.GetVelocities(context)
         self.period = 1 / self.section.rate
-        self._steps = self._whole(self.period, "a control period")
+        self._steps = self._whole(self.period, message("learning.control_period", "a control period"))
         self._sensors = PolicySensors(num_envs, self.section, self.config, self.robot, self._value)
         for kind, rate in self._sensors.rates.items():
-            self._whole(1 / rate, f"a sample of {kind}")
+            self._whole(1 / rate, message("learning.sample_of", "a sample of {kind}", kind=kind))
         self._check(f"controllers.{name}")
         self._models = self._drawn_models(
             whole(variants, "variants", 1, _MOST),
@@ -189,18 +190,32 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         """Return how many steps a time [s] has."""
         count = round(time / self._built.step)
         if count < 1 or abs(count * self._built.step - time) > 1e-9:
-            raise InvalidParameter("step", f"{self._built.step:g} s", f"a part of {what}, {time:g} s")
+            raise InvalidParameter(
+                "step",
+                compound("{step:g} s", step=self._built.step),
+                message("learning.part_of_period", "a part of {what}, {time:g} s", what=what, time=time),
+            )
         return count
 
     def _check(self, key: str) -> None:
         """Check that all is known here that is observed, that is rewarded, and that random is."""
         for name in self.section.observes:
             if name not in _KNOWN:
-                raise InvalidParameter(f"{key}.observes", name, f"of {', '.join(_KNOWN)}: MuJoCo tells no more here")
+                raise InvalidParameter(
+                    f"{key}.observes",
+                    name,
+                    message(
+                        "learning.known_in_mujoco", "of {known}: MuJoCo tells no more here", known=", ".join(_KNOWN)
+                    ),
+                )
         if len(self.config.controllers) > 1:
-            raise InvalidParameter("controllers", ", ".join(self.config.controllers), f"{key} alone")
+            raise InvalidParameter(
+                "controllers", ", ".join(self.config.controllers), message("learning.key_alone", "{key} alone", key=key)
+            )
         if "yielding" in self.task.rewards:
-            raise InvalidParameter("rewards", "yielding", "another term: speeds of tools are not told here")
+            raise InvalidParameter(
+                "rewards", "yielding", message("learning.other_term", "another term: speeds of tools are not told here")
+            )
         self._check_servos(self._built)
 
     def _check_servos(self, built: BuiltStation) -> None:
@@ -212,9 +227,22 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
                 found.append((kd * float(model.dof_invweight0[model.jnt_dofadr[joint]]), f"{robot.prefix}{axis}", kd))
         rate, axis, kd = max(found)
         if rate * self._built.step > _STEADY:
-            longest = f"at most {_STEADY / rate:.2g} s, or servo.kd smaller, or one robot in Drake (gymnasium.make)"
-            why = f"at its torque limit {axis} chatters with a kd of {kd:g}"
-            raise InvalidParameter("step", f"{self._built.step:g} s", f"{longest}: {why}")
+            longest = message(
+                "learning.steady_steps",
+                "at most {step:.2g} s, or servo.kd smaller, or one robot in Drake (gymnasium.make)",
+                step=_STEADY / rate,
+            )
+            why = message(
+                "learning.chatters_at_limit",
+                "at its torque limit {axis} chatters with a kd of {kd:g}",
+                axis=axis,
+                kd=kd,
+            )
+            raise InvalidParameter(
+                "step",
+                compound("{step:g} s", step=self._built.step),
+                compound("{longest}: {why}", longest=longest, why=why),
+            )
 
     def _drawn_models(self, many: int, config_of: Callable[[dict[str, Any]], StationConfig]) -> list[mujoco.MjModel]:
         """Return the models in which episodes are: the station's own, or those that are drawn, always the same.
@@ -225,7 +253,15 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         keys = list(self.task.random)
         for key in keys:
             if key.split(".")[0] not in _HELD:
-                raise InvalidParameter("random", key, f"of {', '.join(_HELD)}: all robots of a vector share the rest")
+                raise InvalidParameter(
+                    "random",
+                    key,
+                    message(
+                        "learning.shared_by_all",
+                        "of {held}: all robots of a vector share the rest",
+                        held=", ".join(_HELD),
+                    ),
+                )
         if not keys:
             return [self._built.model]
         parts = LatinHypercube(len(keys), rng=0).random(many)
@@ -236,7 +272,11 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
             places = plant.GetPositions(plant.CreateDefaultContext())
             if not np.array_equal(places, self._home[0]) or built.columns != self._built.columns:
                 raise InvalidParameter(
-                    "random", ", ".join(drawn), "keys that leave joints and where they begin as they are"
+                    "random",
+                    ", ".join(drawn),
+                    message(
+                        "learning.keys_that_leave_joints", "keys that leave joints and where they begin as they are"
+                    ),
                 )
             self._check_servos(built)
             models.append(built.model)
@@ -350,7 +390,7 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
                 onsets[place] = since = trigger.since(onset, time, row)
                 if since != NOT_YET and not ended[place] and trigger.ends(since, time):
                     ended[place] = trigger.condition.why(*row)
-        ended[astray] = "diverged: a state ran away to infinity"
+        ended[astray] = message("learning.diverged_to_infinity", "diverged: a state ran away to infinity")
         return ended
 
     def _watched(self, output: str, sensed: Vector) -> Vector:

@@ -11,6 +11,7 @@ from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.extras import needed
 from simrob_drake.base.folders import replaced_at_once
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 
 _OPSET = 17
 _IR = 8  # versions of the format that every ONNX Runtime of the last years reads
@@ -31,12 +32,16 @@ def write_network(
         InvalidParameter: layers that do not fit together.
     """
     file = as_path(file, "file")
-    with needed("writing ONNX", "rl"):
+    with needed(message("learning.writing_onnx", "writing ONNX"), "rl"):
         from onnx import TensorProto, checker, helper, numpy_helper
     for number, (weights, biases) in enumerate(layers):
         expected = (len(biases), weights.shape[1] if number == 0 else len(layers[number - 1][1]))
         if weights.shape != expected:
-            raise InvalidParameter(f"weights of layer {number}", f"of shape {weights.shape}", f"of shape {expected}")
+            raise InvalidParameter(
+                message("learning.weights_of_layer", "weights of layer {number}", number=number),
+                message("learning.of_shape", "of shape {shape}", shape=weights.shape),
+                message("learning.of_shape", "of shape {shape}", shape=expected),
+            )
     nodes, stored, name = list[Any](), list[Any](), "observation"
     for number, layer in enumerate(layers):
         names = [f"weights_{number}", f"biases_{number}"]

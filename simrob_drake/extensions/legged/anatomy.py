@@ -12,6 +12,7 @@ from pydrake.multibody.tree import RevoluteJoint
 
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations.clearance import Clearance, outline
 from simrob_drake.stations.legs import Leg, alike, ends_of, legs_of, lengths, put_upright, straight
@@ -187,13 +188,35 @@ def _legs(clearance: Clearance, robot: StationRobot) -> list[Leg]:
     if not groups:
         bare = _bare_ends(clearance, robot)
         if bare:
-            what = f"{', '.join(bare)} at the ends of its chains have no collision shape"
-            raise SimrobError(
-                f"{robot.model.name} has no legs to stand on: {what}; give each foot one, as a ball or a box"
+            what = message(
+                "legged.ends_without_shape",
+                "{links} at the ends of its chains have no collision shape",
+                links=", ".join(bare),
             )
-        ends = ", ".join(body.name() for body, _ in ends_of(clearance, robot)) or "none with a shape"
-        expected = "chains of at least two joints, in pairs, whose ends have collision shapes and reach lowest"
-        raise SimrobError(f"{robot.model.name} has no legs ({expected}); its chains end in: {ends}")
+            raise SimrobError(
+                message(
+                    "legged.no_legs_to_stand",
+                    "{model} has no legs to stand on: {what}; give each foot one, as a ball or a box",
+                    model=robot.model.name,
+                    what=what,
+                )
+            )
+        ends = ", ".join(body.name() for body, _ in ends_of(clearance, robot)) or message(
+            "legged.none_with_shape", "none with a shape"
+        )
+        expected = message(
+            "legged.chains_in_pairs",
+            "chains of at least two joints, in pairs, whose ends have collision shapes and reach lowest",
+        )
+        raise SimrobError(
+            message(
+                "legged.no_legs",
+                "{model} has no legs ({expected}); its chains end in: {ends}",
+                model=robot.model.name,
+                expected=expected,
+                ends=ends,
+            )
+        )
     found = groups[0]
     for other in groups[1:]:
         if len(other[0].axes) == len(found[0].axes) and len(other) == len(found) == 2 and not _is_arm(robot, other[0]):
@@ -201,11 +224,25 @@ def _legs(clearance: Clearance, robot: StationRobot) -> list[Leg]:
     fewest, most = _JOINTS
     if len(found) % 2 or len(found) > 6:
         raise SimrobError(
-            f"{robot.model.name} has {len(found)} legs that are alike; two, four or six are to be in pairs"
+            message(
+                "legged.legs_not_in_pairs",
+                "{model} has {count} legs that are alike; two, four or six are to be in pairs",
+                model=robot.model.name,
+                count=len(found),
+            )
         )
     if not fewest <= len(found[0].axes) <= most:
         count = len(found[0].axes)
-        raise SimrobError(f"{robot.model.name} has legs of {count} joints; they are to have {fewest} to {most}")
+        raise SimrobError(
+            message(
+                "legged.joints_of_legs",
+                "{model} has legs of {count} joints; they are to have {fewest} to {most}",
+                model=robot.model.name,
+                count=count,
+                fewest=fewest,
+                most=most,
+            )
+        )
     return found
 
 
@@ -281,20 +318,54 @@ def _named(clearance: Clearance, robot: StationRobot, legs: Sequence[Leg], facin
     off = [float(np.abs(hips[id(a)] * [1, -1, 1] - hips[id(b)]).max()) for a, b in pairs]
     if len(left) != len(right) or max(off) > _PLACED * apart:
         names = ", ".join(leg.foot.name() for leg in legs)
-        raise _Unpaired(f"the legs of {robot.model.name} ({names}) are not left and right of its middle in pairs alike")
+        raise _Unpaired(
+            message(
+                "legged.legs_not_left_and_right",
+                "the legs of {model} ({names}) are not left and right of its middle in pairs alike",
+                model=robot.model.name,
+                names=names,
+            )
+        )
     for pair in pairs:
         ways = [lengths(clearance, robot, leg.axes, leg) for leg in pair]
         if not alike(ways[0], ways[1], _ALIKE):
-            what = " and ".join(f"{leg.foot.name()} {way[0]:.3f} m" for leg, way in zip(pair, ways, strict=True))
-            expected = f"a right and a left one are to be alike, within {_ALIKE:.0%}"
-            raise SimrobError(f"{robot.model.name} has legs of unlike length ({what}); {expected}")
+            what = join_texts(
+                (
+                    compound("{foot} {way:.3f} m", foot=leg.foot.name(), way=way[0])
+                    for leg, way in zip(pair, ways, strict=True)
+                ),
+                " and ",
+            )
+            expected = message(
+                "legged.legs_alike", "a right and a left one are to be alike, within {alike:.0%}", alike=_ALIKE
+            )
+            raise SimrobError(
+                message(
+                    "legged.unlike_legs",
+                    "{model} has legs of unlike length ({what}); {expected}",
+                    model=robot.model.name,
+                    what=what,
+                    expected=expected,
+                )
+            )
     for row, pair in zip(_ROWS_OF_LEGS[len(pairs)], pairs, strict=True):
         for side, leg in zip(("right", "left"), pair, strict=True):
             joints = [robot.joints[axis] for axis in leg.axes]
             sliding = next((joint.name() for joint in joints if not isinstance(joint, RevoluteJoint)), None)
             if sliding is not None:
-                remedy = "legs are to turn; if it is a spring or a switch of the foot, make it fixed in the file"
-                raise SimrobError(f"{robot.model.name} has the joint {sliding} in a leg, which slides; {remedy}")
+                remedy = message(
+                    "legged.legs_are_to_turn",
+                    "legs are to turn; if it is a spring or a switch of the foot, make it fixed in the file",
+                )
+                raise SimrobError(
+                    message(
+                        "legged.sliding_leg",
+                        "{model} has the joint {joint} in a leg, which slides; {remedy}",
+                        model=robot.model.name,
+                        joint=sliding,
+                        remedy=remedy,
+                    )
+                )
             put_upright(clearance, robot, robot.model.home)
             knee = knee_of(clearance.plant, clearance.context, joints, leg.foot.body_frame(), leg.point)
             signed = replace(knee, straight=robot.axis_map.signs[leg.axes[knee.place]] * knee.straight)

@@ -8,6 +8,7 @@ from rich.text import Text
 
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.extension import needed_extension
+from simrob_drake.base.messages import message
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.options import FileArgument, Force, with_import_options
 from simrob_drake.cli.screen import errors, say
@@ -40,7 +41,7 @@ def legged(
 
     if tune:
         # The extension is looked for first, so that nothing is made in vain if it is missing.
-        with needed_extension("tuning", "simrob legged --tune"):
+        with needed_extension("tuning", message("legged.legged_tune", "simrob legged --tune")):
             from simrob_drake.extensions.legged.tuning import tune_walk
 
     folder = out or Path(f"{file.stem}_legged")
@@ -52,7 +53,14 @@ def legged(
         say(f"{attempt.trial}: {attempt.outcome}")
     say(f"report  {folder / REPORT}")
     if made.problem:
-        raise SimrobError(f"{made.problem.rstrip('.')}. What could be done is in {folder}")
+        raise SimrobError(
+            message(
+                "legged.could_be_done",
+                "{problem}. What could be done is in {folder}",
+                problem=made.problem.rstrip("."),
+                folder=folder,
+            )
+        )
     say(f"next    simrob run {folder / WALK}")
     if tune:
         for sentence in tune_walk(folder, tune):

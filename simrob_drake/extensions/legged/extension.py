@@ -7,4 +7,5 @@ EXTENSION = Extension(
     uses=("tuning",),
     title="Robots",
     commands={"legged": "simrob_drake.extensions.legged.commands:legged"},
+    messages={"legged": "simrob_drake.extensions.legged:languages"},
 )

@@ -13,6 +13,7 @@ from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.files import ROBOT_FILE
 from simrob_drake.base.folders import filled_at_once
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.extensions.legged.anatomy import Anatomy, anatomy_of
 from simrob_drake.extensions.legged.report import (
@@ -96,13 +97,24 @@ def make_legged(
             robot = write_robot(source, work, options.model_copy(update={"estimate_inertia": True}), estimates)
             known = {(entry.element, entry.text) for entry in report.entries}
             new = [entry for entry in estimates.entries if (entry.element, entry.text) not in known]
-            made.assumed.extend(f"{entry.element}: {entry.text}" for entry in new)
+            made.assumed.extend(
+                compound("{element}: {entry}", element=entry.element, entry=entry.text) for entry in new
+            )
         made.name = robot.name
         try:
             if robot.feet is not None:
-                what = f"{robot.name} has feet of its own in the {ROBOT_FILE} beside {source.name}"
-                remedy = "here they are found from the URDF alone: give it in a folder without that file"
-                raise SimrobError(f"{what}; {remedy}")
+                what = message(
+                    "legged.own_feet",
+                    "{robot} has feet of its own in the {file} beside {source}",
+                    robot=robot.name,
+                    file=ROBOT_FILE,
+                    source=source.name,
+                )
+                remedy = message(
+                    "legged.feet_from_urdf",
+                    "here they are found from the URDF alone: give it in a folder without that file",
+                )
+                raise SimrobError(compound("{what}; {remedy}", what=what, remedy=remedy))
             _Making(work, robot, made).run()
         except SimrobError as problem:
             made.problem = str(problem) + _shapes_lost(report)
@@ -115,7 +127,17 @@ def make_legged(
 def _shapes_lost(report: ImportReport) -> str:
     """Return which shapes to touch with an import has dropped, which may be why a robot cannot stand; '' without."""
     lost = [entry for entry in report.of("dropped") if "<collision>" in entry.element]
-    return f"; {len(lost)} collision shapes were not read, the first: {lost[0].element}: {lost[0].text}" if lost else ""
+    return (
+        message(
+            "legged.shapes_not_read",
+            "; {count} collision shapes were not read, the first: {element}: {text}",
+            count=len(lost),
+            element=lost[0].element,
+            text=lost[0].text,
+        )
+        if lost
+        else ""
+    )
 
 
 class _Standing(NamedTuple):
@@ -154,7 +176,14 @@ class _Making:
         examples, count = EXAMPLES[min(len(anatomy.legs), 4)], len(anatomy.legs)
         ways = [way for part in _BENT[count] if (way := self._standing(part)) is not None]
         if not ways:
-            raise SimrobError(f"{name} has no posture in which it stands. {self._stances.lacking}".strip())
+            raise SimrobError(
+                message(
+                    "legged.no_posture",
+                    "{name} has no posture in which it stands. {lacking}",
+                    name=name,
+                    lacking=self._stances.lacking,
+                ).strip()
+            )
         self._soles = write_soles(self._robot.urdf_path, anatomy, ways[0].soles)
         made.found += [_soles_text(ways[0])]
         stands = self._first(
@@ -169,7 +198,9 @@ class _Making:
             made.attempts += [attempt(self._work / WALK, trial) for trial in TRIALS[1:3]]
         made.attempts.append(walks)
         if not walks.done:
-            raise SimrobError(f"{name} does not walk: {walks.outcome}")
+            raise SimrobError(
+                message("legged.does_not_walk", "{name} does not walk: {outcome}", name=name, outcome=walks.outcome)
+            )
         build, walk = choice.way.build, read_yaml(self._work / GAITS_FILE)[REACTING]
         joints = len(anatomy.legs[0].leg.axes)
         if count == 2 and joints in ROWS:

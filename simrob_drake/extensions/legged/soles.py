@@ -10,6 +10,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.legged.anatomy import Anatomy, NamedLeg
 from simrob_drake.robots.bodies import bodies
 from simrob_drake.robots.urdf import add_joint, name_of
@@ -46,7 +47,13 @@ def _sole(anatomy: Anatomy, limb: NamedLeg, height: float) -> FootSole:
     ahead = RotationMatrix.MakeZRotation(anatomy.facing)
     outside = outline(clearance.station, body)
     if not len(outside):
-        raise SimrobError(f"the foot {body.name()} has no collision shape; give it one, such as a sphere or a box")
+        raise SimrobError(
+            message(
+                "legged.foot_without_shape",
+                "the foot {body} has no collision shape; give it one, such as a sphere or a box",
+                body=body.name(),
+            )
+        )
     points = outside @ (ahead.inverse() @ pose.rotation()).matrix().T + ahead.inverse() @ pose.translation()
     lowest = points[:, 2].min()
     under = points[points[:, 2] < lowest + _NEAR * height]

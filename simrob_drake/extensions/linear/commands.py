@@ -10,6 +10,7 @@ from rich.table import Table
 from simrob_drake.base.errors import InvalidParameter, SimrobError
 from simrob_drake.base.folders import check_folder
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.yaml_files import parse_yaml
 from simrob_drake.cli.arguments import station_from
 from simrob_drake.cli.options import AllowCode, Force, Settings, StationArgument, with_mesh_path
@@ -69,7 +70,9 @@ def _postures(config: StationConfig, content: Any) -> dict[str, Vector]:
         except SimrobError:
             raise
         except (TypeError, ValueError) as problem:
-            raise InvalidParameter("--at", content, "numbers per axis, such as 30 or {joint_2: 30}") from problem
+            raise InvalidParameter(
+                "--at", content, message("linear.numbers_per_axis", "numbers per axis, such as 30 or {{joint_2: 30}}")
+            ) from problem
     return postures
 
 

@@ -6,4 +6,5 @@ EXTENSION = Extension(
     core=">=0.1",
     title="Stations",
     commands={"linearize": "simrob_drake.extensions.linear.commands:linearize_station"},
+    messages={"linear": "simrob_drake.extensions.linear:languages"},
 )

@@ -10,6 +10,7 @@ from pydrake.systems.primitives import AffineSystem, Demultiplexer, FirstOrderTa
 from simrob_drake.base.errors import InvalidParameter, SimrobError, one_of, quoted
 from simrob_drake.base.frames import Vector, finite
 from simrob_drake.base.lifetime import built
+from simrob_drake.base.messages import message
 from simrob_drake.blocks.block import joined
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.extensions.linear.model import LinearModel
@@ -64,7 +65,9 @@ def linearize(station: StationLike, at: Posture | None = None) -> LinearModel:
     for name, robot in resolved.robots.items():
         if robot.floats:
             raise InvalidParameter(
-                f"robots.{name}", robot.model.name, "one on a fixed base: only contact holds this one"
+                f"robots.{name}",
+                robot.model.name,
+                message("linear.robot_on_fixed_base", "one on a fixed base: only contact holds this one"),
             )
     plant = add_plant(builder, resolved)
     state = plant.plant.get_state_output_port()
@@ -86,20 +89,32 @@ def linearize(station: StationLike, at: Posture | None = None) -> LinearModel:
 def _smooth(config: StationConfig) -> tuple[StationConfig, list[str]]:
     """Return what of a station has a slope, in continuous time, and in words what has not."""
     if not config.engine.moves_by_forces or not config.robots:
-        raise InvalidParameter("station", config.name, "a dynamic one with robots: others have no motion of their own")
+        raise InvalidParameter(
+            "station",
+            config.name,
+            message("linear.dynamic_with_robots", "a dynamic one with robots: others have no motion of their own"),
+        )
     if config.free_pieces:
         listed, first = ", ".join(config.free_pieces), config.free_pieces[0]
         raise InvalidParameter(
-            "pieces", f"{listed} free", f"all held: set pieces.{first}.free to false, or leave it out"
+            "pieces",
+            message("linear.pieces_free", "{pieces} free", pieces=listed),
+            message("linear.all_held", "all held: set pieces.{first}.free to false, or leave it out", first=first),
         )
     left_out = {
-        "contact": "contact: things pass through each other",
-        "controllers": "controllers: their inputs are those of the model",
-        "forces": "forces that act at given times",
+        "contact": message("linear.contact_left_out", "contact: things pass through each other"),
+        "controllers": message("linear.controllers_left_out", "controllers: their inputs are those of the model"),
+        "forces": message("linear.forces_left_out", "forces that act at given times"),
     }
     notes = [note for section, note in left_out.items() if getattr(config, section)]
     if config.engine.has_discrete_states:
-        notes.append(f"the solver's steps of {config.engine.time_step:g} s: this is the motion in continuous time")
+        notes.append(
+            message(
+                "linear.steps_left_out",
+                "the solver's steps of {step:g} s: this is the motion in continuous time",
+                step=config.engine.time_step,
+            )
+        )
     robots = {}
     for name, entry in config.robots.items():
         servo = config.servo_of(name)
@@ -109,9 +124,11 @@ def _smooth(config: StationConfig) -> tuple[StationConfig, list[str]]:
         robots[name] = entry.model_copy(update={"servo": servo, "drives": drives})
     models = [robot.model for robot in resolve(config).robots.values()]
     if any(model.friction.any() for model in models):
-        notes.append("Coulomb friction, whose slope at rest tells nothing of motion")
+        notes.append(
+            message("linear.friction_left_out", "Coulomb friction, whose slope at rest tells nothing of motion")
+        )
     if any(model.play.any() for model in models):
-        notes.append("backlash: gears do not let go")
+        notes.append(message("linear.backlash_left_out", "backlash: gears do not let go"))
     changes: dict[str, object] = {key: {} for key in ("sensors", "monitors", "forces", "controllers")}
     changes |= {"contact": None, "floor": None, "robots": robots, "solver": ContinuousSolver(kind="continuous")}
     return config.model_copy(update=changes), notes
@@ -126,12 +143,19 @@ def _postures(ports: StationPorts, at: Posture | None) -> dict[str, Vector]:
     if not isinstance(at, Mapping):
         at = {named(None, list(robots), key="at"): at}
     for name, posture in at.items():
-        robot, found = robots[one_of("robot", name, robots)], finite(posture)
+        robot, found = robots[one_of(message("base.robot", "robot"), name, robots)], finite(posture)
         limits = robot.model.limits
         if found.shape != limits.lower.shape or not limits.are_within(found):
-            expected = f"{len(robot.axes)} finite numbers within the joint limits, one an axis of {name}"
+            expected = message(
+                "linear.operating_point",
+                "{count} finite numbers within the joint limits, one an axis of {name}",
+                count=len(robot.axes),
+                name=name,
+            )
             raise InvalidParameter("at", quoted(posture), expected)
-        postures[name] = limits.clamp(found, f"the operating point of {name}")
+        postures[name] = limits.clamp(
+            found, message("linear.operating_point_of", "the operating point of {name}", name=name)
+        )
     return postures
 
 
@@ -269,5 +293,17 @@ class _Rest:
             limit, unit = robot.gains.limit_at_rest[worst], robot.model.effort_units[worst]
             if abs(torque[worst]) > limit:
                 axis = f"{robot.prefix}{robot.axes[worst]}"
-                return f"{name} does not rest there: {axis} takes {abs(torque[worst]):.4g} {unit}, and has {limit:g}"
-        return f"{name} does not rest there: its servos are too soft; raise servo.kp, or list feedforward under inputs"
+                return message(
+                    "linear.does_not_rest",
+                    "{name} does not rest there: {axis} takes {torque:.4g} {unit}, and has {limit:g}",
+                    name=name,
+                    axis=axis,
+                    torque=abs(torque[worst]),
+                    unit=unit,
+                    limit=limit,
+                )
+        return message(
+            "linear.servos_too_soft",
+            "{name} does not rest there: its servos are too soft; raise servo.kp, or list feedforward under inputs",
+            name=name,
+        )

@@ -14,6 +14,7 @@ from pydrake.systems.primitives import LinearSystem
 from simrob_drake.base.errors import InvalidParameter, one_of, quoted
 from simrob_drake.base.folders import filled_at_once
 from simrob_drake.base.frames import Vector, finite
+from simrob_drake.base.messages import message
 from simrob_drake.results.colours import looks
 
 if TYPE_CHECKING:
@@ -104,7 +105,9 @@ class LinearModel:
         """Return C (jw - A)^-1 B + D at frequencies (k,) [Hz]: shape (k, p, m), complex."""
         found = np.atleast_1d(finite(frequencies))
         if not found.size or found.ndim != 1:
-            raise InvalidParameter("frequencies", quoted(frequencies), "finite numbers [Hz]")
+            raise InvalidParameter(
+                "frequencies", quoted(frequencies), message("linear.finite_frequencies", "finite numbers [Hz]")
+            )
         resolvents = 2j * np.pi * found[:, np.newaxis, np.newaxis] * np.eye(len(self.A)) - self.A
         return np.asarray(self.C @ np.linalg.solve(resolvents, self.B.astype(complex)) + self.D)
 

@@ -9,6 +9,7 @@ from pydrake.systems.framework import Diagram
 
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.signals import Signal
 from simrob_drake.blocks.references import Reference, reference_values
 from simrob_drake.blocks.servo import ServoGains
@@ -23,7 +24,7 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import ResolvedStation, check_parts, resolve
 
-_NO_MODEL = "MJCF's servos do not know the arm's model"
+_NO_MODEL = message("mujoco.servos_without_model", "MJCF's servos do not know the arm's model")
 
 
 def check_sayable(config: StationConfig, robots: Mapping[str, ResolvedRobot], *, moved_by_torque: bool = True) -> None:
@@ -35,18 +36,26 @@ def check_sayable(config: StationConfig, robots: Mapping[str, ResolvedRobot], *,
     if not moved_by_torque:
         return
     if not config.engine.moves_by_forces:
-        raise InvalidParameter("mode", "kinematic", "dynamic: MJCF moves things by forces, not along a given motion")
+        raise InvalidParameter(
+            "mode",
+            "kinematic",
+            message("mujoco.dynamic_only", "dynamic: MJCF moves things by forces, not along a given motion"),
+        )
     if config.controllers:
-        expected = "MJCF holds no controllers"
+        expected = message("mujoco.no_controllers", "MJCF holds no controllers")
         raise Unsuitable("controllers", expected)
     if config.contact is not None and config.contact.model != "point":
-        expected = "point: MuJoCo knows no pressure over a surface"
+        expected = message("mujoco.point_only", "point: MuJoCo knows no pressure over a surface")
         raise InvalidParameter("contact.model", config.contact.model, expected)
     if config.prescribed:
-        raise Unsuitable("prescribed", "MJCF moves all joints by forces")
+        raise Unsuitable("prescribed", message("mujoco.joints_by_forces", "MJCF moves all joints by forces"))
     for name, force in config.forces.items():
         if isinstance(force, Drag):
-            raise InvalidParameter(f"forces.{name}.kind", "drag", "push or sine: MJCF's forces know no target")
+            raise InvalidParameter(
+                f"forces.{name}.kind",
+                "drag",
+                message("mujoco.push_or_sine", "push or sine: MJCF's forces know no target"),
+            )
     for name, robot in robots.items():
         _check_servo(config, name, robot.gains)
 
@@ -55,22 +64,45 @@ def _check_servo(config: StationConfig, robot: str, gains: ServoGains) -> None:
     servo = config.servo_of(robot)
     key = "servo" if config.robots[robot].servo is None else f"robots.{robot}.servo"
     if servo.law != "pid":
-        raise InvalidParameter(f"{key}.law", servo.law, "pid: MJCF's servos know no other law")
+        raise InvalidParameter(
+            f"{key}.law", servo.law, message("mujoco.pid_only", "pid: MJCF's servos know no other law")
+        )
     if gains.line is not None and (gains.line.slope > gains.damping).any():
-        expected = "none, or a whole damper (realization implicit): MJCF's servos have one limit at any speed"
-        raise InvalidParameter(f"{key}.motor", "given", f"{expected}; solver.kind mujoco has motors")
+        expected = message(
+            "mujoco.none_or_damper",
+            "none, or a whole damper (realization implicit): MJCF's servos have one limit at any speed",
+        )
+        raise InvalidParameter(
+            f"{key}.motor",
+            "given",
+            message("mujoco.mujoco_has_motors", "{expected}; solver.kind mujoco has motors", expected=expected),
+        )
     if servo.bus is not None:
-        raise Unsuitable(f"{key}.bus", "the servos of MJCF get their commands without delay")
+        raise Unsuitable(
+            f"{key}.bus",
+            message("mujoco.commands_without_delay", "the servos of MJCF get their commands without delay"),
+        )
     if servo.feedforward != "none":
-        raise InvalidParameter(f"{key}.feedforward", servo.feedforward, f"none: {_NO_MODEL}")
+        raise InvalidParameter(
+            f"{key}.feedforward", servo.feedforward, message("mujoco.none_because", "none: {reason}", reason=_NO_MODEL)
+        )
     if servo.admittance_gain > 0:
-        raise InvalidParameter(f"{key}.admittance_gain", servo.admittance_gain, f"0: {_NO_MODEL}")
+        raise InvalidParameter(
+            f"{key}.admittance_gain",
+            servo.admittance_gain,
+            message("mujoco.zero_because", "0: {reason}", reason=_NO_MODEL),
+        )
     if "reference_velocity" in config.inputs:
-        why = "with the input reference_velocity, which MJCF's servos have through kp alone"
+        why = message(
+            "mujoco.with_reference_velocity",
+            "with the input reference_velocity, which MJCF's servos have through kp alone",
+        )
         if gains.ki.any():
-            raise InvalidParameter(f"{key}.ki", gains.ki.tolist(), f"0 {why}")
+            raise InvalidParameter(f"{key}.ki", gains.ki.tolist(), message("mujoco.zero_with", "0 {why}", why=why))
         if ((gains.kp == 0) & (gains.kd > 0)).any():
-            raise InvalidParameter(f"{key}.kp", gains.kp.tolist(), f"positive {why}")
+            raise InvalidParameter(
+                f"{key}.kp", gains.kp.tolist(), message("mujoco.positive_with", "positive {why}", why=why)
+            )
 
 
 def controls(

@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar
 import typer
 
 from simrob_drake.base.extras import require
+from simrob_drake.base.messages import message
 from simrob_drake.programs.exporter import StationExporter
 from simrob_drake.stations.config import StationConfig
 
@@ -40,7 +41,7 @@ class MjcfExporter(StationExporter):
         Raises:
             SimrobError: MuJoCo is not installed, MJCF cannot express the station, or a file cannot be written.
         """
-        require("simrob export", "mujoco", "mujoco")
+        require(message("mujoco.export", "simrob export"), "mujoco", "mujoco")
         from simrob_drake.extensions.mujoco.export import save_mjcf
 
         return save_mjcf(config, file, step=options.step, force=force)

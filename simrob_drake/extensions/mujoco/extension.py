@@ -10,4 +10,5 @@ EXTENSION = Extension(
         "<mujoco>": "simrob_drake.extensions.mujoco.importer:MjcfImporter",
     },
     exporters={"mjcf": "simrob_drake.extensions.mujoco.exporter:MjcfExporter"},
+    messages={"mujoco": "simrob_drake.extensions.mujoco:languages"},
 )

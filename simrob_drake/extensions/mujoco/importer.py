@@ -4,6 +4,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import ClassVar
 
+from simrob_drake.base.messages import message
 from simrob_drake.importer.importer import RobotImporter
 from simrob_drake.robots.imports import ImportOptions, ImportReport
 
@@ -11,7 +12,7 @@ from simrob_drake.robots.imports import ImportOptions, ImportReport
 class MjcfImporter(RobotImporter):
     """Reads a robot from an MJCF file (extra `mujoco`)."""
 
-    title: ClassVar[str] = "an MJCF file"
+    title: ClassVar[str] = message("mujoco.an_mjcf_file", "an MJCF file")
 
     def robot_element(self, root: ET.Element, path: Path, options: ImportOptions, report: ImportReport) -> ET.Element:
         """Translate an MJCF file into the element ``robot`` of a URDF.

@@ -47,6 +47,7 @@ from pydrake.geometry import DefaultProximityProperties, GeometryId, ProximityPr
 from pydrake.multibody.plant import CalcContactFrictionFromSurfaceProperties, CoulombFriction
 
 from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.mujoco.coordinates import Coordinates, Names
 from simrob_drake.extensions.mujoco.drives import OutputSensors, add_force, add_motors, add_sensors, add_servos
 from simrob_drake.extensions.mujoco.tree import add_gears, add_shapes, add_tree, touching_pairs
@@ -215,7 +216,11 @@ def _compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
         return spec.compile()
     except ValueError as problem:
         why = " ".join(str(problem).split())
-        raise InvalidParameter("station", spec.modelname, f"one that MuJoCo takes, which says: {why}") from problem
+        raise InvalidParameter(
+            "station",
+            spec.modelname,
+            message("mujoco.acceptable_model", "one that MuJoCo takes, which says: {why}", why=why),
+        ) from problem
 
 
 def _set_options(spec: mujoco.MjSpec, plant: StationPlant, step: float, integrator: str) -> None:

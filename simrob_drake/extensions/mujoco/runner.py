@@ -15,6 +15,7 @@ from mujoco.rollout import Rollout
 from simrob_drake.base.arguments import positive
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.blocks.monitor import NOT_YET
 from simrob_drake.blocks.references import Reference, reference_values
 from simrob_drake.extensions.mujoco.built import BuiltStation, controls, force_values
@@ -131,16 +132,34 @@ class Stepped:
                 values = [outputs[output][row] for output in trigger.condition.watched]
                 onsets[name] = trigger.since(onsets[name], time, values)
                 if trigger.ends(onsets[name], time):
-                    return Stopped(name, time, f"{trigger.condition.why(*values)}, at {time:.4g} s", dict(before))
+                    return Stopped(
+                        name,
+                        time,
+                        message(
+                            "mujoco.reason_at_time",
+                            "{why}, at {time:.4g} s",
+                            why=trigger.condition.why(*values),
+                            time=time,
+                        ),
+                        dict(before),
+                    )
         return None
 
     def _outcome(self, stop: Stopped | None, end: float, *, astray: bool) -> Outcome:
         if stop is not None:
             return Outcome("monitor", stop.name, stop.message)
         if astray:
-            message = f"diverged at {end:.4g} s: a state ran away to infinity; shorter steps may help"
-            return Outcome("diverged", DIVERGED, message)
-        return Outcome("completed", None, f"ran to its end at {self.config.duration:g} s")
+            text = message(
+                "mujoco.diverged",
+                "diverged at {end:.4g} s: a state ran away to infinity; shorter steps may help",
+                end=end,
+            )
+            return Outcome("diverged", DIVERGED, text)
+        return Outcome(
+            "completed",
+            None,
+            message("mujoco.ran_to_its_end", "ran to its end at {duration:g} s", duration=self.config.duration),
+        )
 
     def _warnings(self, sensed: Vector) -> list[str]:
         """Tell of outputs that are not known, and of stiff servos at their limits, which MuJoCo treats explicitly."""
@@ -151,12 +170,20 @@ class Stepped:
             at_limit = torque >= robot.gains.torque_limit * (1 - _ROUNDING)
             jumps = at_limit & (robot.gains.kd * light * built.step > _STABLE)
             found += [f"{robot.prefix}{axis}" for axis, jumped in zip(robot.axes, jumps, strict=True) if jumped]
-        reached = (
-            "reached the limit of torque, where MuJoCo takes no account of the damping within a step; take shorter ones"
+        reached = message(
+            "mujoco.reached_torque_limit",
+            "reached the limit of torque, where MuJoCo takes no account of the damping within a "
+            "step; take shorter ones",
         )
-        silent = "are left out by quick roll-outs; a run with solver.kind mujoco has them"
-        left = [f"{', '.join(built.left_out)} {silent}"] if built.left_out else []
-        return [f"{', '.join(found)} {reached}", *left] if found else left
+        silent = message(
+            "mujoco.left_out_in_rollouts", "are left out by quick roll-outs; a run with solver.kind mujoco has them"
+        )
+        left = (
+            [compound("{left_out} {silent}", left_out=", ".join(built.left_out), silent=silent)]
+            if built.left_out
+            else []
+        )
+        return [compound("{found} {reached}", found=", ".join(found), reached=reached), *left] if found else left
 
     def _state(self, steps: Vector, time: float) -> State:
         """Return where the station was at a time [s], for another run to begin there, in Drake too."""
@@ -262,8 +289,12 @@ class MujocoRunner:
         """Return what a run of the station needs, its configuration with another duration perhaps."""
         own, known = with_pushes(config, request.pushes), self.config.forces
         for name, force in own.forces.items():
-            if force.at != known[one_of("force", name, known)].at:
-                raise InvalidParameter(f"pushes: {name}.at", force.at, "as in the station: the places are built in")
+            if force.at != known[one_of(message("mujoco.force", "force"), name, known)].at:
+                raise InvalidParameter(
+                    message("mujoco.place_of_push", "pushes: {name}.at", name=name),
+                    force.at,
+                    message("mujoco.as_in_station", "as in the station: the places are built in"),
+                )
         start = State.at_start_of(config) if request.start is None else request.start
         by_name, station = by_robot(own, request.reference), self.built.station
         references = station_references(station, by_name, start.references if start else None)
@@ -271,8 +302,13 @@ class MujocoRunner:
             check_reference(robot, references[robot.name], own.duration)
         count = int(np.ceil(own.duration / self.built.step - 1e-9)) + 1
         if count > MOST_SAMPLES:
-            expected = f"at least {own.duration / MOST_SAMPLES:.2g} s for a duration of {own.duration:g} s"
-            raise InvalidParameter("step", f"{self.built.step:g} s", expected)
+            expected = message(
+                "mujoco.shortest_step",
+                "at least {shortest:.2g} s for a duration of {duration:g} s",
+                shortest=own.duration / MOST_SAMPLES,
+                duration=own.duration,
+            )
+            raise InvalidParameter("step", compound("{step:g} s", step=self.built.step), expected)
         rows = controls(
             self.built.ports.plant,
             references,

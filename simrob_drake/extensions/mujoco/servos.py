@@ -19,6 +19,7 @@ import numpy.typing as npt
 from pydrake.multibody.tree import JointActuatorIndex
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.mujoco.coordinates import Names
 from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.robots.axis_map import in_a_row
@@ -128,7 +129,12 @@ class Servos:
                 found = self._sides(torque)
         finally:
             self._give_gains(self._kp, self._kd)
-        raise RuntimeError("servos at their torque limits and MuJoCo's contacts do not settle within a step")
+        raise RuntimeError(
+            message(
+                "mujoco.servos_do_not_settle",
+                "servos at their torque limits and MuJoCo's contacts do not settle within a step",
+            )
+        )
 
     def _sides(self, torque: Vector) -> Vector | None:
         """Return at which limits or lines motors are that ask for torques (m,), 0 for none; None: they all are not."""

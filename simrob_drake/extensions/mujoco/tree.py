@@ -28,6 +28,7 @@ from pydrake.multibody.tree import Joint, JointActuatorIndex, PrismaticJoint, Re
 
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.mujoco.coordinates import Names, free_name
 from simrob_drake.parts.couplings import Gear
 from simrob_drake.parts.station_plant import StationPlant
@@ -55,7 +56,9 @@ def add_tree(spec: mujoco.MjSpec, station: StationPlant, names: Names) -> None:
     plant = station.plant
     if plant.num_constraints() or plant.num_force_elements() > 1:  # gravity is one force element
         raise Unsuitable(
-            "robots", "their files have constraints, and MJCF gets a tree of free joints", "use another solver"
+            "robots",
+            message("mujoco.tree_of_free_joints", "their files have constraints, and MJCF gets a tree of free joints"),
+            message("mujoco.use_other_solver", "use another solver"),
         )
     # Reflected rotor inertias by the index of the joint. Of several actuators of a joint, Drake uses the last one's.
     armatures = {}
@@ -150,8 +153,10 @@ def _add_joint(onto: mujoco.MjsBody, station: StationPlant, joint: Joint, names:
         return
     kind = _JOINTS.get(type(joint))
     if kind is None:
-        expected = "revolute, continuous, prismatic or fixed: MJCF is given no other"
-        raise InvalidParameter(f"joint {names.joint(joint)}", joint.type_name(), expected)
+        expected = message("mujoco.types_of_joints", "revolute, continuous, prismatic or fixed: MJCF is given no other")
+        raise InvalidParameter(
+            message("mujoco.joint", "joint {joint}", joint=names.joint(joint)), joint.type_name(), expected
+        )
     limits = np.array([joint.position_lower_limit(), joint.position_upper_limit()])
     axis = joint.revolute_axis() if isinstance(joint, RevoluteJoint) else joint.translation_axis()
     body.add_joint(
@@ -340,4 +345,8 @@ def _primitive(shape: Shape) -> _Primitive:
         case HalfSpace():
             # An infinite plane; the third number is only the spacing of its grid in a viewer.
             return _Primitive(kinds.mjGEOM_PLANE, [0.0, 0.0, 1.0])
-    raise InvalidParameter("a shape", type(shape).__name__, "a sphere, box, cylinder, capsule, ellipsoid or mesh")
+    raise InvalidParameter(
+        message("mujoco.a_shape", "a shape"),
+        type(shape).__name__,
+        message("mujoco.shapes_of_mjcf", "a sphere, box, cylinder, capsule, ellipsoid or mesh"),
+    )

@@ -12,6 +12,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.base.errors import InvalidParameter, quoted
 from simrob_drake.base.frames import Vector, as_transform, finite, pose_from_transform
+from simrob_drake.base.messages import message
 from simrob_drake.parts.resolved import WORLD
 from simrob_drake.programs.arm import Arm, Workcell
 from simrob_drake.programs.branches import Branch
@@ -117,7 +118,7 @@ def jog_move(arm: Arm, targets_deg: Mapping[str, float], duration: float | None 
     do.
     """
     posture, model = arm.reference, arm.cell.robot(arm.name).model
-    targets = targets_on(model, targets_deg, "the jog")
+    targets = targets_on(model, targets_deg, message("pendant.the_jog", "the jog"))
     for place, position in targets.items():
         posture[place] = position
     posture = with_partners(arm.cell.model.resolved, arm.name, posture, targets)
@@ -189,7 +190,11 @@ def posed(values: Sequence[float], name: str) -> RigidTransform:
     """Return the pose that six values are; raises InvalidParameter: they are none."""
     found = finite(values)
     if found.shape != _UNITS.shape:
-        raise InvalidParameter(name, quoted(values), "six finite numbers [x y z Rz Ry Rx] in m and degrees")
+        raise InvalidParameter(
+            name,
+            quoted(values),
+            message("pendant.six_numbers_of_pose", "six finite numbers [x y z Rz Ry Rx] in m and degrees"),
+        )
     return as_transform(found * _UNITS)
 
 

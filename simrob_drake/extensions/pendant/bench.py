@@ -7,13 +7,13 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TextIO
 
 import numpy as np
 
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import message_of
+from simrob_drake.base.messages import compound, message, message_of
 from simrob_drake.base.sections import validated
 from simrob_drake.extensions.pendant import arm_questions
 from simrob_drake.extensions.pendant.describe import description
@@ -119,7 +119,7 @@ class Bench:
 
     def do(self, moves: Sequence[dict[str, Any]]) -> dict[str, Any]:
         """Run moves, as a program's file has them, from where the station is or what is shown."""
-        program = validated(Program, {"moves": list(moves)}, "the moves")
+        program = validated(Program, {"moves": list(moves)}, message("pendant.the_moves", "the moves"))
         program = program.model_copy(update={"robot": self._robot or None})
         self._settle()
         return self._begin(program)
@@ -131,7 +131,11 @@ class Bench:
     def resume(self) -> dict[str, Any]:
         """Go on from the moment that is shown, as what was run there went on."""
         if self.pacer.at is None:
-            raise InvalidParameter("resume", "asked for in the present", "asked for after going back")
+            raise InvalidParameter(
+                "resume",
+                message("pendant.asked_in_present", "asked for in the present"),
+                message("pendant.asked_after_going_back", "asked for after going back"),
+            )
         place, time = self._back_to(self.pacer.at)
         return self._begin(place.program, until=time)
 
@@ -176,7 +180,11 @@ class Bench:
         if positions is not None:
             self._view.show(positions)
         elif not before:
-            raise InvalidParameter("time", f"{time:g} s", "a time that was run, not too long ago")
+            raise InvalidParameter(
+                "time",
+                compound("{time:g} s", time=time),
+                message("pendant.time_that_was_run", "a time that was run, not too long ago"),
+            )
         elif steps(before[-1].time) == number:
             self._view.draw(before[-1].config, before[-1].state)
         if before:
@@ -186,7 +194,11 @@ class Bench:
     def look(self, positions: Vector | None) -> None:
         """Show positions of the plant, of a run that is over; the station stays where it is."""
         if positions is None or not self._fits(positions):
-            raise InvalidParameter("run", "a moment that is not kept", "one of the station as it is now")
+            raise InvalidParameter(
+                "run",
+                message("pendant.moment_not_kept", "a moment that is not kept"),
+                message("pendant.moment_of_station", "one of the station as it is now"),
+            )
         self._view.show(positions)
 
     def compare(self, positions: Vector | None) -> None:
@@ -201,12 +213,14 @@ class Bench:
 
     def push(self, force: Sequence[float], at: str | None = None, duration: float = 0.1) -> None:
         """Push with a force [N] for a time [s], from the next tick on."""
-        push = validated(PushNow, {"at": at, "force": list(force), "duration": duration}, "the push")
+        push = validated(
+            PushNow, {"at": at, "force": list(force), "duration": duration}, message("pendant.the_push", "the push")
+        )
         self._ask(Change(time=0.0, push=push))
 
     def drag(self, at: str, point: Sequence[float], target: Sequence[float] | None) -> None:
         """Pull a point of a body, in its own frame, to a place in the world, or let it go."""
-        one_of("body", at, self._bodies)
+        one_of(message("pendant.body", "body"), at, self._bodies)
         if at in self.cell.config.pieces:  # forces on pieces count from their tool centre point
             model = self.cell.model
             point = model.pose(model.piece_frame(at)).inverse() @ model.pose(model.piece_origin(at)) @ np.array(point)
@@ -223,7 +237,7 @@ class Bench:
 
     def watch(self, signals: Sequence[str]) -> None:
         """Tell the values of these outputs of the station at each tick."""
-        self.pacer.watched = [one_of("signal", name, self._columns) for name in signals]
+        self.pacer.watched = [one_of(message("pendant.signal", "signal"), name, self._columns) for name in signals]
 
     # Questions
 
@@ -275,7 +289,11 @@ class Bench:
     def save(self, what: str, file: str) -> str:
         """Write the last run: its ``signals``, a ``page`` that plays, or a ``strip`` of pictures."""
         if self._result is None:
-            raise InvalidParameter("the last run", "none yet", "one: simulate() runs what is stored")
+            raise InvalidParameter(
+                message("pendant.last_run", "the last run"),
+                message("pendant.none_yet", "none yet"),
+                message("pendant.run_what_is_stored", "one: simulate() runs what is stored"),
+            )
         if what == "signals":
             write_table(Path(file), self._result.names, self._result.times, self._result.values)
             return file
@@ -287,7 +305,11 @@ class Bench:
     def cell(self) -> Workcell:
         """The station; raises InvalidParameter: nothing was opened."""
         if self._cell is None:
-            raise InvalidParameter("station", "not opened", "one that was opened")
+            raise InvalidParameter(
+                "station",
+                message("pendant.not_opened", "not opened"),
+                message("pendant.one_that_was_opened", "one that was opened"),
+            )
         return self._cell
 
     def find(self, method: str) -> Callable[..., Any]:
@@ -300,9 +322,18 @@ class Bench:
     def _tell_view(self, subject: str, commands: Sequence[Command]) -> None:
         self._inbox.tell("view", subject=subject, commands=list(commands))
 
-    def _tell_warning(self, warning: Warning | str, *_: object, **__: object) -> None:
-        """Tell the page of a warning, in place of :func:`warnings.showwarning`."""
-        text = message_of(warning) if isinstance(warning, Warning) else warning
+    def _tell_warning(
+        self,
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        file: TextIO | None = None,
+        line: str | None = None,
+    ) -> None:
+        """Tell the page of a warning. The arguments are those of :func:`warnings.showwarning`, which it replaces."""
+        del category, filename, lineno, file, line
+        text = message_of(message) if isinstance(message, Warning) else message
         self._inbox.tell("warned", text=text)
 
     def _fits(self, positions: Vector) -> bool:
@@ -312,7 +343,11 @@ class Bench:
 
     def _ask(self, change: Change) -> None:
         if not self.pacer.runs:
-            raise InvalidParameter("change", "asked for while nothing runs", "asked for while something does")
+            raise InvalidParameter(
+                "change",
+                message("pendant.asked_while_nothing_runs", "asked for while nothing runs"),
+                message("pendant.asked_while_something_runs", "asked for while something does"),
+            )
         Timeline(GRID, [change]).check(self.cell.config)
         self.pacer.requests.append(change)
 

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from simrob_drake.base.extras import needed
+from simrob_drake.base.messages import message
 from simrob_drake.cli.options import AllowCode, with_mesh_path
 from simrob_drake.cli.screen import say
 
@@ -34,7 +35,7 @@ def teach(
         simrob teach
         simrob teach humanoid
     """
-    with needed("the teach pendant", "gui"):
+    with needed(message("pendant.teach_pendant", "the teach pendant"), "gui"):
         import nicegui  # noqa: F401
     from simrob_drake.extensions.pendant.server import serve
 

@@ -6,4 +6,5 @@ EXTENSION = Extension(
     core=">=0.1",
     title="Robots",
     commands={"teach": "simrob_drake.extensions.pendant.commands:teach"},
+    messages={"pendant": "simrob_drake.extensions.pendant:languages"},
 )

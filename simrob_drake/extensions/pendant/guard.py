@@ -11,6 +11,7 @@ from starlette.responses import HTMLResponse, PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.messages import message
 
 PROXY_TOKEN = "SIMROB_TOKEN"
 """The environment variable with what a proxy that lets in its user says in each question, in the header below."""
@@ -59,14 +60,22 @@ class Guard:
         """
         self.app = app
         if root_path is not None and _PLACE.fullmatch(root_path) is None:
-            raise InvalidParameter("--root-path", root_path, "a path as /user/ana/simrob, or the address of one")
+            raise InvalidParameter(
+                "--root-path",
+                root_path,
+                message("pendant.path_of_proxy", "a path as /user/ana/simrob, or the address of one"),
+            )
         place = urlsplit(root_path or f"http://{_NAMES[0]}:{port}/{secrets.token_urlsafe(16)}")
         self.path, self._site = f"{place.path.rstrip('/')}/", f"{place.scheme}://{place.netloc}".removeprefix("://")
         self._hosts = [f"{name}:{port}" for name in _NAMES] if root_path is None else []
         self._cookie, self._key = f"simrob_{port}", secrets.token_urlsafe(24)
         self._proxy_key = os.environ.get(PROXY_TOKEN, "") if root_path is not None else ""
         if 0 < len(self._proxy_key) < _SHORTEST:
-            raise InvalidParameter(PROXY_TOKEN, f"of {len(self._proxy_key)} letters", f"of at least {_SHORTEST}")
+            raise InvalidParameter(
+                PROXY_TOKEN,
+                message("pendant.count_of_letters", "of {count} letters", count=len(self._proxy_key)),
+                message("pendant.at_least_letters", "of at least {shortest}", shortest=_SHORTEST),
+            )
         self._tokens: dict[str, Callable[[], object]] = {}
 
     def address(self, used: Callable[[], object] = lambda: None) -> str:

@@ -13,6 +13,7 @@ from pydrake.multibody.tree import Frame, RevoluteJoint, RigidBody
 
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.pendant.arm_questions import posed
 from simrob_drake.extensions.pendant.describe import kind_of
 from simrob_drake.kinematics.chain import axes_and_points
@@ -87,7 +88,7 @@ def reached(
     model = _posed(cell, robot, near)
     own = model.robots[robot]
     limbs = _limbs(own, _moved(own))
-    frame, end = limbs[one_of("limb", limb, limbs)]
+    frame, end = limbs[one_of(message("pendant.limb", "limb"), limb, limbs)]
     chain = model.chain(robot, frame, own.root).with_tool(end.GetAsMatrix4())
     target = model.pose(own.root).inverse() @ posed(pose, "pose")
     place, turn = (_LET, 1.0) if turned else (1.0, _LET)

@@ -6,6 +6,7 @@ from typing import Any
 
 from simrob_drake.base.arguments import plain, whole
 from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.pendant.move_runner import MoveRunner
 from simrob_drake.extensions.pendant.program_book import ProgramBook
 from simrob_drake.extensions.pendant.run_client import RunClient, done
@@ -90,7 +91,7 @@ class Jogging:
 
     def _target(self, name: str) -> Target:
         known = self._book.history.present.targets
-        return known[one_of("target", name, known)]
+        return known[one_of(message("pendant.target", "target"), name, known)]
 
     def _record(self, name: str, place: Mapping[str, Any], **how: Any) -> None:
         axes = {axis: round(value, _DIGITS) + 0.0 for axis, value in place["axes"].items()}
@@ -180,7 +181,7 @@ class Jogging:
         now = next((tool.name for tool in reversed(before) if tool.robot in (None, goal.robot)), self._first_tool)
         lines = [self._book.checked({ToolMove.key: goal.tool})] if goal.tool not in ("", now) else []
         content = dict(how)
-        if getattr(KINDS[one_of("kind of move", kind, KINDS)], "of_axes", False):
+        if getattr(KINDS[one_of(message("pendant.kind_of_move", "kind of move"), kind, KINDS)], "of_axes", False):
             content["targets_deg"] = [goal.axes[axis] for axis in self._book.model.axes]
         else:
             content["targets_deg"] = list(goal.pose)
@@ -188,7 +189,11 @@ class Jogging:
         if via is not None:
             passed = self._target(via)
             if passed.frame != goal.frame:
-                raise InvalidParameter(f"frame of {via}", passed.frame, f"{goal.frame}, as that of the target")
+                raise InvalidParameter(
+                    message("pendant.frame_of_via", "frame of {via}", via=via),
+                    passed.frame,
+                    message("pendant.as_that_of_target", "{frame}, as that of the target", frame=goal.frame),
+                )
             content["via"] = list(passed.pose[:3])
         return [*lines, self._book.checked({kind: content})]
 

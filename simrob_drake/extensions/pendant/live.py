@@ -13,6 +13,7 @@ from threading import Lock, Thread
 from typing import Any
 
 from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.messages import compound, message
 from simrob_drake.extensions.pendant.bench import ALONE, Bench
 from simrob_drake.extensions.pendant.run_pacer import Inbox, News, Rewound, RunLost
 
@@ -100,10 +101,17 @@ class Live:
         if self._open:
             self._process.join(_PATIENCE)
             code = self._process.exitcode
-            self._on_news({"news": "died", "why": f"killed by signal {-code}" if code and code < 0 else f"code {code}"})
+            self._on_news(
+                {
+                    "news": "died",
+                    "why": message("pendant.killed_by_signal", "killed by signal {code}", code=-code)
+                    if code and code < 0
+                    else message("pendant.exit_code", "code {code}", code=code),
+                }
+            )
 
 
-Message = tuple[int, str, dict[str, Any]]
+Request = tuple[int, str, dict[str, Any]]
 
 
 def main(pipe: Connection) -> None:
@@ -125,22 +133,22 @@ def main(pipe: Connection) -> None:
 def serve(bench: Bench, inbox: Inbox) -> None:
     """Do what can be done while a station runs; what cannot ends the run, and is done then."""
     messages = inbox.take()
-    for place, message in enumerate(messages):
-        if bench.pacer.stopping or message[1] in ALONE:
+    for place, request in enumerate(messages):
+        if bench.pacer.stopping or request[1] in ALONE:
             bench.pacer.stopping = True
-            inbox.put_back(message)
+            inbox.put_back(request)
             continue
         try:
-            answer(bench, inbox, message)
+            answer(bench, inbox, request)
         except Rewound:
             for other in messages[place + 1 :]:
                 inbox.put_back(other)
             raise
 
 
-def answer(bench: Bench, inbox: Inbox, message: Message) -> None:
+def answer(bench: Bench, inbox: Inbox, request: Request) -> None:
     """Do what was asked for, and answer with its result or with what is wrong."""
-    number, method, arguments = message
+    number, method, arguments = request
     try:
         result = bench.find(method)(**arguments)
     except SimrobError as problem:
@@ -149,6 +157,6 @@ def answer(bench: Bench, inbox: Inbox, message: Message) -> None:
         inbox.answer(number)
         raise
     except Exception as problem:
-        inbox.answer(number, wrong=f"{type(problem).__name__}: {problem}")
+        inbox.answer(number, wrong=compound("{name}: {problem}", name=type(problem).__name__, problem=problem))
     else:
         inbox.answer(number, result)

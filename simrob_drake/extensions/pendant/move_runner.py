@@ -8,6 +8,7 @@ from concurrent.futures import CancelledError, Future
 from functools import partial
 from typing import Any, NamedTuple
 
+from simrob_drake.base.messages import message
 from simrob_drake.base.remarks import Remark
 from simrob_drake.base.sections import validated
 from simrob_drake.extensions.pendant.pages.words import Notice
@@ -367,7 +368,7 @@ class MoveRunner:
     def _noted(self, change: dict[str, Any]) -> None:
         """Put a change of the run into the program, or to what is tried, if its time is theirs."""
         book, run = self._book, self._client.run
-        now, made = book.history.present, validated(Change, change, "the change")
+        now, made = book.history.present, validated(Change, change, message("pendant.the_change", "the change"))
         label = " ".join(made.set or ())  # a slider that is moved is one step
         known = run.kind == "program"
         of_program = known or not now.pending

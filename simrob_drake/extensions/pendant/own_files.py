@@ -12,12 +12,12 @@ from pathlib import Path, PurePosixPath
 
 from simrob_drake.base.errors import InvalidParameter, SimrobError, shown
 from simrob_drake.base.folders import writing
-from simrob_drake.base.messages import Message, compound, join_texts
+from simrob_drake.base.messages import Message, compound, join_texts, message
 from simrob_drake.base.remarks import Remark, Severity
 from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.extensions.pendant.pages.words import Notice
 from simrob_drake.importer.robot_files import robot_suffixes
-from simrob_drake.robots.imports import CHANGES, REPORT_FILE, Entry, read_report
+from simrob_drake.robots.imports import CHANGE, REPORT_FILE, Entry, read_report
 
 FOLDER = "own"  # of what is taught, for these files; each set of them has a folder there
 MOST = 200_000_000  # bytes of a set of files, unpacked
@@ -62,7 +62,11 @@ def keep(files: Mapping[str, bytes], folder: Path) -> Path:
         contents.update(_unpack(name, content))
     total_size = sum(len(content) for content in contents.values())
     if total_size > MOST:
-        raise InvalidParameter("files", "too large", f"at most {MOST / 1e6:g} MB")
+        raise InvalidParameter(
+            "files",
+            message("pendant.too_large", "too large"),
+            message("pendant.at_most_megabytes", "at most {most:g} MB", most=MOST / 1e6),
+        )
     subject = _subject(list(contents))
     content_hash = sha256(b"".join(path.as_posix().encode() + content for path, content in sorted(contents.items())))
     home = folder / FOLDER / f"{subject.stem}-{content_hash.hexdigest()[:8]}"
@@ -93,19 +97,29 @@ def _unpack(name: str, content: bytes) -> dict[Path, bytes]:
         return {_safe_path(name): content}
     # Python reads the whole table of contents at once, so its entries are counted before.
     if content.count(_ENTRY_MARK) > _MOST_FILES:
-        raise InvalidParameter(name, "too many files", f"an archive of at most {_MOST_FILES} files")
+        raise InvalidParameter(
+            name,
+            message("pendant.too_many_files", "too many files"),
+            message("pendant.archive_of_at_most", "an archive of at most {most} files", most=_MOST_FILES),
+        )
     try:
         with zipfile.ZipFile(BytesIO(content)) as archive:
             entries = {_safe_path(entry.filename): entry for entry in archive.infolist() if not entry.is_dir()}
             total_size = sum(entry.file_size for entry in entries.values())
             if total_size > MOST:
-                raise InvalidParameter(name, "too large", f"at most {MOST / 1e6:g} MB unpacked")
+                raise InvalidParameter(
+                    name,
+                    message("pendant.too_large", "too large"),
+                    message("pendant.megabytes_unpacked", "at most {most:g} MB unpacked", most=MOST / 1e6),
+                )
             return {path: archive.read(entry) for path, entry in entries.items()}
     except SimrobError:  # a ValueError, as some errors of zipfile are
         raise
     except _ZIP_ERRORS as problem:
         detail = shown(str(problem)) or type(problem).__name__
-        raise InvalidParameter(name, detail, "a whole ZIP archive without a password") from problem
+        raise InvalidParameter(
+            name, detail, message("pendant.whole_archive", "a whole ZIP archive without a password")
+        ) from problem
 
 
 def _safe_path(name: str) -> Path:
@@ -119,13 +133,30 @@ def _safe_path(name: str) -> Path:
     try:
         lengths = [len(part.encode()) for part in parts]
     except UnicodeEncodeError as problem:
-        raise InvalidParameter("the name of a file", repr(shown(name)), "a text of whole characters") from problem
+        raise InvalidParameter(
+            message("pendant.name_of_file", "the name of a file"),
+            repr(shown(name)),
+            message("pendant.whole_characters", "a text of whole characters"),
+        ) from problem
     if len(parts) > _MOST_FOLDERS + 1:
-        expected = f"in at most {_MOST_FOLDERS} folders"
-        raise InvalidParameter(f"the file '{shown(name)}'", f"in {len(parts) - 1} folders", expected)
+        expected = message("pendant.folders_at_most", "in at most {most} folders", most=_MOST_FOLDERS)
+        raise InvalidParameter(
+            message("pendant.the_file", "the file '{name}'", name=shown(name)),
+            message("pendant.in_folders", "in {count} folders", count=len(parts) - 1),
+            expected,
+        )
     if max(lengths) > _LONGEST_NAME or sum(lengths) > _LONGEST_PATH:
-        expected = f"at most {_LONGEST_NAME} bytes each, {_LONGEST_PATH} together"
-        raise InvalidParameter("names of a file and its folders", f"'{shown(name)}'", expected)
+        expected = message(
+            "pendant.bytes_of_names",
+            "at most {longest_name} bytes each, {longest_path} together",
+            longest_name=_LONGEST_NAME,
+            longest_path=_LONGEST_PATH,
+        )
+        raise InvalidParameter(
+            message("pendant.names_of_file", "names of a file and its folders"),
+            compound("'{name}'", name=shown(name)),
+            expected,
+        )
     # Characters that Windows does not allow in names.
     return Path(*(re.sub(r'[<>:"|?*\x00-\x1f]', "_", part) for part in parts))
 
@@ -135,7 +166,15 @@ def _subject(paths: Sequence[Path]) -> Path:
     can = [path for path in paths if path.suffix.lower() in order]
     if not can:
         names = ", ".join(path.name for path in paths[:_LINES]) or "nothing"
-        raise InvalidParameter("files", names, f"one that ends in {', '.join(order)}, or a ZIP archive with one")
+        raise InvalidParameter(
+            "files",
+            names,
+            message(
+                "pendant.file_ending_in",
+                "one that ends in {endings}, or a ZIP archive with one",
+                endings=", ".join(order),
+            ),
+        )
     return min(can, key=lambda path: (len(path.parts), order.index(path.suffix.lower()), path.as_posix()))
 
 
@@ -154,7 +193,8 @@ def report_of(urdf: Path) -> Notice | None:
     changes = [entry for entry in report.entries if entry.kind != "read"]
     remarks = [Remark(_severity_of(entry), _text_of(entry)) for entry in changes[:_LINES]]
     if len(changes) > _LINES:
-        further = compound("… + {count} ({file})", count=len(changes) - _LINES, file=REPORT_FILE)
+        hidden = len(changes) - _LINES
+        further = message("pendant.more_entries", "... {count} more in {file}", count=hidden, file=REPORT_FILE)
         remarks.append(Remark("note", further))
     file = {"file": report.source.name}
     return Notice("imported_with_changes", file, remarks=tuple(remarks)) if changes else Notice("imported", file)
@@ -167,4 +207,4 @@ def _severity_of(entry: Entry) -> Severity:
 
 def _text_of(entry: Entry) -> Message:
     """What an import did, the element to which it did that, and the details."""
-    return join_texts([text for text in (CHANGES[entry.kind], entry.element, entry.text) if text], ": ")
+    return join_texts([text for text in (CHANGE[entry.kind], entry.element, entry.text) if text], ": ")

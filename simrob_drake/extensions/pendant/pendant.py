@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from simrob_drake.base.errors import one_of
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.pendant.own_files import keep, report_of
 from simrob_drake.extensions.pendant.pages.words import languages
 from simrob_drake.extensions.pendant.session import Session
@@ -38,7 +39,7 @@ class Pendant:
         """
         self.dark: bool | None = None
         self.tours, self.tour = tours(lessons), cast(TourProgress | None, None)
-        self.language = one_of("language", language, languages())
+        self.language = one_of(message("pendant.language", "language"), language, languages())
         self._open_session = open_session
         self.session = open_session(subject, None)
         self.board = Board(script=_SCRIPT, hears={"drag": self._drag, "put": self._put, "turn": self._turn})

@@ -4,6 +4,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from simrob_drake.base.messages import message
+
 if TYPE_CHECKING:  # these import NiceGUI
     from simrob_drake.extensions.pendant.pages.words import Words
     from simrob_drake.extensions.pendant.session import Session
@@ -28,7 +30,7 @@ class PendantPanel:
     def __post_init__(self) -> None:
         """Check that there is an English title; raises ValueError if not."""
         if not self.titles.get("en"):
-            raise ValueError("titles has no 'en'; a panel needs an English title")
+            raise ValueError(message("pendant.no_english_title", "titles has no 'en'; a panel needs an English title"))
 
     def title(self, language: str) -> str:
         """Title in a language, or in English if there is none."""

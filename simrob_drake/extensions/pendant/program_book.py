@@ -6,6 +6,7 @@ from typing import Any
 
 from simrob_drake.base.arguments import whole
 from simrob_drake.base.errors import InvalidParameter, SimrobError, one_of
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import validated
 from simrob_drake.extensions.pendant.pages.words import Notice
 from simrob_drake.extensions.pendant.run_client import RunClient
@@ -74,7 +75,9 @@ class ProgramBook:
         self.config = self.loaded({})
         self.known_loops = loops_known(self.config)
         robots = list(self.config.robots)
-        self.robot = one_of("robot", robot, robots) if robot is not None else next(iter(robots), "")
+        self.robot = (
+            one_of(message("pendant.robot", "robot"), robot, robots) if robot is not None else next(iter(robots), "")
+        )
 
     @property
     def config(self) -> StationConfig:
@@ -99,7 +102,11 @@ class ProgramBook:
     def model(self) -> RobotModel:
         """The robot that is taught; raises InvalidParameter: the station has none."""
         if not self.robot:
-            raise InvalidParameter("station", self.config.name, "one with a robot, to teach it a move")
+            raise InvalidParameter(
+                "station",
+                self.config.name,
+                message("pendant.station_with_robot", "one with a robot, to teach it a move"),
+            )
         return self._robots[self.robot].model
 
     @property
@@ -133,7 +140,7 @@ class ProgramBook:
         """Put another change in the place of one of ``program.changes``."""
 
         def edited(program: Program) -> Program:
-            other = validated(Change, dict(change), "the change")
+            other = validated(Change, dict(change), message("pendant.the_change", "the change"))
             return _with(program, changes=with_change(_without(program.changes, index), other))
 
         return self.change(edited)
@@ -165,7 +172,7 @@ class ProgramBook:
     def within_limits(self, move: Move) -> Move:
         """Return a move, if its axes may go there; raises SimrobError: no such axis, or by how much it is too far."""
         if isinstance(move, JointMove):
-            targets_on(self.model, move.target_deg, "the move", move.duration)
+            targets_on(self.model, move.target_deg, message("pendant.the_move", "the move"), move.duration)
         return move
 
     # The file
@@ -225,7 +232,9 @@ class ProgramBook:
         for move in program.moves:
             self.within_limits(move)
             if not (move.of_arms if self.model.feet is None else move.of_legs):
-                raise InvalidParameter("move", move.key, f"one of {self.model.name}")
+                raise InvalidParameter(
+                    "move", move.key, message("pendant.one_of_model", "one of {model}", model=self.model.name)
+                )
 
 
 def _with(program: Program, **changes: Any) -> Program:

@@ -12,6 +12,7 @@ import numpy as np
 
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.programs.timeline import Change, DragNow, DriveNow, Timeline
 from simrob_drake.simulation import Moment
 
@@ -27,7 +28,7 @@ class RunLost(SimrobError):
 
     def __init__(self) -> None:
         """Say so."""
-        super().__init__("the process that runs the station has ended")
+        super().__init__(message("pendant.process_has_ended", "the process that runs the station has ended"))
 
 
 class Inbox:

@@ -17,6 +17,7 @@ from nicegui import ui
 
 from simrob_drake.base.errors import OutputError
 from simrob_drake.base.folders import writing
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.pendant.guard import LEADS_TO, Guard
 from simrob_drake.extensions.pendant.pages import gallery, shell
 from simrob_drake.extensions.pendant.pendant import Pendant
@@ -178,7 +179,13 @@ def bound(port: int | None) -> socket.socket:
             listening.close()
             continue
         return listening
-    raise OutputError(f"port {port} is taken; choose another one with --port, or leave that out")
+    raise OutputError(
+        message(
+            "pendant.port_is_taken",
+            "port {port} is taken; choose another one with --port, or leave that out",
+            port=port,
+        )
+    )
 
 
 @contextmanager

@@ -9,6 +9,7 @@ from typing import Any, Self, cast
 from simrob_drake.base.arguments import plain
 from simrob_drake.base.errors import InvalidParameter, quoted
 from simrob_drake.base.folders import alone_in, writing
+from simrob_drake.base.messages import message
 from simrob_drake.base.packages import granting, package_root
 from simrob_drake.base.sections import validated
 from simrob_drake.extensions.pendant.exports import Exports
@@ -83,7 +84,11 @@ class EarlierRuns:
         known = {ended.number: ended for ended in self._client.run.ended}
         if number is None or number in known:
             return known.get(number or 0)
-        expected = f"one of {', '.join(map(str, known))}" if known else "one that has ended; none has"
+        expected = (
+            message("pendant.one_of", "one of {known}", known=", ".join(map(str, known)))
+            if known
+            else message("pendant.none_has_ended", "one that has ended; none has")
+        )
         raise InvalidParameter("run", quoted(number), expected)
 
     def _follow(self, *, anew: bool = False) -> None:
@@ -316,7 +321,12 @@ class Session:
         """Run so many times as fast as the clock, 0.1 to 4; None: as fast as it can."""
         known = isinstance(factor, (int, float)) and SLOWEST <= factor <= FASTEST
         if factor is not None and not known:
-            expected = f"{SLOWEST:g} to {FASTEST:g} times as fast as the clock, or None: as fast as it can"
+            expected = message(
+                "pendant.pace_range",
+                "{slowest:g} to {fastest:g} times as fast as the clock, or None: as fast as it can",
+                slowest=SLOWEST,
+                fastest=FASTEST,
+            )
             self.client.wrong(InvalidParameter("pace", quoted(factor), expected))
             return done(None)
         self.client.pace = factor
@@ -355,7 +365,9 @@ class Session:
 
     def _changed(self, method: str, change: dict[str, Any], **arguments: Any) -> Future[Any]:
         """Ask for a change, if a program's file could have it."""
-        could_be = self.client.or_wrong(lambda: validated(Change, {"time": 0.0, **plain(change)}, "the change"))
+        could_be = self.client.or_wrong(
+            lambda: validated(Change, {"time": 0.0, **plain(change)}, message("pendant.the_change", "the change"))
+        )
         return self.client.ask(method, **plain(arguments)) if could_be else done(None)
 
     def _queued(self, kind: str, begin: Callable[[], Future[Any]]) -> Future[Any]:

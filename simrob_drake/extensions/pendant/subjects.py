@@ -8,6 +8,7 @@ import yaml
 
 from simrob_drake.base.errors import InvalidConfig, UnknownName
 from simrob_drake.base.folders import written_at_once
+from simrob_drake.base.messages import message
 from simrob_drake.base.yaml_files import is_yaml_name, parse_yaml, read_yaml
 from simrob_drake.importer.robot_files import is_robot_file, robot_file
 from simrob_drake.programs.program import Program
@@ -44,9 +45,11 @@ def station_for(subject: str | Path, folder: Path) -> tuple[str, str]:
     if is_yaml and isfile(file):
         return file.stem, str(file.resolve())
     if not is_yaml and not is_robot_file(name):
-        raise UnknownName("station or robot", name, [*station_names(), *robot_names()])
+        raise UnknownName(
+            message("pendant.station_or_robot", "station or robot"), name, [*station_names(), *robot_names()]
+        )
     if is_yaml or not isfile(robot_file(file, "subject")):
-        raise InvalidConfig(file, "", "there is no such file")
+        raise InvalidConfig(file, "", message("pendant.no_such_file", "there is no such file"))
     return _drafted_for(robot_file(file, "subject"), folder)
 
 
@@ -60,7 +63,11 @@ def program_of(subject: str | Path) -> tuple[Path, str] | None:
         return None
     station = Program.load(file).station
     if station is None:
-        raise InvalidConfig(file, "station", "missing: the name or the file of the station that it is to run on")
+        raise InvalidConfig(
+            file,
+            "station",
+            message("pendant.missing_station", "missing: the name or the file of the station that it is to run on"),
+        )
     return file, located_station(station, file)
 
 

@@ -9,6 +9,7 @@ from typing import Annotated, Literal, NamedTuple
 from pydantic import Field, model_validator
 
 from simrob_drake.base.errors import InvalidConfig, SimrobError
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Number, Strict, validated
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.extensions.pendant.session import Session
@@ -51,9 +52,9 @@ class Check(Strict):
     @model_validator(mode="after")
     def _is_one(self) -> "Check":
         if sum(getattr(self, kind) is not None for kind in _KINDS) != 1:
-            raise ValueError(f"one of {', '.join(_KINDS)} is needed")
+            raise ValueError(message("pendant.one_is_needed", "one of {kinds} is needed", kinds=", ".join(_KINDS)))
         if self.signal is not None and self.axis is None:
-            raise ValueError("a signal needs an axis")
+            raise ValueError(message("pendant.signal_needs_axis", "a signal needs an axis"))
         return self
 
     def holds(self, session: Session, start: StepStart) -> bool:
@@ -118,7 +119,7 @@ def tours(folder: Path | None = None) -> list[Tour]:
     Raises InvalidConfig: a damaged file; names it, the key, and what would be right.
     """
     if folder is not None and not folder.is_dir():
-        raise InvalidConfig(folder, "", "there is no such folder of lessons")
+        raise InvalidConfig(folder, "", message("pendant.no_lessons", "there is no such folder of lessons"))
     files = [file for place in (_FOLDER, folder) if place for file in sorted(place.glob("*.yaml"))]
     return [validated(Tour, read_yaml(file), file) for file in files]
 

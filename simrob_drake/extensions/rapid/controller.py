@@ -12,6 +12,7 @@ from simrob_drake.base.arguments import SHORTEST
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.frames import Vector, pose_from_transform
 from simrob_drake.base.interpolation import turned_by
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.rapid.configuration import configuration, has_configuration, postures_like
 from simrob_drake.extensions.rapid.expressions import Call
 from simrob_drake.extensions.rapid.signals import Signals
@@ -107,7 +108,9 @@ class Controller:
         frame = self._base
         if wobj is not None:
             if wobj["robhold"] or (wobj["ufmec"] and not wobj["ufprog"]):
-                raise LeftOut("a work object that a robot or another unit moves is not done")
+                raise LeftOut(
+                    message("rapid.moving_work_object", "a work object that a robot or another unit moves is not done")
+                )
             frame = frame @ transform_of(wobj["uframe"]) @ transform_of(wobj["oframe"])
         if frame.IsNearlyEqualTo(RigidTransform(), _NEAR):
             return None
@@ -128,7 +131,7 @@ class Controller:
     def take_tool(self, tool: RecordValue) -> None:
         """Use the tool centre point of a tool; raises LeftOut: a tool that the robot does not hold."""
         if not tool["robhold"]:
-            raise LeftOut("a tool that stands still is not done")
+            raise LeftOut(message("rapid.stationary_tool", "a tool that stands still is not done"))
         desired, whose = transform_of(tool["tframe"]), self.robot if self._named else None
         if (self._to_flange @ RigidTransform(self.arm.chain.home)).IsNearlyEqualTo(desired, _SAME_PLACE):
             return
@@ -151,7 +154,11 @@ class Controller:
         if group is None or not joins or (len(group.targets) > 1 and group.last_zone != group.zone):
             if group is not None:
                 group.call.remark(
-                    "rests at its target: another kind of move, or another speed or zone, follows", lost=False
+                    message(
+                        "rapid.rests_at_target",
+                        "rests at its target: another kind of move, or another speed or zone, follows",
+                    ),
+                    lost=False,
                 )
             self.finish()
             group = self._group = Group(motion, call, zone, zone)
@@ -184,7 +191,10 @@ class Controller:
             if kind is MoveJ and not self._nearest(group):
                 kind, keys["targets"] = MoveAbsJ, group.postures
                 keys.pop("wobj", None)
-                group.call.remark("goes to another posture than the nearest: written as move_abs_j", lost=False)
+                group.call.remark(
+                    message("rapid.other_posture", "goes to another posture than the nearest: written as move_abs_j"),
+                    lost=False,
+                )
             targets = [list(map(float, row)) for row in keys.pop("targets")]
             keys["targets"] = targets[0] if len(targets) == 1 else targets
             if kind is MoveC:
@@ -195,14 +205,38 @@ class Controller:
                 if self.configured["l"] and desired and has_configuration(chain):
                     found = str(list(configuration(chain, plan.end)))
                     if found != desired:
-                        group.call.remark(f"comes to its target with configuration {found}, not {desired}", lost=False)
+                        group.call.remark(
+                            message(
+                                "rapid.other_configuration",
+                                "comes to its target with configuration {found}, not {desired}",
+                                found=found,
+                                desired=desired,
+                            ),
+                            lost=False,
+                        )
             self.lines[len(self.moves)] = group.call.task.where(group.call.node)
             self._do(move, plan)
         except SimrobError as problem:
-            joined = f", with the {len(group.targets) - 1} before that its zones join" if len(group.targets) > 1 else ""
+            joined = (
+                message(
+                    "rapid.targets_joined",
+                    ", with the {count} before that its zones join",
+                    count=len(group.targets) - 1,
+                )
+                if len(group.targets) > 1
+                else ""
+            )
             are_targets_postures = bool(group.postures) and not group.poses  # not positions of the tool
             hint = "" if are_targets_postures else metres_hint(np.array(group.targets)[:, :3])
-            group.call.remark(f"{problem}{hint}; left out{joined}")
+            group.call.remark(
+                message(
+                    "rapid.move_left_out",
+                    "{problem}{hint}; left out{joined}",
+                    problem=problem,
+                    hint=hint,
+                    joined=joined,
+                )
+            )
 
     def _keys(self, group: Group) -> dict[str, Any]:
         motion = group.motion
@@ -224,7 +258,10 @@ class Controller:
         half = 0.499 * float(np.linalg.norm(np.diff(places, axis=0), axis=1).min())
         zone = min(group.zone, half)
         if zone < _ZONE:
-            group.call.remark("rests at its targets: they are too near to each other for a zone", lost=False)
+            group.call.remark(
+                message("rapid.rests_at_targets", "rests at its targets: they are too near to each other for a zone"),
+                lost=False,
+            )
             return {"stop": True} if group.motion.kind in (MoveJ, MoveAbsJ) else {}
         millimetres = round(1e3 * zone)
         named = abs(1e3 * zone - millimetres) < 1e-9 and 1 <= millimetres <= 200
@@ -239,7 +276,12 @@ class Controller:
             except (SpeedLimitExceeded, AccelerationLimitExceeded) as problem:
                 if group.motion.duration is not None:
                     raise
-                group.call.remark(f"is slower than asked for: {problem.axis} is at its limit", lost=False)
+                group.call.remark(
+                    message(
+                        "rapid.slower_than_asked", "is slower than asked for: {axis} is at its limit", axis=problem.axis
+                    ),
+                    lost=False,
+                )
                 keys = _in_time(keys, problem.duration)
                 continue
             turning = self._turn(group) / group.motion.turning
@@ -282,15 +324,33 @@ class Controller:
             if len(found):
                 reached = list(configuration(arm.chain, found[0]))
                 if reached != desired:
-                    text = f"comes to its target with configuration {reached}, which stands for {desired}"
+                    text = message(
+                        "rapid.configuration_stands_for",
+                        "comes to its target with configuration {reached}, which stands for {desired}",
+                        reached=reached,
+                        desired=desired,
+                    )
                     call.remark(text, lost=False)
                 return np.asarray(found[0])
             if other_configurations:
                 listed = ", ".join(other_configurations)
-                raise LeftOut(f"a target with configuration {desired}, which has only {listed}")
+                raise LeftOut(
+                    message(
+                        "rapid.only_configurations",
+                        "a target with configuration {desired}, which has only {known}",
+                        desired=desired,
+                        known=listed,
+                    )
+                )
             # No posture at all reaches the target: below, the solver raises the error that says how near it came.
         elif self.configured["j"]:
-            call.remark("configurations mean nothing to this robot: the nearest posture is taken", lost=False)
+            call.remark(
+                message(
+                    "rapid.configurations_mean_nothing",
+                    "configurations mean nothing to this robot: the nearest posture is taken",
+                ),
+                lost=False,
+            )
         try:
             return np.asarray(require(arm.inverse(None).solve(pose[np.newaxis], start), "target")[0])
         except Unreachable as problem:
@@ -299,7 +359,9 @@ class Controller:
 
     def _do(self, move: Move, plan: Plan | None = None) -> None:
         if len(self.moves) >= _MOST_MOVES:
-            raise WrongType(f"the program does not end within {_MOST_MOVES} moves")
+            raise WrongType(
+                message("rapid.endless_moves", "the program does not end within {most} moves", most=_MOST_MOVES)
+            )
         if isinstance(move, WaitMove) and self.moves and isinstance(self.moves[-1], WaitMove):
             self.moves[-1] = WaitMove(duration=self.moves[-1].duration + move.duration)
         else:
@@ -321,7 +383,9 @@ class Controller:
         self.finish()
         does = self.signals.put(name, value)
         if does is None:
-            self._remark_unnamed_signal(call, f"nothing is known of the output {name}", lost=False)
+            self._remark_unnamed_signal(
+                call, message("rapid.unknown_output", "nothing is known of the output {name}", name=name), lost=False
+            )
         for move in does or ():
             self._do(move)
 
@@ -333,7 +397,11 @@ class Controller:
             self.wait(10 * SHORTEST)
             value = self.signals.value(name, self.time, self.seen)
         if value is None:
-            self._remark_unnamed_signal(call, f"nothing is known of the input {name}, it is taken as 0", lost=True)
+            self._remark_unnamed_signal(
+                call,
+                message("rapid.unknown_input", "nothing is known of the input {name}, it is taken as 0", name=name),
+                lost=True,
+            )
             return 0.0
         return value
 
@@ -348,7 +416,9 @@ class Controller:
         # RAPID does not distinguish capital and small letters, so a signal may have been reported in other letters.
         if problem.lower() not in self._unknown:
             self._unknown.add(problem.lower())
-            call.remark(f"{problem}: name it in a table, --io", lost=lost)
+            call.remark(
+                message("rapid.name_in_table", "{problem}: name it in a table, --io", problem=problem), lost=lost
+            )
 
 
 def metres_hint(places: Vector) -> str:
@@ -364,7 +434,7 @@ def metres_hint(places: Vector) -> str:
     are_all_zero = not np.any(places)
     if are_all_zero or np.abs(places).max() > _REACH_IN_METRES:
         return ""
-    return "; lengths of RAPID are in millimetres: were these metres?"
+    return message("rapid.were_these_metres", "; lengths of RAPID are in millimetres: were these metres?")
 
 
 def _numbers(pose: RigidTransform) -> tuple[float, ...]:

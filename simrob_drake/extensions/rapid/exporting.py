@@ -13,6 +13,7 @@ from pydrake.math import RigidTransform
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.interpolation import Arc, turned_by
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.rapid.configuration import configuration, has_configuration
 from simrob_drake.extensions.rapid.instructions import joint_target
 from simrob_drake.extensions.rapid.values import number_text, pose_of, robtarget_of, texted
@@ -80,7 +81,7 @@ class ExportedProgram:
         flange = own.tools[next(iter(own.model.tools))]
         found = cls(name, cell.model.chain(name, flange), own.model.user_units, own.base)
         if program.changes:
-            found.remarks.append("changes of the station while it runs are left out")
+            found.remarks.append(message("rapid.changes_left_out", "changes of the station while it runs are left out"))
         for number, move in enumerate(program.moves):
             with naming(move_name(number, len(program.moves), file)):
                 found._take(move, cell, move_title(number))
@@ -89,7 +90,11 @@ class ExportedProgram:
     def _take(self, move: Move, cell: Workcell, called: str) -> None:
         whose = getattr(move, "robot", None)
         if whose not in (None, self.name):
-            raise InvalidParameter("robot", whose, f"{self.name}: an exported program is of one robot")
+            raise InvalidParameter(
+                "robot",
+                whose,
+                message("rapid.program_of_one_robot", "{name}: an exported program is of one robot", name=self.name),
+            )
         if isinstance(move, (MoveAbsJ, MoveJ, MoveL, MoveC)):
             planning = cell.planning(self.name)
             plan = move.plan(planning)
@@ -102,7 +107,12 @@ class ExportedProgram:
             move.perform(cell, self.name, cell.stand)
         else:
             raise InvalidParameter(
-                "the move", move.key, "move_abs_j, move_j, move_l, move_c, wait, tool, or one that takes or lets go"
+                message("rapid.the_move", "the move"),
+                move.key,
+                message(
+                    "rapid.exported_moves",
+                    "move_abs_j, move_j, move_l, move_c, wait, tool, or one that takes or lets go",
+                ),
             )
 
     def _legs(self, move: ArmMotion, planning: Planning, plan: Plan, called: str) -> Iterator[TargetMove]:
@@ -124,7 +134,7 @@ class ExportedProgram:
             yield TargetMove(
                 key=move.key, pose=RigidTransform(pose), posture=posture, via=via, wobj=wobj, tool=tool,
                 length=float(np.linalg.norm(pose[:3, 3] - before[:3, 3])) if via is None
-                else Arc.through(before[:3, 3], via, pose[:3, 3], "the arc").length,
+                else Arc.through(before[:3, 3], via, pose[:3, 3], message("rapid.the_arc", "the arc")).length,
                 speed=how["speed"] if cruises else None, time=float(time), turn=turned_by(before[:3, :3], pose[:3, :3]),
                 zone=zone if number < len(rows) else 0.0, acceleration=how.get("acceleration"),
             )  # fmt: skip
@@ -134,13 +144,30 @@ class ExportedProgram:
         left = [key for key in _UNSAID if key in move.model_fields_set and getattr(move, key) is not None]
         tell = partial("{}: {}".format, called)
         if left:
-            self.remarks.append(tell(f"{', '.join(left)} left out"))
+            self.remarks.append(tell(message("rapid.left_out", "{left} left out", left=", ".join(left))))
         if how.get("profile", "smooth") != "smooth" and ("speed" not in how or how["profile"] != "s_curve"):
-            self.remarks.append(tell(f"profile {how['profile']} left out: only its time is kept"))
+            self.remarks.append(
+                tell(
+                    message(
+                        "rapid.profile_left_out",
+                        "profile {profile} left out: only its time is kept",
+                        profile=how["profile"],
+                    )
+                )
+            )
         if zone and "speed" not in how:
-            self.remarks.append(tell("a zone with a duration: each target has its time"))
+            self.remarks.append(
+                tell(message("rapid.zone_with_duration", "a zone with a duration: each target has its time"))
+            )
         if count > 1 and not zone and hasattr(move, "stop") and not move.stop:
-            self.remarks.append(tell("passes its targets smoothly here, rests at each there; give it a zone"))
+            self.remarks.append(
+                tell(
+                    message(
+                        "rapid.rests_at_each_there",
+                        "passes its targets smoothly here, rests at each there; give it a zone",
+                    )
+                )
+            )
 
 
 _MOST_AXES = 6
@@ -176,7 +203,13 @@ class _Names:
 def rapid_text(steps: ExportedProgram, name: str) -> tuple[str, str]:
     """Return a program's module and its signals' table in YAML, or ""; raises InvalidParameter: too many axes."""
     if steps.chain.size > _MOST_AXES:
-        raise InvalidParameter("robot", steps.name, f"one of at most {_MOST_AXES} axes; it has {steps.chain.size}")
+        raise InvalidParameter(
+            "robot",
+            steps.name,
+            message(
+                "rapid.few_axes", "one of at most {most} axes; it has {size}", most=_MOST_AXES, size=steps.chain.size
+            ),
+        )
     names, signals = _Names(), dict[str, dict[int, Any]]()
     lines: list[str] = []
     limited: float | None = None

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from simrob_drake.base.errors import SimrobError, nearest
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.rapid.syntax import (
     Datum,
     Module,
@@ -72,7 +73,15 @@ class Call:
     def argument(self, index: int) -> Node:
         """Return an argument as it is written; raises WrongType: so many are not given."""
         if index >= len(self.arguments):
-            raise WrongType(f"{self.name} with {self.count} arguments, of which {index + 1} or more are needed,")
+            raise WrongType(
+                message(
+                    "rapid.count_of_arguments",
+                    "{name} with {count} arguments, of which {needed} or more are needed,",
+                    name=self.name,
+                    count=self.count,
+                    needed=index + 1,
+                )
+            )
         return self.arguments[index]
 
     def value(self, index: int, kind: str = "") -> Any:
@@ -117,7 +126,9 @@ class Call:
         try:
             return value()
         except LeftOut as problem:
-            self.remark(f"{problem}; {otherwise} in its place")
+            self.remark(
+                message("rapid.otherwise", "{problem}; {otherwise} in its place", problem=problem, otherwise=otherwise)
+            )
             return self.task.value(_named(otherwise))
 
     def place(self, index: int) -> Location:
@@ -176,7 +187,7 @@ class Expressions:
 
     def where(self, node: Node) -> str:
         """Return the file and the line of something."""
-        return f"{self._scope.file}: line {_line(node)}"
+        return message("rapid.at_line", "{file}: line {line}", file=self._scope.file, line=_line(node))
 
     def place(self, node: Node) -> Location:
         """Return the place that an expression names.
@@ -187,7 +198,14 @@ class Expressions:
         if node.data == "name":
             found = self._find(node.children[0])
             if not isinstance(found, Datum):
-                raise NoData(f"there is no data '{node.children[0]}'{self._hint(node.children[0])}")
+                raise NoData(
+                    message(
+                        "rapid.no_data",
+                        "there is no data '{name}'{hint}",
+                        name=node.children[0],
+                        hint=self._hint(node.children[0]),
+                    )
+                )
             return Location(
                 found.kind, found.dimensions, lambda: found.value, lambda value: setattr(found, "held", value)
             )
@@ -205,7 +223,15 @@ class Expressions:
         kinds = {part: kind for kind, part in self.types.records.get(self.types.plain(base.kind), ())}
         record = base.get()
         if not isinstance(record, RecordValue) or name not in kinds:
-            raise WrongType(f"a {base.kind} has no component '{name}'{nearest(name, kinds)}")
+            raise WrongType(
+                message(
+                    "rapid.no_component",
+                    "a {kind} has no component '{name}'{suggestion}",
+                    kind=base.kind,
+                    name=name,
+                    suggestion=nearest(name, kinds),
+                )
+            )
         parts = record.parts
         return Location(kinds[name], 0, lambda: parts[name], lambda value: parts.__setitem__(name, value))
 
@@ -213,9 +239,13 @@ class Expressions:
     def _element(base: Location, number: float) -> Location:
         rows, row = base.get(), int(number) - 1
         if not isinstance(rows, list):
-            raise WrongType(f"{shape(rows)} has no elements")
+            raise WrongType(message("rapid.no_elements", "{shape} has no elements", shape=shape(rows)))
         if not 0 <= row < len(rows):
-            raise WrongType(f"there is no element {int(number)} of {len(rows)}")
+            raise WrongType(
+                message(
+                    "rapid.no_element", "there is no element {number} of {count}", number=int(number), count=len(rows)
+                )
+            )
         return Location(base.kind, base.dimensions - 1, lambda: rows[row], lambda value: rows.__setitem__(row, value))
 
     def _datum(self, scope: Scope, declaration: tuple[Node, Node]) -> tuple[str, Datum]:
@@ -269,7 +299,9 @@ class Expressions:
             return SignalName(str(node.children[0]))
         value = declared_name.value if isinstance(declared_name, Datum) else self.value(node)
         if not isinstance(value, SignalName):
-            raise WrongType(f"{shape(value)} where a signal is asked for")
+            raise WrongType(
+                message("rapid.signal_asked_for", "{shape} where a signal is asked for", shape=shape(value))
+            )
         return value
 
     def _value_name(self, name: str) -> Value:
@@ -292,7 +324,7 @@ class Expressions:
         level = self._signal(signal)
         is_no_data = declared_name is not None and not isinstance(declared_name, Datum)
         if is_no_data or level is None:
-            raise NoData(f"there is no data '{name}'{self._hint(name)}")
+            raise NoData(message("rapid.no_data", "there is no data '{name}'{hint}", name=name, hint=self._hint(name)))
         return level
 
     def _value_binary(self, one: Node, sign: str, other: Node) -> Value:
@@ -309,11 +341,17 @@ class Expressions:
             one = self.types.fitted(other.kind, one)
         if key in ("=", "<>"):
             if shape(one) != shape(other):
-                raise WrongType(f"{shape(one)} compared with {shape(other)}")
+                raise WrongType(
+                    message(
+                        "rapid.compared_with", "{shape} compared with {other}", shape=shape(one), other=shape(other)
+                    )
+                )
             return (one == other) == (key == "=")
         if key == "+" and isinstance(one, str) and isinstance(other, str):
             if len(one + other) > _LONGEST:
-                raise WrongType(f"a string of more than {_LONGEST} letters")
+                raise WrongType(
+                    message("rapid.string_too_long", "a string of more than {longest} letters", longest=_LONGEST)
+                )
             return one + other
         if isinstance(one, float) and isinstance(other, float):
             return one + other if key == "+" else _OPERATORS[key](one, other)
@@ -331,7 +369,9 @@ class Expressions:
             return self._pos(_OPERATORS[key](value, other) for value in first)
         if second and isinstance(one, float) and key == "*":
             return self._pos(one * value for value in second)
-        raise WrongType(f"{shape(one)} {key} {shape(other)}")
+        raise WrongType(
+            message("rapid.operands", "{shape} {operator} {other}", shape=shape(one), operator=key, other=shape(other))
+        )
 
     @staticmethod
     def _pos(values: Iterable[float]) -> RecordValue:
@@ -343,7 +383,14 @@ class Expressions:
             result: Value = self._called(found, call)
             return result
         if name.lower() not in self._functions:
-            raise LeftOut(f"there is no function '{name}'{self._hint(name, self._functions)}")
+            raise LeftOut(
+                message(
+                    "rapid.no_function",
+                    "there is no function '{name}'{hint}",
+                    name=name,
+                    hint=self._hint(name, self._functions),
+                )
+            )
         return self._functions[name.lower()](call)
 
     def _call_of(self, name: str, node: Node, arguments: Node | None) -> Call:
@@ -378,11 +425,14 @@ class Expressions:
         except (WrongType, SimrobError) as problem:
             raise RapidError(self.where(node), str(problem)) from problem
         except RecursionError as problem:
-            raise RapidError(self.where(node), "is nested too deeply") from problem
+            raise RapidError(self.where(node), message("rapid.nested_too_deeply", "is nested too deeply")) from problem
         except ZeroDivisionError as problem:
-            raise RapidError(self.where(node), "division by zero") from problem
+            raise RapidError(self.where(node), message("rapid.division_by_zero", "division by zero")) from problem
         except (ArithmeticError, ValueError, TypeError, LookupError) as problem:
-            raise RapidError(self.where(node), f"cannot be worked out: {problem}") from problem
+            raise RapidError(
+                self.where(node),
+                message("rapid.cannot_be_worked_out", "cannot be worked out: {problem}", problem=problem),
+            ) from problem
 
 
 _VALUES: Mapping[str, Callable[..., Value]] = {

@@ -11,4 +11,5 @@ EXTENSION = Extension(
         "rapid": "simrob_drake.extensions.rapid.exporters:RapidExporter",
         "urscript": "simrob_drake.extensions.rapid.exporters:UrscriptExporter",
     },
+    messages={"rapid": "simrob_drake.extensions.rapid:languages"},
 )

@@ -3,13 +3,14 @@
 from pathlib import Path
 from typing import ClassVar
 
+from simrob_drake.base.messages import message
 from simrob_drake.programs.program_importer import ImportedProgram, ProgramImporter, ProgramRemark, ProgramRequest
 
 
 class RapidImporter(ProgramImporter):
     """Reads the main procedure of a RAPID module, or of the modules that a `.pgf` lists."""
 
-    title: ClassVar[str] = "a RAPID module"
+    title: ClassVar[str] = message("rapid.a_rapid_module", "a RAPID module")
 
     def read_program(self, file: Path, request: ProgramRequest) -> ImportedProgram:
         """Interpret the main procedure, without simulating the station, and collect its moves.

@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 
 from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import nearest
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.rapid.controller import Controller
 from simrob_drake.extensions.rapid.expressions import Call, Expressions, Location
 from simrob_drake.extensions.rapid.functions import FUNCTIONS
@@ -84,20 +85,34 @@ class Interpreter(Expressions):
         except Ended:
             return
         except RecursionError:
-            raise RapidError(f"{self._scope.file}: line 1", "is nested too deeply") from None
+            raise RapidError(
+                message("rapid.first_line", "{file}: line 1", file=self._scope.file),
+                message("rapid.nested_too_deeply", "is nested too deeply"),
+            ) from None
 
     def _only_procedure(self, main: str) -> Routine:
         """Return the only procedure of the last module that needs nothing and that none of it calls."""
         own = [routine for routine in self._scope.names() if isinstance(routine, Routine)]
         called = {str(call.children[0]).lower() for routine in own for call in nodes(routine.body, "call")}
         rows = [one for one in own if not one.gives and not one.parameters and one.name.lower() not in called]
-        problem = f"there is no PROC {main}()"
+        problem = message("rapid.no_proc", "there is no PROC {main}()", main=main)
         if len(rows) != 1:
             found = ", ".join(f"{one.name}()" for one in rows)
             raise RapidError(
-                f"{self._scope.file}: line 1", problem + (f", but {found}: call one in a main" if found else "")
+                message("rapid.first_line", "{file}: line 1", file=self._scope.file),
+                problem
+                + (
+                    message("rapid.call_one_in_main", ", but {found}: call one in a main", found=found) if found else ""
+                ),
             )
-        self.remarks.append(Remark(self._scope.file, 1, f"{problem}: {rows[0].name}() is done", lost=False))
+        self.remarks.append(
+            Remark(
+                self._scope.file,
+                1,
+                message("rapid.proc_is_done", "{problem}: {name}() is done", problem=problem, name=rows[0].name),
+                lost=False,
+            )
+        )
         return rows[0]
 
     def _block(self, lines: list[Node]) -> None:
@@ -116,7 +131,13 @@ class Interpreter(Expressions):
         self._done += 1
         with self._naming_line(node):
             if self._done > _MOST_STATEMENTS:
-                raise WrongType(f"the program does not end within {_MOST_STATEMENTS} statements")
+                raise WrongType(
+                    message(
+                        "rapid.endless_statements",
+                        "the program does not end within {most} statements",
+                        most=_MOST_STATEMENTS,
+                    )
+                )
             try:
                 getattr(self, f"_do_{node.data}")(*node.children)
             except WrongType as problem:
@@ -125,8 +146,14 @@ class Interpreter(Expressions):
                 if node.data == "return":
                     raise _Returned(problem) from problem
                 asks = node.data in _CONDITIONS and isinstance(problem, NoData)
-                hint = "; if it is a signal, name it in a table, --io" if asks else ""
-                self.remark(node, f"{problem}{hint}; left out")
+                hint = (
+                    message("rapid.name_signal_in_table", "; if it is a signal, name it in a table, --io")
+                    if asks
+                    else ""
+                )
+                self.remark(
+                    node, message("rapid.problem_left_out", "{problem}{hint}; left out", problem=problem, hint=hint)
+                )
                 if node.data == "assignment":
                     self._forget(node.children[0], problem)
 
@@ -146,7 +173,7 @@ class Interpreter(Expressions):
         for item in parts[3:]:
             name, datum = self._datum(self._scope, (parts, item))
             if not self.types.known(datum.kind):
-                raise WrongType(f"the type {parts[2]} is not known")
+                raise WrongType(message("rapid.unknown_type", "the type {kind} is not known", kind=parts[2]))
             _ = datum.value
             self._locals[name.lower()] = datum
 
@@ -161,7 +188,15 @@ class Interpreter(Expressions):
         elif name.lower() in self._instructions:
             self._instructions[name.lower()](call)
         else:
-            self.remark(name, f"{name} is not known, and left out{self._hint(name, self._instructions)}")
+            self.remark(
+                name,
+                message(
+                    "rapid.unknown_instruction",
+                    "{name} is not known, and left out{hint}",
+                    name=name,
+                    hint=self._hint(name, self._instructions),
+                ),
+            )
 
     def _do_late_call(self, name: Node, arguments: Node | None) -> None:
         routine = self._procedure(self.typed(name, "string"))
@@ -174,14 +209,14 @@ class Interpreter(Expressions):
     def _procedure(self, name: str) -> Routine:
         routine = self._find(name)
         if not isinstance(routine, Routine):
-            raise WrongType(f"there is no procedure '{name}'")
+            raise WrongType(message("rapid.no_procedure", "there is no procedure '{name}'", name=name))
         return routine
 
     def _do_return(self, expression: Node | None) -> None:
         raise _Returned(None if expression is None else self.value(expression))
 
     def _do_connect(self, target: Node, trap: Node) -> None:
-        self.remark(trap, f"interrupts are not done: TRAP {trap} is left out")
+        self.remark(trap, message("rapid.trap_left_out", "interrupts are not done: TRAP {trap} is left out", trap=trap))
 
     def _do_label(self, name: Node) -> None:
         pass
@@ -201,7 +236,7 @@ class Interpreter(Expressions):
         at, last = self.typed(begin, "num"), self.typed(end, "num")
         by = self.typed(step, "num") if step is not None else (1.0 if at <= last else -1.0)
         if by == 0:
-            raise WrongType("a STEP of 0, which never ends")
+            raise WrongType(message("rapid.step_of_zero", "a STEP of 0, which never ends"))
         hidden = self._locals.get(name.lower())
         while (last - at) * by >= 0:
             self._locals[name.lower()] = Datum("num", held=at)
@@ -215,17 +250,36 @@ class Interpreter(Expressions):
         endless, rounds = condition.data == "name" and condition.children[0].lower() == "true", 0
         while self.typed(condition, "bool"):
             if endless and rounds == self._cycles:
-                times = "once" if rounds == 1 else f"{rounds} times"
-                self.remark(condition, f"WHILE TRUE is done {times}, then the program ends: see --cycles", lost=False)
+                times = "once" if rounds == 1 else message("rapid.times", "{rounds} times", rounds=rounds)
+                self.remark(
+                    condition,
+                    message(
+                        "rapid.while_true",
+                        "WHILE TRUE is done {times}, then the program ends: see --cycles",
+                        times=times,
+                    ),
+                    lost=False,
+                )
                 raise Ended
             self._block(block.children)
             rounds += 1
             if rounds == _MOST_AFTER_LOSS and any(remark.lost for remark in self.remarks):
-                self.remark(condition, f"a loop that does not end within {rounds} rounds is left: see what is lost")
+                self.remark(
+                    condition,
+                    message(
+                        "rapid.loop_is_left",
+                        "a loop that does not end within {rounds} rounds is left: see what is lost",
+                        rounds=rounds,
+                    ),
+                )
                 return
             self._done += 1
             if self._done > _MOST_STATEMENTS:
-                raise WrongType(f"a loop that does not end within {_MOST_STATEMENTS} rounds")
+                raise WrongType(
+                    message(
+                        "rapid.endless_loop", "a loop that does not end within {most} rounds", most=_MOST_STATEMENTS
+                    )
+                )
 
     def _do_test(self, expression: Node, *cases: Node) -> None:
         value = self.value(expression)
@@ -249,12 +303,28 @@ class Interpreter(Expressions):
         """Return the parameters of a routine with what a call gives for them, and where shared ones come from."""
         needed = [parameter for parameter in routine.parameters if not parameter.optional]
         if len(needed) != call.count:
-            raise WrongType(f"{routine.name} with {call.count} arguments, of {len(needed)} that it has,")
+            raise WrongType(
+                message(
+                    "rapid.arguments_of_routine",
+                    "{routine} with {count} arguments, of {needed} that it has,",
+                    routine=routine.name,
+                    count=call.count,
+                    needed=len(needed),
+                )
+            )
         passed = list(zip(needed, call.arguments, strict=True))
         known = {parameter.name: parameter for parameter in routine.parameters if parameter.optional}
         for name, node in call.options.items():
             if name not in known:
-                raise WrongType(f"{routine.name} has no option '{name}'{nearest(name, known)}")
+                raise WrongType(
+                    message(
+                        "rapid.no_option",
+                        "{routine} has no option '{name}'{suggestion}",
+                        routine=routine.name,
+                        name=name,
+                        suggestion=nearest(name, known),
+                    )
+                )
             passed.append((known[name], node))
         return [self._argument(parameter, node) for parameter, node in passed]
 
@@ -269,7 +339,14 @@ class Interpreter(Expressions):
 
     def _run(self, routine: Routine, bound: list[_Argument]) -> Any:
         if self._depth == _DEEPEST:
-            raise WrongType(f"{routine.name} is called {_DEEPEST} deep: it calls itself without an end")
+            raise WrongType(
+                message(
+                    "rapid.calls_itself",
+                    "{routine} is called {deepest} deep: it calls itself without an end",
+                    routine=routine.name,
+                    deepest=_DEEPEST,
+                )
+            )
         self._depth += 1
         value = None
         with self._in(routine.scope, {parameter.name: datum for parameter, datum, _ in bound}):
@@ -278,7 +355,15 @@ class Interpreter(Expressions):
             except _Returned as returned:
                 value = returned.args[0]
             except _Jump as jump:
-                raise RapidError(jump.args[1], f"there is no label '{jump.args[0]}' in {routine.name}") from None
+                raise RapidError(
+                    jump.args[1],
+                    message(
+                        "rapid.no_label",
+                        "there is no label '{label}' in {routine}",
+                        label=jump.args[0],
+                        routine=routine.name,
+                    ),
+                ) from None
         self._depth -= 1
         if isinstance(value, WrongType):
             raise value
@@ -287,7 +372,9 @@ class Interpreter(Expressions):
                 place.set(datum.value)
         if routine.gives:
             if value is None:
-                raise WrongType(f"FUNC {routine.name} ends without RETURN")
+                raise WrongType(
+                    message("rapid.without_return", "FUNC {routine} ends without RETURN", routine=routine.name)
+                )
             dimensions = 1 if isinstance(value, list) and routine.gives not in self.types.records else 0
             return self.types.fitted(routine.gives, value, dimensions)
         return None
@@ -341,8 +428,20 @@ def import_rapid(
     controller.finish()
     if not any(move.takes_time for move in controller.moves):
         lost = [remark for remark in interpreter.remarks if remark.lost]
-        left_out = f"; {len(lost)} lines were left out, the first: {lost[0]}" if lost else ""
-        raise RapidError(f"{modules[0].file}: line 1", f"its main makes no move{left_out}")
+        left_out = (
+            message(
+                "rapid.lines_left_out",
+                "; {count} lines were left out, the first: {first}",
+                count=len(lost),
+                first=lost[0],
+            )
+            if lost
+            else ""
+        )
+        raise RapidError(
+            message("rapid.first_line", "{file}: line 1", file=modules[0].file),
+            message("rapid.no_move", "its main makes no move{left_out}", left_out=left_out),
+        )
     name = None if cell.config.only_robot else controller.robot
     program = Program(description=f"Of the RAPID module {modules[0].name}", robot=name, moves=tuple(controller.moves))
     remarks = sorted([*remarks_of_near, *interpreter.remarks], key=lambda remark: (remark.file, remark.line))

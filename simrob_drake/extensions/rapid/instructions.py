@@ -9,6 +9,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from simrob_drake.base.frames import pose_from_transform
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.rapid.configuration import configuration, has_configuration
 from simrob_drake.extensions.rapid.controller import Controller, Motion
 from simrob_drake.extensions.rapid.expressions import Call
@@ -42,7 +43,7 @@ def _move(kind: type[ArmMotion], *, signal: bool = False) -> Instruction:
         speed, zone = (call.value(first + index, name) for index, name in ((1, "speeddata"), (2, "zonedata")))
         tool = call.known(lambda: call.value(first + 3, "tooldata"), "tool0")
         if any(0 != value < _ABSENT for value in target["extax"].flat()):
-            call.remark("external axes are left out", lost=False)
+            call.remark(message("rapid.external_axes_left_out", "external axes are left out"), lost=False)
         controller.take_tool(tool)
         wobj = controller.frame(call.known(lambda: call.option("wobj", "wobjdata"), "wobj0"))
         motion = _motion(controller, call, kind, speed, None if kind is MoveAbsJ else wobj)
@@ -64,7 +65,10 @@ def _go(controller: Controller, call: Call, motion: Motion, target: RecordValue,
     there, frame = (pose_from_transform(here) + 0.0).tolist(), controller.cell.frame(motion.wobj)
     if motion.kind is MoveL and controller.cannot_begin_with(call, motion, there):
         motion = motion._replace(kind=MoveJ)
-        call.remark("is the first move, and no module says from where: it goes by the axes", lost=False)
+        call.remark(
+            message("rapid.first_move", "is the first move, and no module says from where: it goes by the axes"),
+            lost=False,
+        )
     more: dict[str, Any] = {"pose": (frame @ here).GetAsMatrix4()}
     if motion.kind is MoveJ:
         more["posture"] = controller.posture(call, target, more["pose"])
@@ -81,7 +85,7 @@ def _motion(
     fastest = call.option("v", "num", speed["v_tcp"]) / 1e3 * controller.share
     turning = math.radians(speed["v_ori"]) * controller.share
     if min(fastest, turning) <= 0:
-        raise WrongType("a speeddata without a speed of the tool")
+        raise WrongType(message("rapid.speeddata_without_speed", "a speeddata without a speed of the tool"))
     duration = call.option("t", "num")
     return Motion(kind, wobj, min(fastest, controller.fastest), turning, duration, controller.acceleration)
 
@@ -90,7 +94,14 @@ def _axes(controller: Controller, target: RecordValue) -> list[float]:
     model = controller.cell.robot(controller.robot).model
     count = len(model.axes)
     if count > _SIX:
-        raise WrongType(f"a jointtarget for {count} axes, of which it has {_SIX},")
+        raise WrongType(
+            message(
+                "rapid.jointtarget_axes",
+                "a jointtarget for {count} axes, of which it has {six},",
+                count=count,
+                six=_SIX,
+            )
+        )
     values = np.array(target["robax"].flat()[:count])
     return [float(value) for value in np.where(model.user_units == 1.0, values / 1e3, np.deg2rad(values))]
 
@@ -127,7 +138,13 @@ def _wait_until(controller: Controller, call: Call, holds: Callable[[], bool], *
         left = begun + longest - controller.time
         if step > left or not np.isfinite(step):
             if not call.has("maxtime"):
-                call.remark(f"{call.name} waits for what never comes: it is left out; name it in a table, --io")
+                call.remark(
+                    message(
+                        "rapid.waits_for_never",
+                        "{name} waits for what never comes: it is left out; name it in a table, --io",
+                        name=call.name,
+                    )
+                )
                 return
             controller.wait(left)
             if call.has("timeflag"):
@@ -141,7 +158,10 @@ _STEP, _AFTER, _LONGEST = 0.05, 1e-6, 600.0  # s: between looks at a sensor, beh
 
 def _grip_load(controller: Controller, call: Call) -> None:
     if call.value(0, "loaddata")["mass"] > 1e-3:
-        call.remark("loads are those of the pieces that the robot carries in the station", lost=False)
+        call.remark(
+            message("rapid.loads_of_pieces", "loads are those of the pieces that the robot carries in the station"),
+            lost=False,
+        )
 
 
 def _vel_set(controller: Controller, call: Call) -> None:
@@ -171,7 +191,7 @@ def _configured(key: str) -> Instruction:
 
 def _write(controller: Controller, call: Call) -> None:
     text = "".join(texted(call.task.value(node)) for node in call.options.values() if node is not None)
-    call.remark(f"says {call.value(0, 'string')}{text}", lost=False)
+    call.remark(message("rapid.says", "says {value}{text}", value=call.value(0, "string"), text=text), lost=False)
 
 
 def _counted(step: Callable[[Call], float]) -> Instruction:
@@ -179,7 +199,7 @@ def _counted(step: Callable[[Call], float]) -> Instruction:
         place = call.place(0)
         held = place.get()
         if not isinstance(held, float):
-            raise WrongType("something else than a num to be counted")
+            raise WrongType(message("rapid.num_to_count", "something else than a num to be counted"))
         place.set(held + step(call))
 
     return count
@@ -254,7 +274,9 @@ def _read(controller: Controller, call: Call) -> Value:
 def _remarking(text: str, *, unless: str = "") -> Instruction:
     def tell(controller: Controller, call: Call) -> None:
         if not (unless and call.has(unless)):
-            call.remark(f"{call.name} has no effect: {text}", lost=False)
+            call.remark(
+                message("rapid.has_no_effect", "{name} has no effect: {text}", name=call.name, text=text), lost=False
+            )
 
     return tell
 
@@ -272,13 +294,20 @@ def _test_and_set(controller: Controller, call: Call) -> bool:
     place = call.place(0)
     free = place.get() is False
     if not free and call.name.lower() == "waittestandset":
-        call.remark(f"{call.name} waits for what no other task releases: it goes on", lost=False)
+        call.remark(
+            message(
+                "rapid.nothing_releases", "{name} waits for what no other task releases: it goes on", name=call.name
+            ),
+            lost=False,
+        )
     place.set(True)
     return free
 
 
 def _raise(controller: Controller, call: Call) -> None:
-    raise WrongType("an error that the program raises itself: handlers of errors are not done")
+    raise WrongType(
+        message("rapid.raises_itself", "an error that the program raises itself: handlers of errors are not done")
+    )
 
 
 _WITHOUT_EFFECT = re.findall(
@@ -290,28 +319,59 @@ _WITHOUT_EFFECT = re.findall(
 _OF_ZONES = re.findall(
     r"\w+", "wzboxdef wzcyldef wzsphdef wzhomejointdef wzlimjointdef wzlimsup wzdoset wzenable wzdisable wzfree"
 )
-_OF_UNITS = "there are no external axes, nor other mechanical units"
+_OF_UNITS = message("rapid.no_external_axes", "there are no external axes, nor other mechanical units")
 
 INSTRUCTIONS: Mapping[str, Instruction] = {
     **dict.fromkeys(_WITHOUT_EFFECT, lambda controller, call: None),
     "waitrob": lambda controller, call: controller.finish(),  # which ends a zone: the robot rests
-    "stop": _remarking("a controller stands still until somebody goes on; the program goes on here at once"),
-    **dict.fromkeys(
-        ("startmove", "clearpath"), _remarking("a path that was stopped is not kept; moves go on here at once")
+    "stop": _remarking(
+        message(
+            "rapid.goes_on_at_once",
+            "a controller stands still until somebody goes on; the program goes on here at once",
+        )
     ),
-    **dict.fromkeys(("eoffson", "eoffsoff", "eoffsset"), _remarking(f"it displaces external axes; {_OF_UNITS}")),
+    **dict.fromkeys(
+        ("startmove", "clearpath"),
+        _remarking(message("rapid.path_not_kept", "a path that was stopped is not kept; moves go on here at once")),
+    ),
+    **dict.fromkeys(
+        ("eoffson", "eoffsoff", "eoffsset"),
+        _remarking(message("rapid.displaces_external_axes", "it displaces external axes; {reason}", reason=_OF_UNITS)),
+    ),
     **dict.fromkeys(("actunit", "deactunit", "mechunitload"), _remarking(_OF_UNITS)),
     **dict.fromkeys(
         ("syncmoveon", "syncmoveoff", "syncmoveundo", "waitsynctask"),
-        _remarking("no other task runs, for which a controller would wait, and whose moves would take as long"),
+        _remarking(
+            message(
+                "rapid.no_other_task",
+                "no other task runs, for which a controller would wait, and whose moves would take as long",
+            )
+        ),
     ),
     "waittestandset": _test_and_set,
-    **dict.fromkeys(_OF_ZONES, _remarking("world zones are not watched; monitors of a station can do that")),
-    "worldacclim": _remarking("acceleration in the world is not bounded by it; PathAccLim bounds that of the tool"),
-    "singarea": _remarking("the tool keeps its orientation near singularities", unless="off"),
-    "circpathmode": _remarking("the tool turns evenly along an arc", unless="pathframe"),
-    "motionsup": _remarking("no torque is watched, and no collision stops a move; monitors of a station can do that"),
-    "softdeact": _remarking("axes are as stiff as the station's servos"),
+    **dict.fromkeys(
+        _OF_ZONES,
+        _remarking(
+            message("rapid.zones_not_watched", "world zones are not watched; monitors of a station can do that")
+        ),
+    ),
+    "worldacclim": _remarking(
+        message(
+            "rapid.acceleration_unbounded",
+            "acceleration in the world is not bounded by it; PathAccLim bounds that of the tool",
+        )
+    ),
+    "singarea": _remarking(
+        message("rapid.keeps_orientation", "the tool keeps its orientation near singularities"), unless="off"
+    ),
+    "circpathmode": _remarking(message("rapid.turns_evenly", "the tool turns evenly along an arc"), unless="pathframe"),
+    "motionsup": _remarking(
+        message(
+            "rapid.no_torque_watched",
+            "no torque is watched, and no collision stops a move; monitors of a station can do that",
+        )
+    ),
+    "softdeact": _remarking(message("rapid.stiff_as_servos", "axes are as stiff as the station's servos")),
     "moveabsj": _move(MoveAbsJ),
     "movej": _move(MoveJ),
     "movel": _move(MoveL),

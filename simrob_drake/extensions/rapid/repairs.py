@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from simrob_drake.base.errors import shortened
+from simrob_drake.base.messages import message
 
 Node = Any
 """A token or a tree of the parser's stack. The library lark has no types for their attributes."""
@@ -107,7 +108,11 @@ def _missing_semicolon(token: Node, stack: Sequence[Node], end: int, text: str) 
     if not is_next_line or text[end - 1] == ";":
         return None
     statement = shortened(text[line_begin:end].strip(), 60)
-    return Repair(line, f"a ';' is missing after '{statement}'", f"{text[:end]};{text[end:]}")
+    return Repair(
+        line,
+        message("rapid.semicolon_missing", "a ';' is missing after '{statement}'", statement=statement),
+        f"{text[:end]};{text[end:]}",
+    )
 
 
 def _missing_block_end(problem: Any, stack: Sequence[Node], end: int, text: str) -> Repair | None:
@@ -131,16 +136,35 @@ def _missing_block_end(problem: Any, stack: Sequence[Node], end: int, text: str)
     missing_end = _expected_block_end(problem)
     if missing_end is None:
         return None
-    found = "the end of the file" if token.type == "$END" else f"'{token}' in line {token.line}"
+    found = (
+        message("rapid.end_of_file", "the end of the file")
+        if token.type == "$END"
+        else message("rapid.token_in_line", "'{token}' in line {line}", token=token, line=token.line)
+    )
     # A module that is not ended is complete without its end: nothing after it can be read.
     repaired = "" if missing_end == "ENDMODULE" else f"{text[:end]} {missing_end} {text[end:]}"
     # The parser may have completed a part of the block, with the token that begins it.
     begin_tokens = _tokens_of(stack, _BLOCKS[missing_end])
     if not begin_tokens:
         line = text.count("\n", 0, end) + 1
-        return Repair(line, f"{missing_end} is missing before {found}", repaired)
+        return Repair(
+            line,
+            message("rapid.end_missing", "{end} is missing before {found}", end=missing_end, found=found),
+            repaired,
+        )
     line = begin_tokens[-1].line  # of the innermost block
-    return Repair(line, f"the {_BLOCKS[missing_end]} of line {line} has no {missing_end} before {found}", repaired)
+    return Repair(
+        line,
+        message(
+            "rapid.block_without_end",
+            "the {block} of line {line} has no {end} before {found}",
+            block=_BLOCKS[missing_end],
+            line=line,
+            end=missing_end,
+            found=found,
+        ),
+        repaired,
+    )
 
 
 def _expected_block_end(problem: Any) -> str | None:
@@ -171,7 +195,13 @@ def _misplaced_word(block_line: re.Match[str], stack: Sequence[Node], text: str)
         # RAPID has no routines within routines, so the outer one was not ended.
         outer = routines[-1]
         repaired = f"{text[: block_line.start()]} END{outer.type} {text[block_line.start() :]}"
-        problem = f"the {outer.type} of line {outer.line} has no END{outer.type} before line {line}"
+        problem = message(
+            "rapid.routine_without_end",
+            "the {kind} of line {line} has no END{kind} before line {next}",
+            kind=outer.type,
+            line=outer.line,
+            next=line,
+        )
         return Repair(outer.line, problem, repaired)
     return _needless_word(word, line, block_line.start(1), text)
 
@@ -187,7 +217,7 @@ def _needless_word(word: str, line: int, begin: int, text: str) -> Repair:
     """
     # Blanks keep the places of all that follows, for later messages.
     repaired = text[:begin] + " " * len(word) + text[begin + len(word) :]
-    return Repair(line, f"{word} ends nothing that was begun", repaired)
+    return Repair(line, message("rapid.ends_nothing", "{word} ends nothing that was begun", word=word), repaired)
 
 
 def _tokens_of(stack: Sequence[Node], *types: str) -> list[Node]:

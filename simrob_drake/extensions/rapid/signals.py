@@ -7,6 +7,7 @@ from typing import Annotated, Any, Self
 from pydantic import Field, PlainSerializer, model_validator
 
 from simrob_drake.base.arguments import as_path
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Number, Strict, validated
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.programs.moves.kinds import AnyMove
@@ -32,9 +33,9 @@ class SignalEntry(Strict):
     @model_validator(mode="after")
     def _one_kind(self) -> Self:
         if sum(value is not None for value in (self.does, self.is_, self.sensor)) != 1:
-            raise ValueError("a signal is told by one of does, is and sensor")
+            raise ValueError(message("rapid.one_of_signal", "a signal is told by one of does, is and sensor"))
         if (self.sensor is not None) != ((self.below is None) != (self.above is None)):
-            raise ValueError("a sensor goes with one of below and above")
+            raise ValueError(message("rapid.sensor_with_bound", "a sensor goes with one of below and above"))
         return self
 
 

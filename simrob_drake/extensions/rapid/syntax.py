@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from simrob_drake.base.errors import SimrobError, shortened
 from simrob_drake.base.extras import needed
 from simrob_drake.base.files import NotRead, content_of, text_of
+from simrob_drake.base.messages import compound, message
 from simrob_drake.extensions.rapid.repairs import Repair, find_missing_end
 from simrob_drake.extensions.rapid.values import Types, Value, WrongType
 
@@ -28,7 +29,7 @@ class RapidError(SimrobError):
     """A module that cannot be understood or done; the message names the file and the line."""
 
     def __init__(self, where: str, problem: str) -> None:
-        super().__init__(f"{where}: {problem}")
+        super().__init__(compound("{where}: {problem}", where=where, problem=problem))
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,9 @@ class Remark:
     lost: bool = True  # whether something was not understood, and so is not done
 
     def __str__(self) -> str:
-        return f"{self.file}: line {self.line}: {self.text}"
+        return message(
+            "rapid.file_line_text", "{file}: line {line}: {text}", file=self.file, line=self.line, text=self.text
+        )
 
 
 @dataclass(frozen=True)
@@ -60,7 +63,7 @@ def read_modules(file: Path) -> list[Module]:
         return modules_of(_text(file), file.name)
     listed = re.findall(r"<Module>\s*([^<]+?)\s*</Module>", _text(file))
     if not listed:
-        raise RapidError(file.name, "lists no <Module>")
+        raise RapidError(file.name, message("rapid.lists_no_module", "lists no <Module>"))
     return [module for name in listed for module in read_modules(file.parent / Path(name).name)]
 
 
@@ -80,7 +83,10 @@ def modules_of(text: str, file: str) -> list[Module]:
     if not parsed.trees:
         if faults:
             raise _error_of(faults[0])
-        raise RapidError(f"{file}: line 1", "there is no MODULE ... ENDMODULE")
+        raise RapidError(
+            message("rapid.first_line", "{file}: line 1", file=file),
+            message("rapid.no_module", "there is no MODULE ... ENDMODULE"),
+        )
     modules = []
     for index, tree in enumerate(parsed.trees):
         # The children of a module's tree are its name, its attributes (or nothing) and its declarations.
@@ -128,7 +134,7 @@ def _parse(text: str, file: str) -> _ParsedText:
 
 def _error_of(fault: Remark) -> RapidError:
     """Make the error of a text that cannot be read because of a fault."""
-    return RapidError(f"{fault.file}: line {fault.line}", fault.text)
+    return RapidError(message("rapid.at_line", "{file}: line {line}", file=fault.file, line=fault.line), fault.text)
 
 
 def _without_statement(problem: Any, text: str) -> Repair:
@@ -165,7 +171,15 @@ def _check_size(text: str, file: str) -> None:
     """
     statements = text.count(";")
     if statements > _MOST_STATEMENTS:
-        raise RapidError(file, f"has {statements} statements, more than {_MOST_STATEMENTS}: split it into modules")
+        raise RapidError(
+            file,
+            message(
+                "rapid.too_many_statements",
+                "has {count} statements, more than {most}: split it into modules",
+                count=statements,
+                most=_MOST_STATEMENTS,
+            ),
+        )
 
 
 @cache
@@ -186,7 +200,7 @@ def expression(text: str) -> Node:
     (module,) = modules_of(f"MODULE a\nCONST num b:={text};\nENDMODULE", "text")
     parts = [item.children[2] for node in module.declarations if node.data == "data" for item in node.children[3:]]
     if module.faults or len(parts) != 1:
-        raise RapidError("text", f"'{shortened(text, 60)}' is no value")
+        raise RapidError("text", message("rapid.no_value", "'{text}' is no value", text=shortened(text, 60)))
     return parts[0]
 
 
@@ -216,8 +230,10 @@ def _fault(problem: Any, text: str) -> _Fault:
     line = text.count("\n", 0, place) + 1
     rest_of_line = text[place:].partition("\n")[0].strip()
     if not rest_of_line:
-        return _Fault(line, "ends before it is whole")
-    return _Fault(line, f"'{shortened(rest_of_line, 60)}' is not understood here")
+        return _Fault(line, message("rapid.ends_before_whole", "ends before it is whole"))
+    return _Fault(
+        line, message("rapid.not_understood", "'{text}' is not understood here", text=shortened(rest_of_line, 60))
+    )
 
 
 def _after_all(text: str) -> int:
@@ -250,7 +266,7 @@ class Datum:
         """What it holds; raises WrongType: its first value depends on itself."""
         if self.held is None:
             if self.first is None:
-                raise WrongType("data whose value depends on itself")
+                raise WrongType(message("rapid.depends_on_itself", "data whose value depends on itself"))
             first, self.first = self.first, None
             try:
                 self.held = first()
@@ -326,7 +342,11 @@ def declared(
                 routine = _routine(scope, node)
                 names[routine.name.lower()] = routine
             elif node.data == "data" and not types.known(kind):
-                faults.append(Remark(scope.file, kind.line, f"the type {kind} is not known"))
+                faults.append(
+                    Remark(
+                        scope.file, kind.line, message("rapid.unknown_type", "the type {kind} is not known", kind=kind)
+                    )
+                )
             elif node.data == "data":
                 made = (make(scope, (node.children, item)) for item in node.children[3:])
                 names |= {name.lower(): datum for name, datum in made}
@@ -367,7 +387,12 @@ def neighbours(files: Sequence[Path], modules: Sequence[Module]) -> tuple[list[M
             if names and "main" not in _declared(module):
                 found.append(module)
                 wanting -= names
-                what = f"{file.name} near it is read, too, for {', '.join(sorted(names))}"
+                what = message(
+                    "rapid.read_too",
+                    "{file} near it is read, too, for {names}",
+                    file=file.name,
+                    names=", ".join(sorted(names)),
+                )
                 remarks.append(Remark(modules[-1].file, 1, what, lost=False))
     return found, remarks
 

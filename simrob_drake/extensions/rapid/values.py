@@ -11,6 +11,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.base.frames import WRONG_NORM, Vector, has_wrong_norm
 from simrob_drake.base.frames import rotation_of as rotation_of_quaternion
+from simrob_drake.base.messages import message
 
 
 class WrongType(ValueError):
@@ -60,7 +61,13 @@ _MOST_ELEMENTS = 1_000_000  # of an array
 _LARGE = 1e9  # numbers beyond are written with an exponent
 _SIMPLE: Mapping[str, Value] = {"num": 0.0, "bool": False, "string": ""}
 _SIGNALS = frozenset(f"signal{kind}" for kind in ("di", "do", "gi", "go", "ai", "ao"))
-_SHAPES = {float: "a num", bool: "a bool", str: "a string", list: "an aggregate", SignalName: "a signal"}
+_SHAPES = {
+    float: message("rapid.a_num", "a num"),
+    bool: message("rapid.a_bool", "a bool"),
+    str: message("rapid.a_string", "a string"),
+    list: message("rapid.an_aggregate", "an aggregate"),
+    SignalName: message("rapid.a_signal", "a signal"),
+}
 
 
 @dataclass
@@ -86,7 +93,9 @@ class Types:
         """Return what data of a type holds that is given no value, an array of it with sizes."""
         if sizes:
             if not 0 < math.prod(sizes) <= _MOST_ELEMENTS:
-                raise WrongType(f"an array of {'×'.join(map(str, sizes))} elements")
+                raise WrongType(
+                    message("rapid.array_of", "an array of {size} elements", size="×".join(map(str, sizes)))
+                )
             return [self.default(kind, sizes[1:]) for _ in range(sizes[0])]
         name = self.plain(kind)
         if name in self.records:
@@ -98,13 +107,27 @@ class Types:
         name = self.plain(kind)
         if dimensions:
             if not isinstance(value, list):
-                raise WrongType(f"{shape(value)} where an array of {name} is asked for")
+                raise WrongType(
+                    message(
+                        "rapid.array_asked_for",
+                        "{shape} where an array of {name} is asked for",
+                        shape=shape(value),
+                        name=name,
+                    )
+                )
             return [self.fitted(kind, one, dimensions - 1) for one in value]
         if name in self.records:
             return self._record(name, value)
         desired = SignalName if name in _SIGNALS else type(_SIMPLE[name])
         if type(value) is not desired:
-            raise WrongType(f"{shape(value)} where {_SHAPES[desired]} is asked for")
+            raise WrongType(
+                message(
+                    "rapid.shape_asked_for",
+                    "{shape} where {other} is asked for",
+                    shape=shape(value),
+                    other=_SHAPES[desired],
+                )
+            )
         return value
 
     def _record(self, name: str, value: Value) -> RecordValue:
@@ -114,15 +137,27 @@ class Types:
         elif isinstance(value, list):
             values = value
         else:
-            raise WrongType(f"{shape(value)} where a {name} is asked for")
+            raise WrongType(
+                message("rapid.record_asked_for", "{shape} where a {name} is asked for", shape=shape(value), name=name)
+            )
         if len(values) != len(parts):
-            raise WrongType(f"an aggregate of {len(values)} where a {name} has {len(parts)} components")
+            raise WrongType(
+                message(
+                    "rapid.aggregate_of",
+                    "an aggregate of {count} where a {name} has {components} components",
+                    count=len(values),
+                    name=name,
+                    components=len(parts),
+                )
+            )
         return RecordValue(name, {part: self.fitted(own, one) for (own, part), one in zip(parts, values, strict=True)})
 
 
 def shape(value: Value) -> str:
     """Return what a value is, for messages."""
-    return f"a {value.kind}" if isinstance(value, RecordValue) else _SHAPES[type(value)]
+    return (
+        message("rapid.a_kind", "a {kind}", kind=value.kind) if isinstance(value, RecordValue) else _SHAPES[type(value)]
+    )
 
 
 def texted(value: Value) -> str:
@@ -154,7 +189,7 @@ def rotation_of(orient: RecordValue) -> RotationMatrix:
     """Return the rotation of an ``orient``; raises WrongType: its quaternion is all zero."""
     wxyz = np.array(orient.flat(), dtype=float)
     if not np.linalg.norm(wxyz) > 0:
-        raise WrongType("an orient of four zeros, which is no rotation,")
+        raise WrongType(message("rapid.orient_of_zeros", "an orient of four zeros, which is no rotation,"))
     return rotation_of_quaternion(wxyz)
 
 
@@ -205,9 +240,16 @@ def _faults_of_quaternion(orient: RecordValue, name: str) -> list[OrientFault]:
     is_of_load = name.endswith("aom")
     if norm == 0 and not is_of_load:
         return []
-    owner = f" of {name}" if name else ""
-    problem = f"the quaternion {texted(orient)}{owner} has a norm of {norm:.6g}; it must be 1 within {WRONG_NORM:g}"
-    remedy = "" if norm == 0 else "; it is normalised here"
+    owner = message("rapid.of_name", " of {name}", name=name) if name else ""
+    problem = message(
+        "rapid.quaternion_norm",
+        "the quaternion {quaternion}{owner} has a norm of {norm:.6g}; it must be 1 within {tolerance:g}",
+        quaternion=texted(orient),
+        owner=owner,
+        norm=norm,
+        tolerance=WRONG_NORM,
+    )
+    remedy = "" if norm == 0 else message("rapid.normalised_here", "; it is normalised here")
     return [OrientFault(f"{problem}{remedy}", has_wrong_norm(quaternion))]
 
 

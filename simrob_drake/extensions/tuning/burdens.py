@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from simrob_drake.base.errors import Unsuitable
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Duration, Fraction
 from simrob_drake.extensions.tuning.doubts import Change
 from simrob_drake.extensions.tuning.journal import COMPLETED, Row
@@ -19,7 +20,7 @@ from simrob_drake.extensions.tuning.walking import Subject, Walking, WalkTrial, 
 from simrob_drake.results.record.walks import locomotion
 
 Kind = Literal["load", "friction", "stiffness", "slope", "step"]
-_HELD_UP = "held up"
+_HELD_UP = message("tuning.held_up", "held up")
 _STANDS = 0.05  # a robot that goes no further than that stands on its place [m]
 _TILE, _BEFORE = 0.1, 0.4  # side of the tiles of a field of steps, and level ground before it [m]
 _HARDEST = 1e3  # times as hard as at first
@@ -60,7 +61,9 @@ def _slippery(way: _Way, friction: float) -> Change:
 def _soft(way: _Way, stiffness: float) -> Change:
     contact = way.scene.config.contact
     if contact is None or contact.model != "point":
-        raise Unsuitable("--vary stiffness", "only contact.model point has a stiffness")
+        raise Unsuitable(
+            "--vary stiffness", message("tuning.stiffness_of_point", "only contact.model point has a stiffness")
+        )
     return {"contact.stiffness": stiffness}
 
 
@@ -156,15 +159,23 @@ class BurdenTrial(WalkTrial):
             ends[hard] = run.stopped_by or run.ending, run.message
             ahead = locomotion(run, subject.name).ahead if run.ending == COMPLETED else 0.0
             if run.ending == COMPLETED and way.ahead > _STANDS and ahead < self.spec.least * way.ahead:
-                ends[hard] = _HELD_UP, f"it came {ahead:.2f} m far in place of {way.ahead:.2f} m"
+                ends[hard] = (
+                    _HELD_UP,
+                    message(
+                        "tuning.came_short",
+                        "it came {ahead:.2f} m far in place of {free:.2f} m",
+                        ahead=ahead,
+                        free=way.ahead,
+                    ),
+                )
             return ends[hard][0] == COMPLETED
 
         most = burden.last / burden.first if burden.first < burden.last < inf else _HARDEST
         low, high = bracket(holds, 1.0, close=self.spec.close, most=most)
-        ended, message = ends[high if high in ends else low]
+        ended, text = ends[high if high in ends else low]
         fails = burden.figure(high) if high in ends else None
         figure = burden.figure(low) if low else None
-        return [{"figure": figure, "fails_at": fails, "ended": ended, "message": message}]
+        return [{"figure": figure, "fails_at": fails, "ended": ended, "message": text}]
 
     def _scene(self, changes: Change) -> Scene:
         spec = self.spec

@@ -7,10 +7,11 @@ from statistics import median
 import numpy as np
 from scipy.stats import binomtest, quantile_test
 
+from simrob_drake.base.messages import compound, message
 from simrob_drake.extensions.tuning.journal import COMPLETED, Row
 
 START, WON = "start", "winner"  # what is compared: where a search began, and what it found
-THOUGHT, NUMERICAL = "as thought", ("solver", "engine")
+THOUGHT, NUMERICAL = message("tuning.as_thought", "as thought"), ("solver", "engine")
 """The runs without a doubt, and the doubts that change nothing but who integrates."""
 _SURE = 0.95
 _MOST = 0.9  # of the pairs of runs in which a winner must cost less
@@ -28,18 +29,50 @@ def conclusion(rows: Sequence[Row], undoubted: Sequence[str] = (), *, moved: boo
     own = [row for row in rows if row["of"] == WON]
     start = [row for row in rows if row["of"] == START]
     share = binomtest(_held(own), len(own)).proportion_ci(_SURE, method="wilson")
-    sure = f"{100 * share.low:.0f} to {100 * share.high:.0f} %, 95 % sure"
-    held = f"{_held(own)} of {len(own)} runs of the winner hold ({sure})"
-    words = [held + (f", and {_held(start)} of {len(start)} of the start." if start else ".")]
+    sure = message(
+        "tuning.share_of_holding", "{low:.0f} to {high:.0f} %, 95 % sure", low=100 * share.low, high=100 * share.high
+    )
+    held = message(
+        "tuning.winner_holds",
+        "{held} of {count} runs of the winner hold ({sure})",
+        held=_held(own),
+        count=len(own),
+        sure=sure,
+    )
+    words = [
+        held
+        + (
+            message("tuning.and_of_start", ", and {held} of {count} of the start.", held=_held(start), count=len(start))
+            if start
+            else "."
+        )
+    ]
     worse = []
     for doubt in dict.fromkeys(row["doubt"] for row in own):
         ours, theirs = ([row for row in some if row["doubt"] == doubt] for some in (own, start))
         lost = len(ours) - _held(ours)
         if lost:
-            others = f" (start {len(theirs) - _held(theirs)})" if start else ""
+            others = (
+                message("tuning.start_does_not", " (start {count})", count=len(theirs) - _held(theirs)) if start else ""
+            )
             fallen = [row for row in ours if not _holds(row)]
-            ends = ", ".join(dict.fromkeys("beyond a limit" if _ended(row) else str(row["ended"]) for row in fallen))
-            words.append(f"{doubt}: {lost} of {len(ours)} do not{others}: {ends}.")
+            ends = ", ".join(
+                dict.fromkeys(
+                    message("tuning.beyond_a_limit", "beyond a limit") if _ended(row) else str(row["ended"])
+                    for row in fallen
+                )
+            )
+            words.append(
+                message(
+                    "tuning.runs_in_doubt",
+                    "{doubt}: {lost} of {count} do not{others}: {ends}.",
+                    doubt=doubt,
+                    lost=lost,
+                    count=len(ours),
+                    others=others,
+                    ends=ends,
+                )
+            )
         if _held(ours) < (_held(theirs) if start else len(ours)):
             worse.append(doubt)
     cheaper = [_compared(name, own, start) for name in cost_columns(rows[0])] if start else []
@@ -47,21 +80,43 @@ def conclusion(rows: Sequence[Row], undoubted: Sequence[str] = (), *, moved: boo
     beyond = [str(row["beyond"]).split() for row in own if row.get("beyond")]
     count = Counter(name for names in beyond for name in names)
     named = ", ".join(f"{name} ({times})" for name, times in count.most_common())
-    counted = f"{len(beyond)} of {len(own)} runs of the winner pass a bound of their verdict"
-    words += [f"{counted}: {named}."] if beyond else []
-    words += [f"Not doubted: {', '.join(undoubted)}."] if undoubted else []
+    counted = message(
+        "tuning.runs_beyond_bound",
+        "{beyond} of {count} runs of the winner pass a bound of their verdict",
+        beyond=len(beyond),
+        count=len(own),
+    )
+    words += [compound("{counted}: {named}.", counted=counted, named=named)] if beyond else []
+    words += (
+        [message("tuning.not_doubted", "Not doubted: {undoubted}.", undoubted=", ".join(undoubted))]
+        if undoubted
+        else []
+    )
     proven = not worse and all(less for less, _ in cheaper) and (moved or not start)
-    reasons = [f"it is less sure under {', '.join(worse)}"] if worse else []
-    reasons += ["it does not cost less throughout"] if not all(less for less, _ in cheaper) else []
-    reasons += ["no run makes another move; a case of proof may"] if start and not moved else []
-    return proven, ["Proven." if proven else f"Not proven: {'; '.join(reasons)}.", *words]
+    reasons = (
+        [message("tuning.less_sure_under", "it is less sure under {worse}", worse=", ".join(worse))] if worse else []
+    )
+    reasons += (
+        [message("tuning.not_less_throughout", "it does not cost less throughout")]
+        if not all(less for less, _ in cheaper)
+        else []
+    )
+    reasons += (
+        [message("tuning.no_other_move", "no run makes another move; a case of proof may")]
+        if start and not moved
+        else []
+    )
+    return proven, [
+        "Proven." if proven else message("tuning.not_proven", "Not proven: {reasons}.", reasons="; ".join(reasons)),
+        *words,
+    ]
 
 
 def _compared(name: str, own: Sequence[Row], start: Sequence[Row]) -> tuple[bool, str]:
     """Return whether the winner costs less, and by how much in a sentence."""
     pairs = [(ours, theirs) for ours, theirs in zip(own, start, strict=True) if _ended(ours) and _ended(theirs)]
     if not pairs:
-        return False, f"No two runs can be compared by {name}."
+        return False, message("tuning.no_comparable_runs", "No two runs can be compared by {name}.", name=name)
     costs = np.array([[ours[name], theirs[name]] for ours, theirs in pairs], dtype=float)
     gains = costs[:, 1] - costs[:, 0]
     after, before, gain = (float(np.median(values)) for values in (*costs.T, gains))
@@ -69,13 +124,29 @@ def _compared(name: str, own: Sequence[Row], start: Sequence[Row]) -> tuple[bool
     least = float(np.ravel(interval)[0])  # nan for a few
     error = _numerical_error(name, pairs)
     less = int(np.sum(gains > 0))
-    part = f", {after / before:.2f} of it" if before > 0 and after > 0 else ""
-    sentence = f"The {name} is {after:.4g} in the median, {before:.4g} at the start{part}"
-    sentence += f"; less in {less} of {len(pairs)} pairs"
+    part = message("tuning.part_of_it", ", {part:.2f} of it", part=after / before) if before > 0 and after > 0 else ""
+    sentence = message(
+        "tuning.medians",
+        "The {name} is {after:.4g} in the median, {before:.4g} at the start{part}",
+        name=name,
+        after=after,
+        before=before,
+        part=part,
+    )
+    sentence += message("tuning.less_in_pairs", "; less in {less} of {pairs} pairs", less=less, pairs=len(pairs))
     known = np.isfinite(least)
-    sentence += f", by {least:.4g} or more in the median (95 % sure)" if known else ", too few to be sure"
+    sentence += (
+        message("tuning.by_least", ", by {least:.4g} or more in the median (95 % sure)", least=least)
+        if known
+        else message("tuning.too_few", ", too few to be sure")
+    )
     if error is not None:
-        sentence += f"; the gain of {gain:.4g} is another by {error:.4g} with other solvers and engines"
+        sentence += message(
+            "tuning.gain_differs",
+            "; the gain of {gain:.4g} is another by {error:.4g} with other solvers and engines",
+            gain=gain,
+            error=error,
+        )
     sure = less >= _MOST * len(pairs) and gain > (error or 0.0) and least > 0
     return sure, f"{sentence}."
 

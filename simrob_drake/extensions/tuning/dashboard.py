@@ -7,6 +7,7 @@ from wsgiref.simple_server import WSGIRequestHandler, WSGIServer, make_server
 
 from simrob_drake.base.errors import OutputError
 from simrob_drake.base.extras import needed
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.tuning.analysis import add_trials, study_in_optuna
 from simrob_drake.extensions.tuning.study_folder import StudyFolder
 
@@ -19,7 +20,7 @@ class Dashboard:
 
     def __init__(self, places: Mapping[str, StudyFolder], port: int | None = None) -> None:
         """Take a port, 8080 or a free one, for searches by name; raises SimrobError: no tune; OutputError: taken."""
-        with needed("the dashboard", "tune"):
+        with needed(message("tuning.the_dashboard", "the dashboard"), "tune"):
             from optuna.storages import InMemoryStorage
             from optuna_dashboard import wsgi
         storage = InMemoryStorage()
@@ -34,7 +35,13 @@ class Dashboard:
             except OSError:
                 continue
         else:
-            raise OutputError(f"port {port} is taken; choose another one with --port, or leave that out")
+            raise OutputError(
+                message(
+                    "tuning.port_is_taken",
+                    "port {port} is taken; choose another one with --port, or leave that out",
+                    port=port,
+                )
+            )
         self.address = f"http://{_HOST}:{self._server.server_port}"
 
     def serve(self) -> None:

@@ -16,6 +16,7 @@ from simrob_drake.base.distributions import Choice, Distribution, Normal, Unifor
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.extension import needed_extension
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.sampling import drawn as drawn_of
 from simrob_drake.base.sampling import seed_keys, seeded
 from simrob_drake.extensions.tuning.conclusion import NUMERICAL, THOUGHT
@@ -318,7 +319,7 @@ def _in_mujoco(thought: _Thought) -> bool:
     if find_spec("mujoco") is None:
         return False
     with suppress(SimrobError):
-        with needed_extension("mujoco", "a second engine"):
+        with needed_extension("mujoco", message("tuning.a_second_engine", "a second engine")):
             from simrob_drake.extensions.mujoco.built import check_sayable
         if thought.config.controllers:
             Runner(in_mujoco(thought.config))

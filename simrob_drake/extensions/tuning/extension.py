@@ -14,4 +14,5 @@ EXTENSION = Extension(
         "pushes": "simrob_drake.extensions.tuning.commands.pushes:pushes",
     },
     other_files={"tuning": "simrob_drake.extensions.tuning:other_files.yaml"},
+    messages={"tuning": "simrob_drake.extensions.tuning:languages"},
 )

@@ -24,6 +24,7 @@ from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import InvalidConfig, OutputError, SimrobError
 from simrob_drake.base.files import NotRead, opened
 from simrob_drake.base.folders import alone_in, check_folder, replaced_at_once, writing, written_at_once
+from simrob_drake.base.messages import message
 from simrob_drake.base.progress import progress_bar
 from simrob_drake.base.sections import Model, Number, Strict, validated
 from simrob_drake.base.yaml_files import parse_json, read_yaml
@@ -85,7 +86,7 @@ def made(trial: Trial) -> Record:
 
 def killed(trial: Trial) -> Record:
     """Return the record of a trial whose process was killed, and once more when it was alone."""
-    return trial.lost(KILLED, "its process was killed, twice")
+    return trial.lost(KILLED, message("tuning.process_killed", "its process was killed, twice"))
 
 
 def table(records: Sequence[Record]) -> list[Row]:
@@ -192,9 +193,20 @@ class Journal:
             found = validated(_Kept, read_yaml(folder / file), folder / file)
             asked = validated(type(spec), found.asked, folder / file).model_dump(mode="json")
             if any(content[key] != asked[key] for key in content.keys() - {*other}):
-                raise OutputError(f"{folder} holds another {what}; choose another folder or replace it with --force")
+                raise OutputError(
+                    message(
+                        "tuning.holds_another",
+                        "{folder} holds another {what}; choose another folder or replace it with --force",
+                        folder=folder,
+                        what=what,
+                    )
+                )
             if found.digest != digest:
-                changed = f"has changed since this {what} began; begin another, or put it back"
+                changed = message(
+                    "tuning.has_changed",
+                    "has changed since this {what} began; begin another, or put it back",
+                    what=what,
+                )
                 raise InvalidConfig(folder / file, str(content["station"]), changed)
         kept = {"asked": content, "digest": digest}
         written_at_once(folder / file, yaml.safe_dump(kept, sort_keys=False, width=120))
@@ -237,35 +249,68 @@ class Journal:
                     if not line.endswith(b"\n") and len(line) < _LONGEST:  # the end, or torn
                         break
                     end += len(line)
-                    record = self._record(line, f"{file}: line {number}")
+                    record = self._record(
+                        line, message("tuning.at_line", "{file}: line {line}", file=file, line=number)
+                    )
                     if record.number in records:
-                        raise InvalidConfig(f"{file}: line {number}", "", f"run {record.number} stands there before")
+                        raise InvalidConfig(
+                            message("tuning.at_line", "{file}: line {line}", file=file, line=number),
+                            "",
+                            message(
+                                "tuning.run_stands_before", "run {number} stands there before", number=record.number
+                            ),
+                        )
                     records[record.number] = record
         except NotRead as problem:
-            raise InvalidConfig(file, "", f"cannot be read ({problem})") from problem
+            raise InvalidConfig(
+                file, "", message("tuning.cannot_be_read", "cannot be read ({problem})", problem=problem)
+            ) from problem
         except InvalidConfig as problem:
-            raise InvalidConfig("", "", f"{problem}; delete the line, and its run is made again") from problem
+            raise InvalidConfig(
+                "",
+                "",
+                message(
+                    "tuning.delete_the_line", "{problem}; delete the line, and its run is made again", problem=problem
+                ),
+            ) from problem
         return [records[number] for number in sorted(records)], end
 
     def _record(self, line: bytes, where: str) -> Record:
         try:
             text = line.decode()
         except UnicodeDecodeError as problem:
-            raise InvalidConfig(where, "", "is no text in UTF-8") from problem
+            raise InvalidConfig(where, "", message("tuning.no_utf8", "is no text in UTF-8")) from problem
         if len(line) >= _LONGEST:
-            raise InvalidConfig(where, "", f"is longer than {_LONGEST / 1e6:g} MB")
+            raise InvalidConfig(
+                where, "", message("tuning.longer_than", "is longer than {longest:g} MB", longest=_LONGEST / 1e6)
+            )
         record = validated(Record, parse_json(text, where), where)
         columns = self._columns(record)
         if not columns:
-            raise InvalidConfig(where, f"run {record.number}", "is none of those that were asked for")
+            raise InvalidConfig(
+                where,
+                message("tuning.run_number", "run {number}", number=record.number),
+                message("tuning.not_asked_for", "is none of those that were asked for"),
+            )
         if len(columns) != len(record.rows):
             raise InvalidConfig(
-                where, f"run {record.number}", f"has {len(record.rows)} rows in place of {len(columns)}"
+                where,
+                message("tuning.run_number", "run {number}", number=record.number),
+                message(
+                    "tuning.rows_in_place_of",
+                    "has {rows} rows in place of {columns}",
+                    rows=len(record.rows),
+                    columns=len(columns),
+                ),
             )
         for row, own in zip(record.rows, columns, strict=True):
             others = {key: value for key, value in row.items() if key not in own}
             if {key: row[key] for key in row if key in own} != plain(own):
-                raise InvalidConfig(where, f"run {record.number}", "is of something else than what was asked for")
+                raise InvalidConfig(
+                    where,
+                    message("tuning.run_number", "run {number}", number=record.number),
+                    message("tuning.of_something_else", "is of something else than what was asked for"),
+                )
             validated(_Outcome, others, where)
         return record
 

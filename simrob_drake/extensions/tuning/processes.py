@@ -16,6 +16,7 @@ from typing import Any, Self, TypeVar
 
 from simrob_drake.base.errors import InvalidParameter, SimrobError
 from simrob_drake.base.extras import needed
+from simrob_drake.base.messages import compound, join_texts, message
 
 Task = TypeVar("Task")
 Outcome = TypeVar("Outcome")
@@ -34,7 +35,7 @@ class Cluster:
         scheduler there, or one without workers.
         """
         self._scheduler = scheduler
-        with needed("a cluster", "tune"):
+        with needed(message("tuning.a_cluster", "a cluster"), "tune"):
             from distributed import Client
         for name in ("distributed", "distributed.client"):  # of a scheduler that is lost one line is said
             logging.getLogger(name).setLevel(logging.CRITICAL)
@@ -42,7 +43,9 @@ class Cluster:
             self._client = Client(scheduler, timeout=_PATIENCE)
             found: Any = self._client.get_versions(packages=_PACKAGES[1:])
         except (OSError, ValueError) as problem:
-            raise InvalidParameter("--scheduler", scheduler, "the address of a Dask that answers") from problem
+            raise InvalidParameter(
+                "--scheduler", scheduler, message("tuning.address_of_dask", "the address of a Dask that answers")
+            ) from problem
         try:
             _check(scheduler, found)
         except SimrobError:
@@ -87,22 +90,44 @@ class Cluster:
                 submit()
                 yield outcome
         except (CancelledError, ClosedClientError, CommClosedError) as problem:
-            message = f"the scheduler {self._scheduler} is gone; what is done is kept, go on with another one"
-            raise SimrobError(message) from problem
+            text = message(
+                "tuning.scheduler_is_gone",
+                "the scheduler {scheduler} is gone; what is done is kept, go on with another one",
+                scheduler=self._scheduler,
+            )
+            raise SimrobError(text) from problem
 
 
 def _check(scheduler: str, found: Any) -> None:
     """Check a cluster's workers and all versions there; raises InvalidParameter: no workers; SimrobError: a version."""
     if not found["workers"]:
-        raise InvalidParameter("--scheduler", f"{scheduler}, without workers", "a scheduler that has some")
+        raise InvalidParameter(
+            "--scheduler",
+            message("tuning.without_workers", "{scheduler}, without workers", scheduler=scheduler),
+            message("tuning.scheduler_with_workers", "a scheduler that has some"),
+        )
     here = {name: version for name, version in found["client"]["packages"].items() if name in _PACKAGES and version}
-    others = {"scheduler": found["scheduler"]} | {f"worker {name}": one for name, one in found["workers"].items()}
+    others = {"scheduler": found["scheduler"]} | {
+        message("tuning.worker", "worker {name}", name=name): one for name, one in found["workers"].items()
+    }
     for who, one in others.items():
         off = [name for name, version in here.items() if one["packages"][name] != version]
         if off:
-            has = ", ".join(f"{name} {one['packages'][name] or 'not at all'}" for name in off)
+            absent = message("tuning.not_at_all", "not at all")
+            has = join_texts(
+                compound("{name} {version}", name=name, version=one["packages"][name] or absent) for name in off
+            )
             due = ", ".join(f"{name} {here[name]}" for name in off)
-            raise SimrobError(f"the {who} of {scheduler} has {has}; it must have {due}, as this computer")
+            raise SimrobError(
+                message(
+                    "tuning.other_versions",
+                    "the {who} of {scheduler} has {has}; it must have {due}, as this computer",
+                    who=who,
+                    scheduler=scheduler,
+                    has=has,
+                    due=due,
+                )
+            )
 
 
 _TASKS = 2000

@@ -16,6 +16,7 @@ from pydantic import Field
 from simrob_drake.base.errors import InvalidConfig
 from simrob_drake.base.files import text_of
 from simrob_drake.base.folders import written_at_once
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Integer, Strict
 from simrob_drake.extensions.tuning.conclusion import START, THOUGHT, WON, conclusion, cost_columns
 from simrob_drake.extensions.tuning.doubts import KINDS, MOVES, UNKNOWN, doubts, moves
@@ -54,8 +55,9 @@ class Proof(Strict):
             return cls(station=place, parameters={WON: {}}, conditions=[{}], seeds=seeds)
         study = read_spec(folder, STUDY, Study).located(folder / STUDY)
         if study.proof is None:
-            expected = (
-                "is not there; a winner is proven under cases that its search has not seen: other moves, loads, floors"
+            expected = message(
+                "tuning.cases_of_proof",
+                "is not there; a winner is proven under cases that its search has not seen: other moves, loads, floors",
             )
             raise InvalidConfig(folder / STUDY, "proof", expected)
         conditions = [{**study.overrides, **case} for case in study.proof.every.values()]

@@ -9,6 +9,7 @@ from typing import Any, Self
 import numpy as np
 from pydantic import Field, model_validator
 
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Positive, Strict
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.extensions.tuning.doubts import drawn
@@ -84,7 +85,7 @@ class Margin(Strict):
     @model_validator(mode="after")
     def _in_order(self) -> Self:
         if any(later <= one for one, later in zip(self.sizes, self.sizes[1:], strict=False)):
-            raise ValueError("sizes must grow")
+            raise ValueError(message("tuning.sizes_must_grow", "sizes must grow"))
         return self
 
 

@@ -24,6 +24,7 @@ from simrob_drake.base.extension import needed_extension
 from simrob_drake.base.extras import needed
 from simrob_drake.base.files import ROBOT_FILE
 from simrob_drake.base.folders import writing, written_at_once
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import validated
 from simrob_drake.base.yaml_files import place_of
 from simrob_drake.parts.forces import Push
@@ -93,7 +94,7 @@ class Scene:
         own = of_station(overrides)
         names = {key: name for key, name in (called or {}).items() if key in own}
         config = load_station(station, own, called=names, allow_code=allow_code)
-        engine = one_of("engine", overrides.get(ENGINE, DRAKE), (DRAKE, MUJOCO))
+        engine = one_of(message("tuning.engine", "engine"), overrides.get(ENGINE, DRAKE), (DRAKE, MUJOCO))
         gait: dict[str, Any] = {}
         for key, value in overrides.items():
             if key == GAIT:
@@ -102,15 +103,36 @@ class Scene:
                 gait[key.partition(".")[2]] = value
         program = carried_program(config)
         if gait and any(key.partition(".")[0] == PROGRAM for key in own):
-            raise InvalidConfig(station, GAIT, "stands beside a program: a robot does one or the other")
+            raise InvalidConfig(
+                station,
+                GAIT,
+                message("tuning.beside_a_program", "stands beside a program: a robot does one or the other"),
+            )
         if program and not gait:
             if engine != DRAKE:
-                raise InvalidConfig(station, ENGINE, f"is {engine}, which does no programs: they need {DRAKE}")
+                raise InvalidConfig(
+                    station,
+                    ENGINE,
+                    message(
+                        "tuning.engine_without_programs",
+                        "is {engine}, which does no programs: they need {drake}",
+                        engine=engine,
+                        drake=DRAKE,
+                    ),
+                )
             return cls(config, program=program)
         if not gait:
             return cls(config, engine=engine)
         if config.only_robot is None:
-            raise InvalidConfig(station, GAIT, f"needs a station of one robot, and this has {len(config.robots)}")
+            raise InvalidConfig(
+                station,
+                GAIT,
+                message(
+                    "tuning.station_of_one_robot",
+                    "needs a station of one robot, and this has {count}",
+                    count=len(config.robots),
+                ),
+            )
         folder = resolve(config).robots[config.only_robot].model.folder
         motion = _motion(str(folder / ROBOT_FILE), json.dumps(gait, sort_keys=True))
         return cls(motion.station(own, name=station), motion=motion, gait_keys=gait, engine=engine)
@@ -144,14 +166,14 @@ class Scene:
             return perform(Workcell(config), self.program)
         if self.engine == DRAKE or decides:
             return run(config, self.reference)
-        with needed("MuJoCo", MUJOCO), needed_extension(MUJOCO, "engine: mujoco"):
+        with needed("MuJoCo", MUJOCO), needed_extension(MUJOCO, message("tuning.engine_mujoco", "engine: mujoco")):
             from simrob_drake.extensions.mujoco.runner import MujocoRunner
         return MujocoRunner(self.config).run(reference=self.reference)
 
     def pushed(self, name: str, size: float) -> "Scene":
         """Return it with a push so many times as hard, 0 for none; raises UnknownName: no such push."""
         pushes = {name: force for name, force in self.config.forces.items() if isinstance(force, Push)}
-        push = pushes[one_of("push", name, pushes)]
+        push = pushes[one_of(message("tuning.push", "push"), name, pushes)]
         harder = push.model_copy(update={"force": tuple(size * part for part in push.force)})
         return replace(self, config=self.config.model_copy(update={"forces": {**self.config.forces, name: harder}}))
 
@@ -172,7 +194,7 @@ def in_mujoco(config: StationConfig) -> StationConfig:
     Raises:
         MissingExtension: the extension ``mujoco`` is not installed, or is left out.
     """
-    with needed_extension(MUJOCO, "engine: mujoco"):
+    with needed_extension(MUJOCO, message("tuning.engine_mujoco", "engine: mujoco")):
         from simrob_drake.extensions.mujoco.engine import MujocoEngine
     return config.model_copy(update={"solver": MujocoEngine(kind="mujoco")})
 
@@ -189,14 +211,14 @@ def _motion(robot_file: str, keys_text: str) -> JointMotion:
     known = {**gaits_of(robot, steps=True), **gaits_of(robot, steps=False)}
     name = keys.pop("name", next(iter(known)))
     if name not in known:
-        raise UnknownName(f"gait of {robot.name}", name, known)
+        raise UnknownName(message("tuning.gait_of", "gait of {robot}", robot=robot.name), name, known)
     gait = known[name]
     steps, amplitude = (keys.pop("steps", _STEPS), keys.pop("amplitude", 1.0)) if gait.steps else (0, 1.0)
     content = gait.model_dump(exclude_unset=True)
     for key, value in keys.items():
-        section, last = place_of(content, key.split("."), f"gait {name}")
+        section, last = place_of(content, key.split("."), message("tuning.gait_called", "gait {name}", name=name))
         section[int(last) if isinstance(section, list) else last] = value
-    validated(type(gait), content, f"gait {name}")
+    validated(type(gait), content, message("tuning.gait_called", "gait {name}", name=name))
     changed = {key.partition(".")[0] for key in keys}
     return gait.changed({key: content[key] for key in changed}, amplitude, name).plan(
         Walker.of(robot), steps, amplitude

@@ -12,6 +12,7 @@ import numpy as np
 
 from simrob_drake.base.extras import needed
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.tuning.study import Method
 
 Costs = Callable[[Vector], tuple[Vector, Vector]]
@@ -108,7 +109,7 @@ def _ask(method: str, start: Vector, costs: Costs, together: int, seed: int, aim
 
 
 def _gaussian_process(seed: int) -> Any:
-    with needed("method gp", "rl"):
+    with needed(message("tuning.method_gp", "method gp"), "rl"):
         import torch  # noqa: F401  # which Optuna would miss only when it is asked
     from optuna.samplers import GPSampler
 

@@ -13,6 +13,7 @@ from simrob_drake.base.arguments import as_path
 from simrob_drake.base.distributions import AnyDistribution, Choice, Values
 from simrob_drake.base.errors import InvalidConfig, SimrobError, one_of
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.packages import Border
 from simrob_drake.base.sampling import Draws, Space, applying, at, distinct, seeded
 from simrob_drake.base.sections import Boolean, Integer, NotNegative, Number, Positive, Strict, validated
@@ -41,7 +42,14 @@ class Conditions(Draws):
             return {f"cases.{place}": case for place, case in enumerate(self.cases)}
         draws = list(enumerate(self.draws(), start=1))
         every = enumerate(self.cases)
-        return {f"cases.{place}, draw {number}": {**case, **draw} for place, case in every for number, draw in draws}
+        return {
+            message("tuning.draw_of_cases", "cases.{place}, draw {number}", place=place, number=number): {
+                **case,
+                **draw,
+            }
+            for place, case in every
+            for number, draw in draws
+        }
 
     @property
     def keys(self) -> list[str]:
@@ -121,12 +129,19 @@ class Study(Strict):
     def check(self, where: Path | str = "study") -> None:
         """Check what can be known before the search; raises SimrobError: no such station, key or measure."""
         for name in self.measures:
-            one_of("measure", name.rpartition(".")[2], UNITS)
+            one_of(message("tuning.measure", "measure"), name.rpartition(".")[2], UNITS)
         if len(self.aims) > 1 and self.method not in SEVERAL_AIMS:
-            expected = f"knows one cost, and here are {len(self.aims)}; these know several: {', '.join(SEVERAL_AIMS)}"
-            raise InvalidConfig(where, f"method {self.method}", expected)
+            expected = message(
+                "tuning.knows_one_cost",
+                "knows one cost, and here are {count}; these know several: {methods}",
+                count=len(self.aims),
+                methods=", ".join(SEVERAL_AIMS),
+            )
+            raise InvalidConfig(where, message("tuning.method_called", "method {method}", method=self.method), expected)
         if self.margin is None and any(name.endswith("margin") for name in self.measures):
-            raise InvalidConfig(where, "margin", "this key is needed where a margin counts")
+            raise InvalidConfig(
+                where, "margin", message("tuning.needed_for_margin", "this key is needed where a margin counts")
+            )
         for kind, conditions in self._conditions:
             self._check_conditions(kind, conditions, where)
         self._check_apart(where)
@@ -139,17 +154,29 @@ class Study(Strict):
             name for aim in self.aims for name, weight in aim.items() if weight < 0 or name.rpartition(".")[2] in SIGNED
         ]
         if signed or len(self.aims) > 1:
-            why = f"and {signed[0]} can count less than 0" if signed else f"and here are {len(self.aims)}"
-            raise InvalidConfig(where, "prune", f"is for one cost that no run lowers, {why}")
+            why = (
+                message("tuning.can_count_less", "and {measure} can count less than 0", measure=signed[0])
+                if signed
+                else message("tuning.and_here_are", "and here are {count}", count=len(self.aims))
+            )
+            raise InvalidConfig(
+                where, "prune", message("tuning.one_cost_only", "is for one cost that no run lowers, {why}", why=why)
+            )
         if len(self.cases(self.start, self.search)) == 1:
-            raise InvalidConfig(where, "prune", "has nothing to leave out: each trial is one run")
+            raise InvalidConfig(
+                where,
+                "prune",
+                message("tuning.nothing_to_leave_out", "has nothing to leave out: each trial is one run"),
+            )
 
     def _check_conditions(self, kind: str, conditions: Conditions, where: Path | str) -> None:
         """Check the scene of each case, and of its first draw where something is drawn; the others differ in values."""
         for name, case in conditions.every.items():
             twice = next((key for key in case if key in self.vary), None)
             if twice is not None:
-                raise InvalidConfig(where, f"{kind}.{name}.{twice}", "varies; a case cannot change it")
+                raise InvalidConfig(
+                    where, f"{kind}.{name}.{twice}", message("tuning.varies", "varies; a case cannot change it")
+                )
             called = {key: f"{kind}.{'vary' if key in conditions.vary else name} {key}" for key in case}
             called |= {key: f"overrides {key}" for key in self.overrides}
             called |= {key: f"vary {key}" for key in self.vary}
@@ -171,7 +198,11 @@ class Study(Strict):
         names = [(name, seed) for name in self.proof.every for seed in self.proof.seeds]
         for (name, seed), case in zip(names, self.cases(self.start, self.proof), strict=True):
             if case.scene().digest in seen:
-                same = f"is with seed {seed} a run of the search, too; a proof has others"
+                same = message(
+                    "tuning.run_of_the_search",
+                    "is with seed {seed} a run of the search, too; a proof has others",
+                    seed=seed,
+                )
                 raise InvalidConfig(where, f"proof.{name}", same)
 
     @property
@@ -239,7 +270,9 @@ class Study(Strict):
         ended = [row for row in rows if row["ended"] == COMPLETED]
         for name in self.measures:
             if ended and all(row.get(name) is None for row in ended):
-                raise InvalidConfig("study", f"cost.{name}", "means nothing in this station")
+                raise InvalidConfig(
+                    "study", f"cost.{name}", message("tuning.means_nothing", "means nothing in this station")
+                )
 
 
 def in_table(value: Any) -> str:

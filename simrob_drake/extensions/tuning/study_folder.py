@@ -13,6 +13,7 @@ from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import InvalidConfig, quoted
 from simrob_drake.base.folders import written_at_once
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.progress import progress_bar
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.extensions.tuning.analysis import plots_there, save_plots, study_in_optuna
@@ -42,14 +43,30 @@ def winner_of(folder: Path, study: Study) -> Parameters:
     """Return the figures that a study has found; raises InvalidConfig: it has not ended yet, or the file is damaged."""
     file = folder / WINNER
     if not file.is_file():
-        raise InvalidConfig(folder, "", f"has no {WINNER} yet: let simrob tune go on with it first")
+        raise InvalidConfig(
+            folder,
+            "",
+            message("tuning.has_no_winner", "has no {winner} yet: let simrob tune go on with it first", winner=WINNER),
+        )
     content = read_yaml(file)
     wrong = next((key for key, one in study.vary.items() if key in content and not one.holds(content[key])), None)
     if wrong is not None:
-        raise InvalidConfig(file, wrong, f"must be a value that the study may try (it is {quoted(content[wrong])})")
+        raise InvalidConfig(
+            file,
+            wrong,
+            message(
+                "tuning.value_of_study",
+                "must be a value that the study may try (it is {content})",
+                content=quoted(content[wrong]),
+            ),
+        )
     parameters = study.parameters_of(content)
     if not parameters or parameters.keys() != content.keys():
-        raise InvalidConfig(file, "", f"must hold figures of {', '.join(study.vary)}, and of nothing else")
+        raise InvalidConfig(
+            file,
+            "",
+            message("tuning.values_of", "must hold figures of {vary}, and of nothing else", vary=", ".join(study.vary)),
+        )
     return parameters
 
 
@@ -143,8 +160,11 @@ class StudyFolder:
         parameters_of = dict(enumerate(map(self.study.at, points), start=self._started + 1))
         for number, parameters in parameters_of.items():
             if number in self._tried and self._tried[number][0] != parameters:
-                message = "holds trials of a search by other versions of packages; begin another study"
-                raise InvalidConfig(self.folder / ROWS, "", message)
+                text = message(
+                    "tuning.other_packages",
+                    "holds trials of a search by other versions of packages; begin another study",
+                )
+                raise InvalidConfig(self.folder / ROWS, "", text)
         new = [parameters for number, parameters in parameters_of.items() if number not in self._tried]
         trials: list[list[Any]] = self._cases(new, self.study.search)
         if self.study.prune:

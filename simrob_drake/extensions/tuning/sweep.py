@@ -10,6 +10,7 @@ from pydantic import Field
 
 from simrob_drake.base.distributions import Choice, Values
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
+from simrob_drake.base.messages import message
 from simrob_drake.base.sampling import COUNT, MOST_SEEDS, Draws, Sampling, Space, applying, distinct, seed_keys, seeded
 from simrob_drake.base.sections import Integer, Strict
 from simrob_drake.extensions.tuning.rollout import Case
@@ -72,21 +73,38 @@ class Sweep(Strict):
         """
         twice = next((key for key in self.vary if key in self.overrides), None)
         if twice is not None:
-            raise Unsuitable(f"--vary {twice}", "--set gives this key already", "leave out one of the two")
+            raise Unsuitable(
+                f"--vary {twice}",
+                message("tuning.set_gives_key", "--set gives this key already"),
+                message("tuning.leave_out_one", "leave out one of the two"),
+            )
         if self.count is not None and self.sampling is None:
-            raise Unsuitable("--count", "it belongs to --sampling, which is not given")
+            raise Unsuitable(
+                "--count", message("tuning.belongs_to_sampling", "it belongs to --sampling, which is not given")
+            )
         many = self.seeds * (self._draws.size if self._draws else prod(map(len, self._listed)))
         if many > _MOST_RUNS:
-            raise InvalidParameter("--vary", f"of {many} runs", f"of at most {_MOST_RUNS}")
+            raise InvalidParameter(
+                "--vary",
+                message("tuning.of_runs", "of {many} runs", many=many),
+                message("tuning.of_at_most", "of at most {most}", most=_MOST_RUNS),
+            )
         first, _ = self.combinations[0]
         called = {key: f"--set {key}" for key in self.overrides} | {key: f"--vary {key}" for key in first}
         scene = Scene.of(self.station, {**self.overrides, **first}, called=called, allow_code=allow_code)
         scene.check()
         if not (self.vary or self.seeds > 1):
-            raise Unsuitable("--vary", "nothing is varied", "give it at least once, or --seeds above 1")
+            raise Unsuitable(
+                "--vary",
+                message("tuning.nothing_is_varied", "nothing is varied"),
+                message("tuning.give_it_once", "give it at least once, or --seeds above 1"),
+            )
         drawn = self._draws is None and not all(isinstance(one, Choice) for one in self.vary.values())
         if self.seeds > 1 and not (drawn or seed_keys(scene.config.model_dump())):
-            what = "1 where nothing is random: no part of the station has a seed, nothing varies by uniform or normal"
+            what = message(
+                "tuning.one_where_nothing_random",
+                "1 where nothing is random: no part of the station has a seed, nothing varies by uniform or normal",
+            )
             raise InvalidParameter("--seeds", self.seeds, what)
         return scene.config
 

@@ -17,6 +17,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError, Unsuitable
 from simrob_drake.base.frames import Vector, xyz_quaternion_from_transform
+from simrob_drake.base.messages import message
 from simrob_drake.base.sampling import MOST_SEEDS
 from simrob_drake.base.sections import Number, Strict
 from simrob_drake.extensions.tuning.doubts import Change, drawn
@@ -88,12 +89,21 @@ class Walking(Strict, ABC):
     def check(self, *, allow_code: bool = False) -> str:
         """Check what is known before trials; return a digest; raises SimrobError: no station or feet, or a fall."""
         if "duration" in self.overrides | self.variant:
-            raise Unsuitable("--set duration", "the trial says how long a run is")
+            raise Unsuitable(
+                "--set duration", message("tuning.trial_says_duration", "the trial says how long a run is")
+            )
         walks = [self.scene(changes, self.longest, allow_code=allow_code) for changes in self.settings.values()]
         subject_of(walks[0].config, self.at)
         run = walks[0].run()
         if run.ending != COMPLETED:
-            raise SimrobError(f"{self.station}: nothing can be found of a robot that falls by itself: {run.message}")
+            raise SimrobError(
+                message(
+                    "tuning.falls_by_itself",
+                    "{station}: nothing can be found of a robot that falls by itself: {run}",
+                    station=self.station,
+                    run=run.message,
+                )
+            )
         return walks[0].digest
 
     @abstractmethod
@@ -114,7 +124,13 @@ class Walking(Strict, ABC):
         found, steps = scene(overrides), _FEW
         if found.program is not None or found.engine != DRAKE:
             key = ENGINE if found.program is None else PROGRAM
-            raise InvalidConfig(self.station, key, f"is to be left out: a station alone is tried, or its {GAIT}")
+            raise InvalidConfig(
+                self.station,
+                key,
+                message(
+                    "tuning.station_or_gait", "is to be left out: a station alone is tried, or its {gait}", gait=GAIT
+                ),
+            )
         counted = gait_of(found) is not None and "steps" not in found.gait_keys
         while counted and found.motion is not None and found.motion.duration < seconds + _REST:
             steps *= 2
@@ -175,14 +191,25 @@ def subject_of(config: StationConfig, at: str | None = None) -> Subject:
     """
     resolved = resolve(config)
     frames = [frame for frame in frame_names(resolved) if config.only_robot or frame.partition(".")[0] in config.robots]
-    place = named(at, [*config.robots, *(frames if at else [])], kind="robot, tool or link", key="--at")
+    place = named(
+        at,
+        [*config.robots, *(frames if at else [])],
+        kind=message("tuning.robot_tool_or_link", "robot, tool or link"),
+        key="--at",
+    )
     name = config.only_robot or place.partition(".")[0]
     robot = resolved.robots[name]
     if not config.engine.moves_by_forces or not robot.floats:
-        expected = f"a dynamic station with a robot on feet of its own, and {name} is held"
+        expected = message(
+            "tuning.station_on_feet", "a dynamic station with a robot on feet of its own, and {name} is held", name=name
+        )
         raise InvalidParameter("station", config.name, expected)
     if not any(isinstance(one, Fall) and one.faller(config.only_robot) == name for one in config.monitors.values()):
-        expected = f"a station that tells when {name} has fallen: monitors: {{fall: {{height: METRES, tilt_deg: 60}}}}"
+        expected = message(
+            "tuning.station_that_tells",
+            "a station that tells when {name} has fallen: monitors: {{fall: {{height: METRES, tilt_deg: 60}}}}",
+            name=name,
+        )
         raise InvalidParameter("station", config.name, expected)
     station = add_plant(DiagramBuilder(), resolved)
     plant, context, body = station.plant, station.plant.CreateDefaultContext(), station.robots[name]

@@ -12,6 +12,7 @@ from xml.sax.saxutils import unescape
 
 from simrob_drake.base.errors import shortened
 from simrob_drake.base.files import content_of
+from simrob_drake.base.messages import message
 
 MESH_FORMATS = (".stl", ".dae", ".obj", ".gltf", ".glb", ".ply", ".off")
 """Formats of meshes that are read, for robots, for pieces and for Simulink models."""
@@ -86,7 +87,7 @@ class UnreadableMesh(Exception):
 def checked(data: bytes, kind: str) -> tuple[bytes, list[str]]:
     """Return the bytes for a mesh library, and what was mended; raises UnreadableMesh: cut off, empty, too large."""
     if not data.strip(b"\0 \t\r\n"):
-        raise UnreadableMesh("is empty")
+        raise UnreadableMesh(message("importer.is_empty", "is empty"))
     check: Callable[[bytes], tuple[bytes, list[str]]] | None = _CHECKS.get(kind)
     return (data, []) if check is None else check(data)
 
@@ -96,18 +97,32 @@ def _stl(data: bytes) -> tuple[bytes, list[str]]:
     if data.lstrip()[:5].lower() == b"solid" and b"\0" not in data[:1000]:  # binary ones may begin so, too
         return _obj(data)
     if len(data) < _STL_HEADER:
-        raise UnreadableMesh(f"is not readable as STL: {len(data)} bytes are less than its header")
+        raise UnreadableMesh(
+            message(
+                "importer.shorter_than_header",
+                "is not readable as STL: {count} bytes are less than its header",
+                count=len(data),
+            )
+        )
     (count,) = struct.unpack("<I", data[80:84])
     there = (len(data) - _STL_HEADER) // _STL_FACE
     if count > there:
-        raise UnreadableMesh(f"is cut off: of its {count} faces {there} are there")
+        raise UnreadableMesh(
+            message(
+                "importer.faces_cut_off", "is cut off: of its {count} faces {there} are there", count=count, there=there
+            )
+        )
     if count == 0:
-        raise UnreadableMesh("holds no triangles")
+        raise UnreadableMesh(message("importer.no_triangles", "holds no triangles"))
     end = _STL_HEADER + count * _STL_FACE
     beyond = data[end:]
     if len(beyond) % _STL_FACE == 0 and beyond.strip(b"\0"):
-        raise UnreadableMesh(f"counts {count} faces, and {there} are there")
-    return data[:end], [f"{len(beyond)} bytes after its last face left out"] if beyond else []
+        raise UnreadableMesh(
+            message("importer.counts_faces", "counts {count} faces, and {there} are there", count=count, there=there)
+        )
+    return data[:end], [
+        message("importer.bytes_left_out", "{count} bytes after its last face left out", count=len(beyond))
+    ] if beyond else []
 
 
 def _obj(data: bytes) -> tuple[bytes, list[str]]:
@@ -118,13 +133,21 @@ def _obj(data: bytes) -> tuple[bytes, list[str]]:
 def _dae(data: bytes) -> tuple[bytes, list[str]]:
     """Refuse document types, entities, archives, and nodes that multiply; tell the up axis."""
     if data.count(b"<") > _MOST_TAGS:
-        raise UnreadableMesh(f"has more than {_MOST_TAGS // 2} elements")
+        raise UnreadableMesh(
+            message("importer.too_many_elements", "has more than {most} elements", most=_MOST_TAGS // 2)
+        )
     try:
         root = ET.fromstring(data, ET.XMLParser(target=_Builder()))
     except (ET.ParseError, ValueError, LookupError) as problem:
-        raise UnreadableMesh(f"is not readable as DAE ({problem})") from problem
+        raise UnreadableMesh(
+            message("importer.not_readable_dae", "is not readable as DAE ({problem})", problem=problem)
+        ) from problem
     if _node_count(root) > _MOST_NODES:
-        raise UnreadableMesh(f"has more than {_MOST_NODES} nodes, or nodes within themselves")
+        raise UnreadableMesh(
+            message(
+                "importer.too_many_nodes", "has more than {most} nodes, or nodes within themselves", most=_MOST_NODES
+            )
+        )
     unit = root.find("{*}asset/{*}unit")
     meter = "1" if unit is None else unit.get("meter", "1")
     try:
@@ -132,16 +155,20 @@ def _dae(data: bytes) -> tuple[bytes, list[str]]:
     except ValueError:
         metres = math.nan
     if not 0 < metres < math.inf:
-        raise UnreadableMesh(f"has a unit of {shortened(meter)} m")
+        raise UnreadableMesh(message("importer.odd_unit", "has a unit of {meter} m", meter=shortened(meter)))
     up = (root.findtext("{*}asset/{*}up_axis") or "Y_UP").strip()
-    return data, [] if up == "Z_UP" else [f"its up axis {up} is ignored, as ROS does"]
+    return data, [] if up == "Z_UP" else [
+        message("importer.up_axis_ignored", "its up axis {up} is ignored, as ROS does", up=up)
+    ]
 
 
 class _Builder(ET.TreeBuilder):
     """Builds elements, but of no file with a document type: before it nothing can be defined that grows."""
 
     def doctype(self, *_: Any) -> NoReturn:
-        raise UnreadableMesh("declares entities or a document type, which a mesh never needs")
+        raise UnreadableMesh(
+            message("importer.mesh_with_entities", "declares entities or a document type, which a mesh never needs")
+        )
 
 
 def _node_count(root: ET.Element) -> int:
@@ -167,11 +194,11 @@ def _gltf(data: bytes) -> tuple[bytes, list[str]]:
     """Refuse files whose numbers and slices are larger than any mesh's."""
     header = gltf_header(data)
     if not isinstance(header, dict):
-        raise UnreadableMesh("is not readable as glTF")
+        raise UnreadableMesh(message("importer.not_readable_gltf", "is not readable as glTF"))
     items = sum(_numbers(header, "accessors", "count"))
     sliced = sum(_numbers(header, "bufferViews", "byteLength"))
     if items > _MOST_ITEMS or sliced > _MOST_BYTES or len(_numbers(header, "nodes", "mesh")) > _MOST_NODES:
-        raise UnreadableMesh("asks for more numbers than a mesh has")
+        raise UnreadableMesh(message("importer.asks_too_many_numbers", "asks for more numbers than a mesh has"))
     return data, []
 
 
@@ -188,7 +215,7 @@ def _counted(data: bytes) -> tuple[bytes, list[str]]:
     """Refuse a PLY whose header counts more than the file has bytes."""
     head = data[: data.find(b"end_header")] if b"end_header" in data[:100_000] else data[:10_000]
     if any(int(count) > len(data) for count in re.findall(rb"element\s+\w+\s+(\d{1,18})\b", head)):
-        raise UnreadableMesh("is cut off: its header counts more than is there")
+        raise UnreadableMesh(message("importer.header_counts_more", "is cut off: its header counts more than is there"))
     return data, []
 
 

@@ -8,6 +8,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.interrupts import heard_afterwards
+from simrob_drake.base.messages import message
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.parts import MeshPart
 
@@ -101,7 +102,9 @@ def convex_hull(points: Vector) -> "ConvexHull":
     try:
         return ConvexHull(points)
     except QhullError as problem:
-        raise UnreadableMesh("is too thin or too small for a convex hull") from problem
+        raise UnreadableMesh(
+            message("importer.too_thin_for_hull", "is too thin or too small for a convex hull")
+        ) from problem
 
 
 def _fewest(corners: Vector) -> tuple[list[int], float]:

@@ -11,6 +11,7 @@ from simrob_drake.base.errors import InvalidModel
 from simrob_drake.base.folders import cache_entry, written_at_once
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.interrupts import heard_afterwards
+from simrob_drake.base.messages import message
 from simrob_drake.base.packages import OutsideBorder
 from simrob_drake.importer.meshes.checks import MESH_FORMATS, UnreadableMesh
 from simrob_drake.importer.meshes.parts import (
@@ -83,22 +84,44 @@ class MeshLibrary:
         try:
             others, missing = self.places.needed_by(path)
         except OSError as problem:
-            raise UnreadableMesh(f"cannot be read ({problem.strerror or problem})") from problem
+            raise UnreadableMesh(
+                message("base.cannot_be_read", "cannot be read ({problem})", problem=problem.strerror or problem)
+            ) from problem
         source = read_mesh(path, others)
         faces, place = face_count(source.parts), np.diag([*scale, 1.0])
         mended = [part for part in (mend(part.moved(place)) for part in source.parts) if len(part.faces)]
         source.parts.clear()  # of a million faces it takes a sixth of a gigabyte
         if not mended:
-            raise UnreadableMesh("holds no triangle with an area")
+            raise UnreadableMesh(message("importer.no_area", "holds no triangle with an area"))
         parts = decimate(mended)
         good, few = face_count(mended), face_count(parts)
-        changes = [f"textures or materials missing: {', '.join(missing)}"] if missing else []
-        changes += [f"{faces - good} degenerate faces left out"] if good < faces else []
-        changes += [f"decimated from {good} to {few} faces"] if few < good else []
+        changes = (
+            [
+                message(
+                    "importer.textures_missing", "textures or materials missing: {missing}", missing=", ".join(missing)
+                )
+            ]
+            if missing
+            else []
+        )
+        changes += (
+            [message("importer.degenerate_faces", "{faces} degenerate faces left out", faces=faces - good)]
+            if good < faces
+            else []
+        )
+        changes += (
+            [message("importer.decimated", "decimated from {before} to {after} faces", before=good, after=few)]
+            if few < good
+            else []
+        )
         unchanged = not changes and not source.notes and len(parts) == 1
         stays = path.suffix.lower() == ".obj" and unchanged and scale == (1, 1, 1) and may_stay(source.data)
         size = float(size_of(parts).max())
-        advice = f'is {size:.0f} m large; if it was drawn in millimetres, write scale="0.001 0.001 0.001"'
+        advice = message(
+            "importer.drawn_in_millimetres",
+            'is {size:.0f} m large; if it was drawn in millimetres, write scale="0.001 0.001 0.001"',
+            size=size,
+        )
         remarks = [*source.notes, *([advice] if size > _LARGE else [])]
         return Mesh(path, parts, faces, source.data if stays else None, changes, remarks)
 
@@ -115,7 +138,15 @@ def drake_mesh(file: Path) -> Path:
     """
     kind = file.suffix.lower()
     if kind not in MESH_FORMATS:
-        raise InvalidModel(file, "", f"is no mesh that a piece can have; {', '.join(MESH_FORMATS)} are")
+        raise InvalidModel(
+            file,
+            "",
+            message(
+                "importer.no_mesh_of_piece",
+                "is no mesh that a piece can have; {formats} are",
+                formats=", ".join(MESH_FORMATS),
+            ),
+        )
     try:
         others, _ = MeshPlaces(file.resolve(), ()).needed_by(file.resolve())
         content = [mesh_content(path) for path in (file, *others.values())]
@@ -123,10 +154,12 @@ def drake_mesh(file: Path) -> Path:
         if not converted.is_file():
             part = mend(plain(read_mesh(file, others).parts))
             if not len(part.faces):
-                raise UnreadableMesh("holds no triangle with an area")
+                raise UnreadableMesh(message("importer.no_area", "holds no triangle with an area"))
             written_at_once(converted, obj_text(_outside_out(part)).decode())
     except OSError as problem:
-        raise InvalidModel(file, "", f"cannot be read ({problem.strerror or problem})") from problem
+        raise InvalidModel(
+            file, "", message("base.cannot_be_read", "cannot be read ({problem})", problem=problem.strerror or problem)
+        ) from problem
     except (UnreadableMesh, OutsideBorder) as problem:
         raise InvalidModel(file, "", str(problem)) from problem
     return converted

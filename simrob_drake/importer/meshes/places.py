@@ -10,6 +10,7 @@ from typing import NamedTuple
 from urllib.parse import unquote
 
 from simrob_drake.base.errors import shortened
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.packages import Border, OutsideBorder, resolved, sorted_entries
 from simrob_drake.importer.meshes.checks import references
 from simrob_drake.robots.imports import ImportOptions
@@ -59,7 +60,12 @@ class MeshPlaces:
         if uri not in self._found:
             parsed = _named(uri)
             if parsed.scheme in _NETWORK:
-                raise MeshMissing("is on the network, where nothing is read from; download it beside the URDF")
+                raise MeshMissing(
+                    message(
+                        "importer.on_the_network",
+                        "is on the network, where nothing is read from; download it beside the URDF",
+                    )
+                )
             folder = self.border.package(parsed.package) if parsed.package else self.source.parent
             exact = [] if folder is None else [folder / parsed.path]
             self._found[uri] = self._first(uri, parsed, exact, self._by_end(parsed))
@@ -89,7 +95,7 @@ class MeshPlaces:
         parsed = _named(name)
         last = PurePosixPath(parsed.path).name
         if parsed.scheme in _NETWORK or not last:
-            raise MeshMissing("is no file beside the mesh")
+            raise MeshMissing(message("importer.no_file_beside_mesh", "is no file beside the mesh"))
         if parsed.package:
             return self.find(name)
         return self._first(name, parsed, [owner.parent / parsed.path], [owner.parent / last])
@@ -108,11 +114,23 @@ class MeshPlaces:
             else:
                 root = resolved(self.border.root)
                 shown = path.relative_to(root) if path.is_relative_to(root) else path
-                return Place(path, "" if right and same else f"found as {shown}")
+                return Place(
+                    path, "" if right and same else message("importer.found_as", "found as {shown}", shown=shown)
+                )
         if outside is not None:
-            raise OutsideBorder(f"mesh '{shortened(uri)}': {outside}")
+            raise OutsideBorder(
+                message("importer.mesh_outside", "mesh '{uri}': {outside}", uri=shortened(uri), outside=outside)
+            )
         unknown = parsed.package and self.border.package(parsed.package) is None
-        raise MeshMissing(f"there is no such file{f'; {unknown_package(parsed.package)}' if unknown else ''}")
+        raise MeshMissing(
+            message(
+                "importer.no_such_file",
+                "there is no such file{hint}",
+                hint=compound("; {unknown_package}", unknown_package=unknown_package(parsed.package))
+                if unknown
+                else "",
+            )
+        )
 
     def _by_end(self, parsed: _Name) -> Iterator[Path]:
         """Yield where the file may be if the beginning of its path is wrong, the longest end first."""
@@ -175,4 +193,6 @@ def in_any_case(path: Path) -> Path | None:
 
 def unknown_package(name: str) -> str:
     """Say that a package is not found, and how it would be."""
-    return f"package '{name}' is not found, name its folder with --mesh-path DIR"
+    return message(
+        "importer.package_not_found", "package '{name}' is not found, name its folder with --mesh-path DIR", name=name
+    )

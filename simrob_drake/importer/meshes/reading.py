@@ -14,6 +14,7 @@ import numpy as np
 from simrob_drake.base.files import NotRead, TooLarge, content_of
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.interrupts import heard_afterwards
+from simrob_drake.base.messages import message
 from simrob_drake.importer.meshes.checks import LARGEST_FILE, MESH_FORMATS, UnreadableMesh, checked, decoded
 from simrob_drake.importer.meshes.parts import MeshPart, Rgba, face_count, grouped_by_look, usable
 
@@ -41,7 +42,14 @@ def read_mesh(path: Path, others: Mapping[str, Path]) -> MeshFile:
     """
     kind = path.suffix.lower()
     if kind not in MESH_FORMATS:
-        raise UnreadableMesh(f"is of a format '{kind}' that is not read; {', '.join(MESH_FORMATS)} are")
+        raise UnreadableMesh(
+            message(
+                "importer.unread_format",
+                "is of a format '{kind}' that is not read; {formats} are",
+                kind=kind,
+                formats=", ".join(MESH_FORMATS),
+            )
+        )
     data = mesh_content(path)
     content, notes = checked(data, kind)
     try:
@@ -51,9 +59,16 @@ def read_mesh(path: Path, others: Mapping[str, Path]) -> MeshFile:
         raise
     except Exception as problem:  # readers of damaged files raise whatever they like
         reason = " ".join(str(problem).split())[:120] or type(problem).__name__
-        raise UnreadableMesh(f"is not readable as {kind.removeprefix('.').upper()} ({reason})") from problem
+        raise UnreadableMesh(
+            message(
+                "importer.not_readable_as",
+                "is not readable as {kind} ({reason})",
+                kind=kind.removeprefix(".").upper(),
+                reason=reason,
+            )
+        ) from problem
     if not parts:
-        raise UnreadableMesh("holds no triangles")
+        raise UnreadableMesh(message("importer.no_triangles", "holds no triangles"))
     if face_count(parts) > _MOST_SHADED:
         gc.collect()  # the objects of mesh libraries hold each other: a quarter of a gigabyte for a million faces
     return MeshFile(parts, data if kind == ".obj" else b"", notes)
@@ -64,8 +79,14 @@ def mesh_content(path: Path) -> bytes:
     try:
         return content_of(path, LARGEST_FILE)
     except NotRead as problem:
-        hint = "; decimate it, in MeshLab or Blender" if isinstance(problem, TooLarge) else ""
-        raise UnreadableMesh(f"cannot be read ({problem}){hint}") from problem
+        hint = (
+            message("importer.decimate_it", "; decimate it, in MeshLab or Blender")
+            if isinstance(problem, TooLarge)
+            else ""
+        )
+        raise UnreadableMesh(
+            message("importer.cannot_be_read_hint", "cannot be read ({problem}){hint}", problem=problem, hint=hint)
+        ) from problem
 
 
 def _loaded(data: bytes, kind: str, others: Mapping[str, Path]) -> Any:
@@ -124,7 +145,9 @@ def _parts(scene: Any, kind: str, notes: list[str]) -> Iterator[MeshPart]:
     placed = [(matrix, scene.geometry[name]) for matrix, name in nodes]
     meshes = [(matrix, mesh) for matrix, mesh in placed if isinstance(mesh, Trimesh) and len(mesh.faces)]
     if sum(len(mesh.faces) for _, mesh in meshes) > _MOST_FACES:
-        raise UnreadableMesh(f"has more than {_MOST_FACES} faces; decimate it")
+        raise UnreadableMesh(
+            message("importer.too_many_faces", "has more than {most} faces; decimate it", most=_MOST_FACES)
+        )
     turn = _Y_UP if kind in (".gltf", ".glb") else np.eye(4)
     for matrix, mesh in meshes:
         place = turn @ (np.diag([*[_unit(mesh)] * 3, 1.0]) @ matrix if kind == ".dae" else matrix)
@@ -151,7 +174,13 @@ def _looks(mesh: Any, kind: str, notes: list[str]) -> Iterator[MeshPart]:
     plain = _plain(mesh)
     lost = np.count_nonzero(~np.isfinite(plain.vertices[plain.faces]).all(axis=(1, 2)))
     if lost:
-        notes.append(f"{lost} faces with a corner that is no finite number left out")
+        notes.append(
+            message(
+                "importer.faces_without_corner",
+                "{lost} faces with a corner that is no finite number left out",
+                lost=lost,
+            )
+        )
     visual = mesh.visual
     if visual.kind == "texture":
         yield _textured(plain, mesh, kind)
@@ -204,7 +233,11 @@ def _coloured(plain: MeshPart, colours: Any, notes: list[str]) -> Iterator[MeshP
         return
     distinct, which = np.unique(np.asarray(colours), axis=0, return_inverse=True)
     if len(distinct) > _MOST_COLOURS:
-        notes.append(f"{len(distinct)} colours of its vertices become their mean")
+        notes.append(
+            message(
+                "importer.colours_become_mean", "{count} colours of its vertices become their mean", count=len(distinct)
+            )
+        )
         distinct, which = np.mean(colours, axis=0, keepdims=True), np.zeros(len(colours), dtype=int)
     for index, colour in enumerate(distinct):
         part = plain.only(which.reshape(-1) == index)

@@ -19,6 +19,7 @@ from contextlib import suppress
 from typing import IO, Any, cast
 
 from simrob_drake.base.errors import shortened
+from simrob_drake.base.messages import compound, message
 from simrob_drake.robots.imports import ImportReport
 
 MAX_OUTPUT = 20_000_000  # of one line that the process says [bytes]
@@ -61,34 +62,52 @@ def in_child(
             with suppress(OSError):  # of what it did not hear any more
                 cast(IO[bytes], child.stdin).close()
         if end is None and not in_time:
-            raise ChildFailed(f"did not end within {seconds:g} s")
+            raise ChildFailed(message("importer.did_not_end", "did not end within {seconds:g} s", seconds=seconds))
         if end is None:
             errors.seek(0)
-            message = errors.read(MAX_OUTPUT).decode("utf-8", errors="replace").strip().splitlines()
-            raise ChildFailed(message[-1] if message else f"its process ended with code {child.wait()}")
+            text = errors.read(MAX_OUTPUT).decode("utf-8", errors="replace").strip().splitlines()
+            raise ChildFailed(
+                text[-1]
+                if text
+                else message("importer.its_process_ended", "its process ended with code {code}", code=child.wait())
+            )
     if "problem" in end:
         raise ChildFailed(str(end["problem"]))
     if end["unconfined"]:
         missing = " and ".join(end["unconfined"])
-        report.add("read", "", f"read without {missing}, which would confine the process that does it on Linux, too")
+        report.add(
+            "read",
+            "",
+            message(
+                "importer.read_unconfined",
+                "read without {missing}, which would confine the process that does it on Linux, too",
+                missing=missing,
+            ),
+        )
     return end
 
 
 def _exchange(job: dict[str, Any], answer: Answer, child: subprocess.Popen[bytes]) -> dict[str, Any] | None:
     """Talk to the process until it ends; return what it says last, None if it ends without a word."""
     replies, requests = cast(IO[bytes], child.stdout), cast(IO[bytes], child.stdin)
-    message: Any = job
+    text: Any = job
     try:
         while True:
-            requests.write(json.dumps(message).encode() + b"\n")
+            requests.write(json.dumps(text).encode() + b"\n")
             requests.flush()
             line = replies.readline(MAX_OUTPUT)
             if len(line) == MAX_OUTPUT:
-                return {"problem": f"it gives more than {MAX_OUTPUT // 1_000_000} MB"}
+                return {
+                    "problem": message(
+                        "importer.gives_too_much",
+                        "it gives more than {megabytes} MB",
+                        megabytes=MAX_OUTPUT // 1_000_000,
+                    )
+                }
             reply = json.loads(line)
             if "ask" not in reply:
                 return dict(reply)
-            message = answer(reply["ask"], reply["about"])
+            text = answer(reply["ask"], reply["about"])
     except (OSError, ValueError):
         return None
 
@@ -105,9 +124,15 @@ def serve(work: Callable[[dict[str, Any]], dict[str, Any]], seconds: int) -> Non
     try:
         end = {**work(json.loads(sys.stdin.readline())), "unconfined": missing}
     except MemoryError:
-        end = {"problem": f"it takes more than {MEMORY // 1_000_000} MB of memory"}
+        end = {
+            "problem": message(
+                "importer.takes_too_much_memory",
+                "it takes more than {megabytes} MB of memory",
+                megabytes=MEMORY // 1_000_000,
+            )
+        }
     except OSError as problem:
-        end = {"problem": f"{problem.filename}: {problem.strerror}"}
+        end = {"problem": compound("{filename}: {strerror}", filename=problem.filename, strerror=problem.strerror)}
     except Exception as problem:
         end = {"problem": shortened(" ".join(str(problem).split()), 400) or type(problem).__name__}
     print(json.dumps(end), flush=True)

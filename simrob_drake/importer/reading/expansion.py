@@ -17,6 +17,7 @@ import xacro
 import yaml
 from xacro import substitution_args
 
+from simrob_drake.base.messages import message
 from simrob_drake.importer.reading.child import ask, serve
 from simrob_drake.importer.reading.expressions import Function, NotAllowed, bounded, evaluate, symbols
 
@@ -80,7 +81,13 @@ class _Expansion:
             xacro.filestack.pop()
             raise xacro.XacroException(exc=problem) from problem
         if document.doctype is not None:
-            _refuse(f"{file} declares a document type or entities, which a URDF never needs")
+            _refuse(
+                message(
+                    "importer.entities_in_file",
+                    "{file} declares a document type or entities, which a URDF never needs",
+                    file=file,
+                )
+            )
         return document
 
     def _with_unit(self, loader: _Loader, node: yaml.ScalarNode, *, factor: float) -> float:
@@ -105,7 +112,13 @@ class _Expansion:
 
 
 def _environment(name: str) -> str:
-    return _refuse(f"the environment variable {name} is not for a xacro file to read")
+    return _refuse(
+        message(
+            "importer.environment_variable",
+            "the environment variable {name} is not for a xacro file to read",
+            name=name,
+        )
+    )
 
 
 def _refuse(why: str) -> NoReturn:

@@ -17,6 +17,8 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
+from simrob_drake.base.messages import message
+
 LARGEST = 1_000_000  # how much a value may hold: letters, and ten for each number and each entry in it
 _LONGEST = 20_000  # letters of an expression
 _BITS = 2048  # of a whole number; a float reaches to 1024
@@ -66,7 +68,13 @@ def evaluate(text: str, names: Mapping[str, Any]) -> Any:
     large; Exception: what Python raises for such values, such as ZeroDivisionError.
     """
     if len(text) > _LONGEST:
-        raise NotAllowed(f"an expression of more than {_LONGEST} letters is not allowed")
+        raise NotAllowed(
+            message(
+                "importer.expression_too_long",
+                "an expression of more than {longest} letters is not allowed",
+                longest=_LONGEST,
+            )
+        )
     return _Scope(names).value(ast.parse(text.strip(), mode="eval").body)
 
 
@@ -82,7 +90,9 @@ def size_of(value: Any, size: int = 0) -> int:
     Raises NotAllowed: that is too much, or there is something in it that no expression may hold.
     """
     if isinstance(_plain(value), int) and value.bit_length() > _BITS:
-        raise NotAllowed(f"a number of more than {_BITS} bits is not allowed")
+        raise NotAllowed(
+            message("importer.number_too_large", "a number of more than {bits} bits is not allowed", bits=_BITS)
+        )
     size += len(value) if isinstance(value, str) else 10
     if isinstance(value, dict):
         value = [*value.keys(), *value.values()]
@@ -90,7 +100,9 @@ def size_of(value: Any, size: int = 0) -> int:
         for part in value:
             size = size_of(part, size)
     if size > LARGEST:
-        raise NotAllowed(f"a value of more than {LARGEST} letters is not allowed")
+        raise NotAllowed(
+            message("importer.value_too_long", "a value of more than {largest} letters is not allowed", largest=LARGEST)
+        )
     return size
 
 
@@ -103,7 +115,11 @@ class _Scope:
 
     def value(self, node: ast.expr) -> Any:
         if type(node) not in _RULES:
-            raise NotAllowed(f"{type(node).__name__} is not allowed in an expression")
+            raise NotAllowed(
+                message(
+                    "importer.not_in_expression", "{name} is not allowed in an expression", name=type(node).__name__
+                )
+            )
         return _RULES[type(node)](self, node)
 
 
@@ -111,7 +127,7 @@ def _name(scope: _Scope, node: ast.Name) -> Any:
     try:
         return _plain(scope.own[node.id] if node.id in scope.own else scope.names[node.id])
     except KeyError:
-        raise NameError(f"name '{node.id}' is not defined") from None
+        raise NameError(message("importer.name_not_defined", "name '{name}' is not defined", name=node.id)) from None
 
 
 def _list(scope: _Scope, node: ast.List | ast.Tuple) -> Any:
@@ -128,13 +144,21 @@ def _binary(scope: _Scope, node: ast.BinOp) -> Any:
     whole = isinstance(one, int) and isinstance(other, int)
     match node.op:
         case ast.Pow() if whole and one.bit_length() * other > _BITS:
-            raise NotAllowed(f"a power of more than {_BITS} bits is not allowed")
+            raise NotAllowed(
+                message("importer.power_too_large", "a power of more than {bits} bits is not allowed", bits=_BITS)
+            )
         case ast.Mult() if not whole:
             for many, times in ((one, other), (other, one)):
                 if isinstance(many, str | list | tuple) and isinstance(times, int) and size_of(many) * times > LARGEST:
-                    raise NotAllowed(f"a repetition to more than {LARGEST} letters is not allowed")
+                    raise NotAllowed(
+                        message(
+                            "importer.repetition_too_long",
+                            "a repetition to more than {largest} letters is not allowed",
+                            largest=LARGEST,
+                        )
+                    )
         case ast.Mod() if isinstance(one, str) and _WIDE.search(one):
-            raise NotAllowed("a format of more than 999 letters is not allowed")
+            raise NotAllowed(message("importer.format_too_long", "a format of more than 999 letters is not allowed"))
     return bounded(_operator(node.op)(one, other))
 
 
@@ -161,7 +185,9 @@ def _comparison(scope: _Scope, node: ast.Compare) -> bool:
 def _entry(scope: _Scope, node: ast.Subscript) -> Any:
     owner, place = scope.value(node.value), node.slice
     if not isinstance(owner, str | list | tuple | dict | range):
-        raise NotAllowed(f"an entry of a {type(owner).__name__} is not allowed")
+        raise NotAllowed(
+            message("importer.entry_not_allowed", "an entry of a {name} is not allowed", name=type(owner).__name__)
+        )
     if isinstance(place, ast.Slice):
         ends = (place.lower, place.upper, place.step)
         return owner[slice(*(None if end is None else scope.value(end) for end in ends))]
@@ -170,7 +196,7 @@ def _entry(scope: _Scope, node: ast.Subscript) -> Any:
 
 def _call(scope: _Scope, node: ast.Call) -> Any:
     if any(key.arg is None for key in node.keywords):
-        raise NotAllowed("** is not allowed in an expression")
+        raise NotAllowed(message("importer.no_double_star", "** is not allowed in an expression"))
     run, by_name = _function(scope, node.func), {str(key.arg): scope.value(key.value) for key in node.keywords}
     return bounded(run(*map(scope.value, node.args), **by_name))
 
@@ -184,7 +210,13 @@ def _function(scope: _Scope, node: ast.expr) -> Callable[..., Any]:
     else:
         found = scope.value(node)
     if not isinstance(found, Function):
-        raise NotAllowed(f"{ast.unparse(node)} is no function that an expression may call")
+        raise NotAllowed(
+            message(
+                "importer.no_such_function",
+                "{function} is no function that an expression may call",
+                function=ast.unparse(node),
+            )
+        )
     return found.run
 
 
@@ -192,7 +224,12 @@ def _comprehension(scope: _Scope, node: ast.ListComp) -> list[Any]:
     """Return the values of a part for all entries of one list, under one name or several."""
     loop = node.generators[0]
     if len(node.generators) > 1 or loop.ifs:
-        raise NotAllowed("a comprehension with conditions, or of several lists, is not allowed in an expression")
+        raise NotAllowed(
+            message(
+                "importer.no_such_comprehension",
+                "a comprehension with conditions, or of several lists, is not allowed in an expression",
+            )
+        )
     several = isinstance(loop.target, ast.Tuple)
     names = [ast.unparse(name) for name in (loop.target.elts if isinstance(loop.target, ast.Tuple) else [loop.target])]
     made, size = list[Any](), 0
@@ -223,23 +260,38 @@ _RULES: dict[type[ast.expr], Callable[[_Scope, Any], Any]] = {
 
 def _operator(op: ast.AST) -> Callable[..., Any]:
     if type(op) not in _OPERATORS:
-        raise NotAllowed(f"{type(op).__name__} is not allowed in an expression")
+        raise NotAllowed(
+            message("importer.not_in_expression", "{name} is not allowed in an expression", name=type(op).__name__)
+        )
     return _OPERATORS[type(op)]
 
 
 def _under(owner: Any, key: str) -> Any:
     """Return what stands under a key of a mapping."""
     if not isinstance(owner, dict):
-        raise NotAllowed(f".{key} of a {type(owner).__name__} is not allowed: only mappings have keys")
+        raise NotAllowed(
+            message(
+                "importer.key_not_allowed",
+                ".{key} of a {name} is not allowed: only mappings have keys",
+                key=key,
+                name=type(owner).__name__,
+            )
+        )
     try:
         return _plain(owner[key])
     except KeyError:
-        raise NameError(f"there is no key '{key}'") from None
+        raise NameError(message("importer.no_key", "there is no key '{key}'", key=key)) from None
 
 
 def _plain(value: Any) -> Any:
     if not isinstance(value, (*_PLAIN, Function)):
-        raise NotAllowed(f"a value of the kind {type(value).__name__} is not allowed in an expression")
+        raise NotAllowed(
+            message(
+                "importer.kind_not_allowed",
+                "a value of the kind {name} is not allowed in an expression",
+                name=type(value).__name__,
+            )
+        )
     return value
 
 
@@ -278,7 +330,7 @@ def _functions(run: dict[str, Callable[..., Any]]) -> dict[str, Function]:
 
 def _map(function: Function, many: Iterable[Any]) -> list[Any]:
     if not isinstance(function, Function):
-        raise NotAllowed("map needs a function")
+        raise NotAllowed(message("importer.map_needs_function", "map needs a function"))
     return [function.run(one) for one in bounded(many)]
 
 
@@ -316,7 +368,9 @@ def _listed(name: str, mapping: dict[Any, Any]) -> list[Any]:
 
 def _check_size(size: int) -> None:
     if size > LARGEST:
-        raise NotAllowed(f"a text of more than {LARGEST} letters is not allowed")
+        raise NotAllowed(
+            message("importer.text_too_long", "a text of more than {largest} letters is not allowed", largest=LARGEST)
+        )
 
 
 _OF_PYTHON: dict[str, Callable[..., Any]] = {

@@ -6,6 +6,7 @@ from collections import Counter
 from pathlib import Path
 
 from simrob_drake.base.extension import BrokenExtension, MissingExtension
+from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.importer.importer import RobotImporter, load_importer
 from simrob_drake.importer.reading.xacro import XACRO, expanded
@@ -29,8 +30,8 @@ def read_source(path: Path, report: ImportReport, options: ImportOptions | None 
         text = expanded(path, text, options or ImportOptions(), report)
         robot, comments = parse_tree(text, report)
         if _is_xacro(robot, path):
-            raise report.refusal("", "still holds xacro elements after its expansion")
-        report.add("read", "", "xacro, expanded")
+            raise report.refusal("", message("importer.still_xacro", "still holds xacro elements after its expansion"))
+        report.add("read", "", message("importer.xacro_expanded", "xacro, expanded"))
     if robot.tag == "sdf":
         return read_sdf(robot, path.absolute(), options or ImportOptions(), report)
     if robot.tag != "robot":
@@ -38,13 +39,28 @@ def read_source(path: Path, report: ImportReport, options: ImportOptions | None 
         if importer is not None:
             return importer.robot_element(robot, path.absolute(), options or ImportOptions(), report)
         kind = read_yaml(Path(__file__).with_name("other_formats.yaml")).get(robot.tag)
-        message = f"this is {kind}; a URDF is needed" if kind else "the outermost element of a URDF is <robot>"
-        raise report.refusal(f"<{robot.tag}>", message)
+        sentence = (
+            message("importer.urdf_needed", "this is {kind}; a URDF is needed", kind=kind)
+            if kind
+            else message("robots.outermost_robot", "the outermost element of a URDF is <robot>")
+        )
+        raise report.refusal(f"<{robot.tag}>", sentence)
     hiding = [tags for comment in comments if (tags := _HIDDEN.findall(comment))]
     if hiding:
         counts = Counter(tag for tags in hiding for tag in tags)
-        listed = ", ".join(f"{count} <{tag}>" for tag, count in counts.most_common())
-        report.add("read", "", f"{len(hiding)} comment(s) hide elements ({listed}); they are ignored")
+        listed = join_texts(
+            (compound("{count} <{tag}>", count=count, tag=tag) for tag, count in counts.most_common()), ", "
+        )
+        report.add(
+            "read",
+            "",
+            message(
+                "importer.comments_hide",
+                "{count} comment(s) hide elements ({elements}); they are ignored",
+                count=len(hiding),
+                elements=listed,
+            ),
+        )
     _drop_foreign(robot, report)
     return robot
 
@@ -62,7 +78,9 @@ def _importer_of(tag: str, report: ImportReport) -> RobotImporter | None:
     try:
         importer = load_importer(f"<{tag}>")
     except (BrokenExtension, MissingExtension) as problem:
-        raise report.refusal("", f"cannot be read: {problem}") from problem
+        raise report.refusal(
+            "", message("importer.cannot_be_read", "cannot be read: {problem}", problem=problem)
+        ) from problem
     return importer if isinstance(importer, RobotImporter) else None
 
 
@@ -82,12 +100,16 @@ def _drop_foreign(robot: ET.Element, report: ImportReport) -> None:
     for element in robot.iter():
         for name in [name for name in element.attrib if _is_foreign(name)]:
             del element.attrib[name]
-            counts[f"attribute {name}"] += 1
+            counts[message("importer.attribute_called", "attribute {name}", name=name)] += 1
         for child in [child for child in element if _is_foreign(child.tag)]:
             element.remove(child)
             counts[f"<{child.tag}>"] += 1
     for name, count in counts.items():
-        report.add("dropped", name, f"{count} ×: of a namespace that no simulation uses")
+        report.add(
+            "dropped",
+            name,
+            message("importer.namespace_unused", "{count} ×: of a namespace that no simulation uses", count=count),
+        )
 
 
 def _is_foreign(name: str) -> bool:

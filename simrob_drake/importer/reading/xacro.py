@@ -22,6 +22,7 @@ from typing import Any
 from simrob_drake.base.errors import InvalidModel, shortened
 from simrob_drake.base.extras import lacking
 from simrob_drake.base.files import NotRead, text_of
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.packages import Border, OutsideBorder, sorted_entries
 from simrob_drake.importer.meshes.places import unknown_package
 from simrob_drake.importer.reading.child import ChildFailed, in_child
@@ -42,7 +43,7 @@ def expanded(path: Path, text: str, options: ImportOptions, report: ImportReport
     """Return a xacro file's expansion, made in a process of its own; raises InvalidModel: no xacro, or it fails."""
     package = importlib.util.find_spec("xacro")
     if package is None or package.origin is None:  # a robot's folder of that name has no origin
-        raise report.refusal("", lacking("is a xacro file, which", "xacro"))
+        raise report.refusal("", lacking(message("importer.is_xacro", "is a xacro file, which"), "xacro"))
     path = path.absolute()
     files = _Files({str(path): text}, Border(path, options.mesh_path), report)
     arguments = _arguments(options, report)
@@ -60,17 +61,41 @@ def expanded(path: Path, text: str, options: ImportOptions, report: ImportReport
         if missing is None or missing in arguments:
             break
         arguments[missing] = str(offers.arguments[missing])
-        said = f"{missing}:={arguments[missing]}, which the file declares after its first use"
-        report.add("defaulted", "xacro argument", said)
-    summary = f"arguments, given with --xacro-arg NAME:=VALUE: {offers.summary()}" if offers.arguments else ""
+        said = message(
+            "importer.declared_after_use",
+            "{argument}:={value}, which the file declares after its first use",
+            argument=missing,
+            value=arguments[missing],
+        )
+        report.add("defaulted", message("importer.xacro_argument", "xacro argument"), said)
+    summary = (
+        message(
+            "importer.xacro_arguments",
+            "arguments, given with --xacro-arg NAME:=VALUE: {summary}",
+            summary=offers.summary(),
+        )
+        if offers.arguments
+        else ""
+    )
     if problem:
-        raise report.refusal("", "; ".join(filter(None, (f"xacro cannot expand it: {problem}", summary))))
+        raise report.refusal(
+            "",
+            "; ".join(
+                filter(
+                    None,
+                    (
+                        message("importer.xacro_cannot_expand", "xacro cannot expand it: {problem}", problem=problem),
+                        summary,
+                    ),
+                )
+            ),
+        )
     if offers.macros and not _LINK.search(end["urdf"]):
         raise report.refusal("", _only_macros(offers.macros, files.border.root))
     if summary:
         report.add("read", "", summary)
-    for message in end["messages"]:
-        report.add("read", "", f"the file says: {shortened(message, 400)}")
+    for sentence in end["messages"]:
+        report.add("read", "", message("importer.file_says", "the file says: {text}", text=shortened(sentence, 400)))
     return str(end["urdf"])
 
 
@@ -97,7 +122,7 @@ class _Files:
         except (LookupError, InvalidModel) as problem:  # which say what and where
             return {"refused": str(problem)}
         except (OutsideBorder, NotRead) as problem:
-            return {"refused": f"{about}: {problem}"}
+            return {"refused": compound("{about}: {problem}", about=about, problem=problem)}
 
     def package(self, name: str) -> Path:
         """Return the folder of a package; raises LookupError: there is none that may be read."""
@@ -128,7 +153,14 @@ def _arguments(options: ImportOptions, report: ImportReport) -> dict[str, str]:
     for text in options.xacro_arg:
         name, means, value = text.partition(":=")
         if not (name.strip() and means):
-            raise report.refusal("", f"--xacro-arg '{shortened(text)}' is not of the form NAME:=VALUE")
+            raise report.refusal(
+                "",
+                message(
+                    "importer.odd_xacro_argument",
+                    "--xacro-arg '{text}' is not of the form NAME:=VALUE",
+                    text=shortened(text),
+                ),
+            )
         values[name.strip()] = value.strip()
     return values
 
@@ -136,9 +168,22 @@ def _arguments(options: ImportOptions, report: ImportReport) -> dict[str, str]:
 def _only_macros(macros: Mapping[str, str], package: Path) -> str:
     """Say what a file holds that makes no robot, and which one would."""
     listed = ", ".join(f"{name}({parameters})" for name, parameters in macros.items())
-    summary = f"holds no robot, but macros that others call: {shortened(listed, 900)}"
+    summary = message(
+        "importer.macros_for_others",
+        "holds no robot, but macros that others call: {macros}",
+        macros=shortened(listed, 900),
+    )
     found = [str(file.relative_to(package)) for file in callers(macros, package)]
-    return f"{summary}; called by {shortened(', '.join(found), 300)}" if found else summary
+    return (
+        message(
+            "importer.called_by",
+            "{summary}; called by {found}",
+            summary=summary,
+            found=shortened(", ".join(found), 300),
+        )
+        if found
+        else summary
+    )
 
 
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
@@ -167,8 +212,16 @@ class Outline:
         parts = []
         for name in order:
             default, choices = self.arguments[name], ", ".join(self.choices.get(name, ()))
-            part = f"{name} (needed)" if default is None else f"{name}:={default}"
-            parts.append(f"{part} (known: {choices})" if choices else part)
+            part = (
+                message("importer.argument_needed", "{name} (needed)", name=name)
+                if default is None
+                else f"{name}:={default}"
+            )
+            parts.append(
+                message("importer.argument_known", "{part} (known: {choices})", part=part, choices=choices)
+                if choices
+                else part
+            )
         return shortened("; ".join(parts), _LONGEST)
 
 

@@ -15,6 +15,7 @@ from typing import TypeVar
 from xml.parsers import expat
 
 from simrob_drake.base.files import NotRead, content_of
+from simrob_drake.base.messages import message
 from simrob_drake.robots.imports import ImportReport
 from simrob_drake.robots.urdf import DRAKE, LARGEST_URDF, MOST_TAGS
 
@@ -48,7 +49,15 @@ def xml_text(path: Path, report: ImportReport) -> str:
     content = _content(path, report)
     for mark, encoding in _MARKS:
         if content.startswith(mark):
-            report.add("repaired", "", f"begins with a byte order mark ({encoding.upper()}); written without, in UTF-8")
+            report.add(
+                "repaired",
+                "",
+                message(
+                    "importer.byte_order_mark",
+                    "begins with a byte order mark ({encoding}); written without, in UTF-8",
+                    encoding=encoding.upper(),
+                ),
+            )
             text = _decoded(content.removeprefix(mark), (encoding,), report)
             break
     else:
@@ -56,11 +65,11 @@ def xml_text(path: Path, report: ImportReport) -> str:
         name = declared.group(1).decode("ascii") if declared else "utf-8"
         text = _decoded(content, (name, "utf-8", "cp1252", "latin-1"), report)
     if "\0" in text:
-        raise report.refusal("", "is a binary file, not the text of a URDF")
+        raise report.refusal("", message("importer.is_binary", "is a binary file, not the text of a URDF"))
     if not text.strip():
-        raise report.refusal("", "is empty")
+        raise report.refusal("", message("importer.is_empty", "is empty"))
     if text.count("<") > MOST_TAGS:
-        raise report.refusal("", f"has more than {MOST_TAGS} tags")
+        raise report.refusal("", message("robots.too_many_tags", "has more than {most} tags", most=MOST_TAGS))
     return _well_formed(text, report)
 
 
@@ -78,12 +87,22 @@ def _well_formed(text: str, report: ImportReport) -> str:
     late = _LATE_DECLARATION.match(text)
     if late:
         text = text[: late.start(1)] + text[late.end(1) :]
-        report.add("repaired", "", "<?xml ...?> is not at the beginning, as it must be; left out")
+        report.add(
+            "repaired",
+            "",
+            message("importer.xml_line_misplaced", "<?xml ...?> is not at the beginning, as it must be; left out"),
+        )
     end = text.rfind("-->") + 3  # beyond, each comment would be searched for an end that is not there
     bad = [comment for comment in _COMMENT.findall(text, 0, end) if "--" in comment or comment.endswith("-")]
     if bad:
         text = _COMMENT.sub(lambda found: f"<!--{found.group(1).replace('-', ' ')}-->", text[:end]) + text[end:]
-        report.add("repaired", "", f"{len(bad)} comment(s) hold --, which XML forbids; mended")
+        report.add(
+            "repaired",
+            "",
+            message(
+                "importer.comments_with_dashes", "{count} comment(s) hold --, which XML forbids; mended", count=len(bad)
+            ),
+        )
     return text
 
 
@@ -94,20 +113,33 @@ def _decoded(content: bytes, encodings: tuple[str, ...], report: ImportReport) -
         except (LookupError, ValueError):  # an encoding that Python does not know, or that the file does not keep to
             continue
         if encoding != encodings[0]:
-            report.add("repaired", "", f"is not {encodings[0]}, as it says or should be; read as {encoding}")
+            report.add(
+                "repaired",
+                "",
+                message(
+                    "importer.other_encoding",
+                    "is not {declared}, as it says or should be; read as {encoding}",
+                    declared=encodings[0],
+                    encoding=encoding,
+                ),
+            )
         return text
-    raise report.refusal("", f"cannot be read as {encodings[0].upper()} text")
+    raise report.refusal(
+        "", message("importer.no_text_of_encoding", "cannot be read as {encoding} text", encoding=encodings[0].upper())
+    )
 
 
 def _content(path: Path, report: ImportReport) -> bytes:
     if isdir(path):
-        raise report.refusal("", "is a folder; name the URDF file in it")
+        raise report.refusal("", message("importer.is_a_folder", "is a folder; name the URDF file in it"))
     if not exists(path):
-        raise report.refusal("", "there is no such file")
+        raise report.refusal("", message("importer.there_is_no_file", "there is no such file"))
     try:
         return content_of(path, LARGEST_URDF)
     except NotRead as problem:
-        raise report.refusal("", f"cannot be read: {problem}") from problem
+        raise report.refusal(
+            "", message("importer.cannot_be_read", "cannot be read: {problem}", problem=problem)
+        ) from problem
 
 
 def parse_tree(text: str, report: ImportReport) -> tuple[ET.Element, list[str]]:
@@ -136,10 +168,19 @@ class _Reader:
         except expat.ExpatError as problem:
             what = expat.ErrorString(problem.code)
             raise self._report.refusal(
-                "", f"is not XML: {what} at line {problem.lineno}, column {problem.offset + 1}"
+                "",
+                message(
+                    "importer.not_xml_at",
+                    "is not XML: {what} at line {line}, column {column}",
+                    what=what,
+                    line=problem.lineno,
+                    column=problem.offset + 1,
+                ),
             ) from problem
         except ValueError as problem:  # characters that no XML can hold, such as lone surrogates
-            raise self._report.refusal("", f"is not XML: {problem}") from problem
+            raise self._report.refusal(
+                "", message("robots.not_xml", "is not XML: {problem}", problem=problem)
+            ) from problem
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         declared = {
@@ -147,7 +188,14 @@ class _Reader:
         }
         self._prefixes.append({**self._prefixes[-1], **declared} if declared else self._prefixes[-1])
         if len(self._prefixes) > MAX_DEPTH:
-            raise self._report.refusal("", f"nests elements more than {MAX_DEPTH} deep; a URDF has six levels")
+            raise self._report.refusal(
+                "",
+                message(
+                    "importer.nested_too_deep",
+                    "nests elements more than {depth} deep; a URDF has six levels",
+                    depth=MAX_DEPTH,
+                ),
+            )
         kept = {self._full(name): value for name, value in attributes.items() if not name.startswith("xmlns")}
         self._builder.start(self._full(tag), kept)
 
@@ -165,7 +213,13 @@ class _Reader:
         return f"{_XACRO_PREFIX}:{rest}" if kind == _XACRO_PREFIX else name
 
     def _refuse_doctype(self, *_: object) -> None:
-        raise self._report.refusal("", "declares a document type or entities, which a URDF never needs; remove them")
+        raise self._report.refusal(
+            "",
+            message(
+                "importer.remove_entities",
+                "declares a document type or entities, which a URDF never needs; remove them",
+            ),
+        )
 
 
 def _kind(uri: str) -> str:

@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from simrob_drake.base.messages import message
 from simrob_drake.robots.bodies import carriers
 from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import MOVABLE_JOINTS, joints_at, link_of, name_of, outward, pose_of, root_link
@@ -32,26 +33,44 @@ def choose_base(robot: ET.Element, options: ImportOptions, report: ImportReport)
     """Return how the robot's root is held, and tell why; the mark that led to it is taken away."""
     base, why = find_base(robot, options)
     robot.attrib.pop(FLOATING_MARK, None)
-    how = "" if options.base != "auto" else f"; --base {'floating' if base == 'fixed' else 'fixed'} changes that"
-    report.add("read", f"link '{root_link(robot)}'", f"{base} base: {why}{how}")
+    how = (
+        ""
+        if options.base != "auto"
+        else message(
+            "importer.base_option",
+            "; --base {base} changes that",
+            base=message("importer.floating", "floating") if base == "fixed" else message("importer.fixed", "fixed"),
+        )
+    )
+    report.add(
+        "read",
+        message("robots.link_called", "link '{link}'", link=root_link(robot)),
+        message("importer.base_because", "{base} base: {why}{how}", base=base, why=why, how=how),
+    )
     return base
 
 
 def find_base(robot: ET.Element, options: ImportOptions) -> tuple[Base, str]:
     """Return how the robot's root is held, and why."""
     if options.base != "auto":
-        return options.base, "as chosen"
+        return options.base, message("importer.as_chosen", "as chosen")
     root = root_link(robot)
     if robot.get(FLOATING_MARK) is not None:
-        return "floating", "a floating joint held it"
+        return "floating", message("importer.floating_joint_held", "a floating joint held it")
     if _WORLD.fullmatch(root):
-        return "fixed", "its root link is the world"
+        return "fixed", message("importer.root_is_world", "its root link is the world")
     starts = joints_at(robot)
     if stands := _named(robot, starts, root) or _shaped(starts, root):
         return "floating", stands
     arms = sum(_is_called(_ARM, joint) for joint in robot.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS)
-    called = f"; {arms} joints are called as those of arms and hands are" if arms else ""
-    return "fixed", f"no pair of legs and no wheels carry it{called}"
+    called = (
+        message("importer.called_as_arms", "; {arms} joints are called as those of arms and hands are", arms=arms)
+        if arms
+        else ""
+    )
+    return "fixed", message(
+        "importer.no_legs_no_wheels", "no pair of legs and no wheels carry it{called}", called=called
+    )
 
 
 def _named(robot: ET.Element, starts: Mapping[str, list[ET.Element]], root: str) -> str:
@@ -68,9 +87,20 @@ def _named(robot: ET.Element, starts: Mapping[str, list[ET.Element]], root: str)
             legs[body[parent]] += moves and movable[child] + 1 >= _NAMED_LEG_JOINTS
     for link, count in legs.items():
         if count >= 2:
-            return f"{count} branches of '{link}' are called as legs are"
+            return message(
+                "importer.branches_called_as_legs",
+                "{count} branches of '{link}' are called as legs are",
+                count=count,
+                link=link,
+            )
     wheels = sum(_is_called(_WHEEL, joint) for joint in joints if joint.get("type") == "continuous")
-    return f"{wheels} continuous joints are called as wheels are" if wheels >= _NAMED_WHEELS else ""
+    return (
+        message(
+            "importer.joints_called_as_wheels", "{wheels} continuous joints are called as wheels are", wheels=wheels
+        )
+        if wheels >= _NAMED_WHEELS
+        else ""
+    )
 
 
 def _is_called(words: re.Pattern[str], joint: ET.Element) -> bool:
@@ -91,9 +121,20 @@ def _shaped(starts: Mapping[str, list[ET.Element]], root: str) -> str:
     ]
     legs = len(long) if len(long) > _FINGERS else sum(map(_hangs_down, long))
     if legs >= 2:
-        return f"{legs} branches of {_LEG_JOINTS} and more joints start at it, as legs do"
+        return message(
+            "importer.branches_start_as_legs",
+            "{legs} branches of {joints} and more joints start at it, as legs do",
+            legs=legs,
+            joints=_LEG_JOINTS,
+        )
     wheels = sum(branch[0].get("type") == "continuous" and _movable(branch) <= 2 for branch in branches)
-    return f"{wheels} continuous joints start at it, as wheels do" if wheels >= _WHEELS else ""
+    return (
+        message(
+            "importer.joints_start_as_wheels", "{wheels} continuous joints start at it, as wheels do", wheels=wheels
+        )
+        if wheels >= _WHEELS
+        else ""
+    )
 
 
 def _movable(joints: list[ET.Element]) -> int:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from simrob_drake.base.constants import STANDARD_GRAVITY
+from simrob_drake.base.messages import message
 from simrob_drake.importer.repairs.base import find_base
 from simrob_drake.importer.repairs.names import FreeNames
 from simrob_drake.importer.repairs.structure import number
@@ -70,7 +71,11 @@ def repair_drives(robot: ET.Element, options: ImportOptions, report: ImportRepor
         add_motor(robot, joint, drive=f"{joint}_drive")
     if idle:
         names = "', '".join(idle)
-        report.add("defaulted", f"joints '{names}'", "no transmission drives them; a motor made for each")
+        report.add(
+            "defaulted",
+            message("importer.joints_called", "joints '{names}'", names=names),
+            message("importer.motor_made_for_each", "no transmission drives them; a motor made for each"),
+        )
     _rename_duplicate_motors(robot, report)
     _repair_efforts_and_speeds(robot, options, report)
 
@@ -84,7 +89,11 @@ def _rename_duplicate_motors(robot: ET.Element, report: ImportReport) -> None:
             new = free_names.take(name)
             if new != name:
                 actuator.set("name", new)
-                report.add("repaired", f"transmission '{name_of(drive)}'", f"a second motor called '{name}'; '{new}'")
+                report.add(
+                    "repaired",
+                    message("importer.transmission_called", "transmission '{name}'", name=name_of(drive)),
+                    message("importer.second_motor", "a second motor called '{name}'; '{new}'", name=name, new=new),
+                )
 
 
 def _repair_transmission(
@@ -102,7 +111,7 @@ def _repair_transmission(
     Returns:
         names of the joints that have got their motor from this transmission.
     """
-    where = f"transmission '{name_of(drive)}'"
+    where = message("importer.transmission_called", "transmission '{name}'", name=name_of(drive))
     actuators = drive.findall("actuator")
     joints = list(dict.fromkeys(name_of(joint).strip() for joint in drive.iterfind("joint")))  # each name once
     new_joints = [joint for joint in joints if joint in movable and joint not in driven]
@@ -142,21 +151,39 @@ def _reason(drive: ET.Element, joints: list[str], new_joints: list[str], movable
         movable: names of the joints of the robot that move.
     """
     if not joints:
-        return "drives no joint"
+        return message("importer.drives_no_joint", "drives no joint")
     if not new_joints:
         have_motors = all(joint in movable for joint in joints)
-        problem = "has a motor already" if have_motors else "is no joint that moves"
-        return f"'{', '.join(joints)}' {problem}"
+        problem = (
+            message("importer.has_motor_already", "has a motor already")
+            if have_motors
+            else message("importer.is_no_moving_joint", "is no joint that moves")
+        )
+        return message(
+            "importer.joints_with_problem", "'{joints}' {problem}", joints=", ".join(joints), problem=problem
+        )
     names = "', '".join(new_joints)
-    replacement = f"{SIMPLE} of '{names}'"
+    replacement = message("importer.simple_transmission_of", "{simple} of '{names}'", simple=SIMPLE, names=names)
     if len(new_joints) > 1:
-        return f"drives {len(new_joints)} joints; each gets a motor of its own: {replacement}"
+        return message(
+            "importer.drives_several",
+            "drives {count} joints; each gets a motor of its own: {replacement}",
+            count=len(new_joints),
+            replacement=replacement,
+        )
     kind = _transmission_type(drive)
     if not kind:
-        return f"has no type; {replacement}"
+        return message("importer.without_type", "has no type; {replacement}", replacement=replacement)
     if not kind.endswith(SIMPLE):
-        return f"its type is '{kind}', which Drake does not simulate; {replacement}"
-    return f"written as Drake reads it; {replacement}"
+        return message(
+            "importer.type_not_simulated",
+            "its type is '{kind}', which Drake does not simulate; {replacement}",
+            kind=kind,
+            replacement=replacement,
+        )
+    return message(
+        "importer.written_as_drake_reads", "written as Drake reads it; {replacement}", replacement=replacement
+    )
 
 
 def _transmission_type(drive: ET.Element) -> str:
@@ -186,7 +213,11 @@ def _repair_gears(actuator: ET.Element, where: str, report: ImportReport) -> Non
         is_possible = is_number and values[0] >= _LEAST_GEAR_VALUES[tag] and (values[0] != 0 or tag == "rotor_inertia")
         if not is_possible:
             actuator.remove(gear)
-            report.add("dropped", where, f"its {tag} is no number that a motor can have")
+            report.add(
+                "dropped",
+                where,
+                message("importer.no_number_of_motor", "its {tag} is no number that a motor can have", tag=tag),
+            )
 
 
 def _repair_efforts_and_speeds(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
@@ -196,8 +227,13 @@ def _repair_efforts_and_speeds(robot: ET.Element, options: ImportOptions, report
     base, _ = find_base(robot, options)
     floating_mass = loads[root_link(robot)].mass if base == "floating" else 0.0
     for name, (effort, mass) in doubtful_efforts(robot).items():
-        text = f"effort {effort:g} N·m for a link of {mass:.3g} kg is doubtful: no motor of its size has it"
-        report.add("open", f"joint '{name}' <limit>", text)
+        text = message(
+            "importer.doubtful_effort",
+            "effort {effort:g} N·m for a link of {mass:.3g} kg is doubtful: no motor of its size has it",
+            effort=effort,
+            mass=mass,
+        )
+        report.add("open", message("robots.limit_of_joint", "joint '{joint}' <limit>", joint=name), text)
     movable = [joint for joint in robot.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS]
     revolute = [joint for joint in movable if joint.get("type") != "prismatic"]
     prismatic = [joint for joint in movable if joint.get("type") == "prismatic"]
@@ -221,7 +257,11 @@ def _repair_speeds(joints: Sequence[ET.Element], speed: float, unit: str, report
         child_of(joint, "limit").set("velocity", written(speed))
     if slow:
         names = "', '".join(name_of(joint) for joint in slow)
-        report.add("defaulted", f"joints '{names}' <limit>", f"no velocity above 0; {speed:.4g} {unit}")
+        report.add(
+            "defaulted",
+            message("importer.limit_of_joints", "joints '{names}' <limit>", names=names),
+            message("importer.no_velocity", "no velocity above 0; {speed:.4g} {unit}", speed=speed, unit=unit),
+        )
 
 
 class _Load(NamedTuple):
@@ -271,13 +311,15 @@ def _repair_efforts(
         rotor = rotors[name_of(joint)]
         is_mass_known = loads[link_of(joint, "child")].mass > 0 or rotor > 0
         if not is_mass_known:
-            why = "a guess, for no mass is known"
+            why = message("importer.guess_without_mass", "a guess, for no mass is known")
         elif estimate < least:
-            why = "the least beside the robot's other motors"
+            why = message("importer.least_of_other_motors", "the least beside the robot's other motors")
         elif rotor:
-            why = f"by what it carries and its armature of {rotor:.3g}"
+            why = message(
+                "importer.by_carried_and_armature", "by what it carries and its armature of {rotor:.3g}", rotor=rotor
+            )
         else:
-            why = "by what it carries"
+            why = message("importer.by_carried", "by what it carries")
         _set_effort(joint, max(estimate, least), why, report)
 
 
@@ -391,5 +433,20 @@ def _set_effort(joint: ET.Element, effort: float, why: str, report: ImportReport
     old_text = limit.get("effort")
     limit.set("effort", written(rounded))
     unit = "N" if joint.get("type") == "prismatic" else "N·m"
-    problem = "has no effort" if old_text is None else f"effort {old_text} would not move it"
-    report.add("defaulted", f"joint '{name_of(joint)}' <limit>", f"{problem}; {rounded:g} {unit}, {why}")
+    problem = (
+        message("importer.has_no_effort", "has no effort")
+        if old_text is None
+        else message("importer.effort_would_not_move", "effort {effort} would not move it", effort=old_text)
+    )
+    report.add(
+        "defaulted",
+        message("robots.limit_of_joint", "joint '{joint}' <limit>", joint=name_of(joint)),
+        message(
+            "importer.new_effort",
+            "{problem}; {effort:g} {unit}, {why}",
+            problem=problem,
+            effort=rounded,
+            unit=unit,
+            why=why,
+        ),
+    )

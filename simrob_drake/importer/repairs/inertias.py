@@ -9,6 +9,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.tree import RotationalInertia, SpatialInertia
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.importer.repairs.base import find_base
 from simrob_drake.importer.repairs.structure import number
 from simrob_drake.robots.bodies import bodies, carriers, links_without_inertia
@@ -50,11 +51,11 @@ class _Inertial:
     def problem(self) -> str:
         """What no body can have; empty if all is well."""
         if self.mass < 0:
-            return f"mass {self.mass:g} kg is negative"
+            return message("importer.negative_mass", "mass {mass:g} kg is negative", mass=self.mass)
         if not self.mass:
-            return "has moments of inertia but no mass"
+            return message("importer.moments_without_mass", "has moments of inertia but no mass")
         if self.moments is None:
-            return "has a mass but no moments of inertia"
+            return message("importer.mass_without_moments", "has a mass but no moments of inertia")
         return impossible(self.moments)
 
 
@@ -71,17 +72,27 @@ def repair_inertias(robot: ET.Element, folder: Path | None, options: ImportOptio
             elif inertia.mass > 0 and inertia.moments is None and carrier[name_of(link)] in heavy:
                 point = inertia.mass, inertia.place.translation(), RotationalInertia(0, 0, 0)
                 _write(link, SpatialInertia.MakeFromCentralInertia(*point))
-                kind, how = "defaulted", f"; a point of {inertia.mass:g} kg"
+                kind, how = (
+                    "defaulted",
+                    message("importer.point_of_mass", "; a point of {mass:g} kg", mass=inertia.mass),
+                )
             else:
-                kind, how = "dropped", "; left out"
-            report.add(kind, f"link '{name_of(link)}' <inertial>", f"{inertia.problem}{how}")
+                kind, how = "dropped", message("importer.left_out", "; left out")
+            report.add(
+                kind,
+                message("robots.inertial_of_link", "link '{link}' <inertial>", link=name_of(link)),
+                f"{inertia.problem}{how}",
+            )
     floating = find_base(robot, options)[0] == "floating"
     for name in links_without_inertia(robot, floating=floating):
         if options.estimate_inertia:
             _estimate_body(name, bodies(robot)[name], folder, options.density, report)
         else:
-            problem = "has no usable inertia: dynamic stations refuse this robot; estimate it with --estimate-inertia"
-            report.add("open", f"link '{name}'", problem)
+            problem = message(
+                "importer.no_usable_inertia",
+                "has no usable inertia: dynamic stations refuse this robot; estimate it with --estimate-inertia",
+            )
+            report.add("open", message("robots.link_called", "link '{link}'", link=name), problem)
     for where, doubt in robot_doubts(robot, folder):
         report.add("read", where, doubt)
 
@@ -97,11 +108,11 @@ def _repair(link: ET.Element, report: ImportReport) -> _Inertial | None:
     inertial = link.find("inertial")
     if inertial is None:
         return None
-    where, inertia = f"link '{name_of(link)}' <inertial>", _read(inertial)
+    where, inertia = message("robots.inertial_of_link", "link '{link}' <inertial>", link=name_of(link)), _read(inertial)
     if not inertia.mass and (inertia.moments is None or not inertia.moments.any()):
         if inertial.find("mass") is None or inertial.find("inertia") is None:
             link.remove(inertial)
-            report.add("dropped", where, "says nothing: no mass, no moments")
+            report.add("dropped", where, message("importer.says_nothing", "says nothing: no mass, no moments"))
         return None
     problem = inertia.problem
     if not problem:
@@ -110,7 +121,11 @@ def _repair(link: ET.Element, report: ImportReport) -> _Inertial | None:
     if right is not None:
         set_moments(inertial, right)
         listed = ", ".join(f"{moment:.6g}" for moment in np.linalg.eigvalsh(right))
-        report.add("repaired", where, f"{problem}; by rounding, so {listed}")
+        report.add(
+            "repaired",
+            where,
+            message("importer.by_rounding", "{problem}; by rounding, so {moments}", problem=problem, moments=listed),
+        )
         return None
     link.remove(inertial)
     return inertia
@@ -135,14 +150,23 @@ def _estimated(link: ET.Element, inertia: _Inertial, folder: Path | None, densit
     estimate = inertia_of_shapes(link, folder, density)
     if estimate is not None and inertia.mass > 0:
         scaled = SpatialInertia(inertia.mass, estimate.get_com(), estimate.get_unit_inertia())
-        whole = f"scaled to its mass of {inertia.mass:g} kg"
-        return "defaulted", f"; estimated: {_write(link, scaled)} of its shapes, {whole}"
+        whole = message("importer.scaled_to_mass", "scaled to its mass of {mass:g} kg", mass=inertia.mass)
+        return "defaulted", message(
+            "importer.estimated_and_scaled",
+            "; estimated: {inertia} of its shapes, {scaled}",
+            inertia=_write(link, scaled),
+            scaled=whole,
+        )
     if estimate is not None:
-        return "defaulted", f"; estimated: {_write(link, estimate)} of its shapes"
+        return "defaulted", message(
+            "importer.estimated", "; estimated: {inertia} of its shapes", inertia=_write(link, estimate)
+        )
     if inertia.mass > 0:
         ball = _ball(inertia.mass, density).Shift(-inertia.place.translation())
-        return "defaulted", f"; and it has no shape; a ball: {_write(link, ball)}"
-    return "dropped", ", and it has no shape; left out"
+        return "defaulted", message(
+            "importer.estimated_as_ball", "; and it has no shape; a ball: {inertia}", inertia=_write(link, ball)
+        )
+    return "dropped", message("importer.without_shape_left_out", ", and it has no shape; left out")
 
 
 def _estimate_body(
@@ -153,12 +177,21 @@ def _estimate_body(
         (link, estimate) for link in links if (estimate := inertia_of_shapes(link, folder, density)) is not None
     ]
     for link, estimate in estimates:
-        how = f"has no inertia; estimated: {_write(link, estimate)} of its shapes at {density:g} kg/m³"
-        report.add("defaulted", f"link '{name_of(link)}'", how)
+        how = message(
+            "importer.estimated_at_density",
+            "has no inertia; estimated: {inertia} of its shapes at {density:g} kg/m³",
+            inertia=_write(link, estimate),
+            density=density,
+        )
+        report.add("defaulted", message("robots.link_called", "link '{link}'", link=name_of(link)), how)
     if not estimates:
         link = next(link for link in links if name_of(link) == carrier)
         guess = _write(link, _ball(SMALL_MASS, density))
-        report.add("defaulted", f"link '{carrier}'", f"has neither inertia nor shape; a small ball: {guess}")
+        report.add(
+            "defaulted",
+            message("robots.link_called", "link '{link}'", link=carrier),
+            message("importer.small_ball", "has neither inertia nor shape; a small ball: {inertia}", inertia=guess),
+        )
 
 
 def _write(link: ET.Element, inertia: SpatialInertia) -> str:
@@ -169,7 +202,7 @@ def _write(link: ET.Element, inertia: SpatialInertia) -> str:
     right = moments if right is None else right
     set_inertia(link, mass=inertia.get_mass(), moments=right, pose=RigidTransform(com))
     listed = ", ".join(f"{moment:.3g}" for moment in np.linalg.eigvalsh(right))
-    return f"{inertia.get_mass():.4g} kg, {listed} kg m²"
+    return compound("{mass:.4g} kg, {moments} kg m²", mass=inertia.get_mass(), moments=listed)
 
 
 def _take_out_points_on_axes(robot: ET.Element) -> dict[str, _Inertial]:

@@ -14,6 +14,7 @@ from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.base.errors import nearest, shortened
+from simrob_drake.base.messages import compound, message
 from simrob_drake.importer.repairs.base import FLOATING_MARK
 from simrob_drake.importer.repairs.structure import drop_lost_frames, number
 from simrob_drake.robots.fingers import FOLLOWS, mimic_line
@@ -37,8 +38,13 @@ from simrob_drake.robots.urdf_check import numbers_in
 _TYPES = (*MOVABLE_JOINTS, "fixed", "floating", "planar")  # of the URDF format
 _OF_OTHER_FORMATS = ("revolute2", "screw", "ball", "universal", "gearbox", "spherical", "cylindrical")
 _ADVICE = {
-    "floating": "only the root of a robot can float; give its links joints that motors can move, or make it fixed",
-    "planar": "write it as two prismatic joints and a revolute or continuous one, or make it fixed",
+    "floating": message(
+        "importer.only_root_floats",
+        "only the root of a robot can float; give its links joints that motors can move, or make it fixed",
+    ),
+    "planar": message(
+        "importer.write_planar", "write it as two prismatic joints and a revolute or continuous one, or make it fixed"
+    ),
 }
 _DEFAULT_AXIS = "1 0 0"  # of the URDF format
 
@@ -62,10 +68,18 @@ def repair_joints(robot: ET.Element, options: ImportOptions, report: ImportRepor
         _repair_type(joint, report)
     _replace_floating_joint(robot, report)
     for joint in robot.iterfind("joint"):
-        where = f"joint '{name_of(joint)}'"
+        where = message("robots.joint_called", "joint '{joint}'", joint=name_of(joint))
         kind = joint.get("type", "")
         if kind in _ADVICE:
-            raise report.refusal(where, f"is {kind}, which no motor can drive; {_ADVICE[kind]}")
+            raise report.refusal(
+                where,
+                message(
+                    "importer.no_motor_can_drive",
+                    "is {kind}, which no motor can drive; {advice}",
+                    kind=kind,
+                    advice=_ADVICE[kind],
+                ),
+            )
         if kind != "fixed":
             _repair_axis(joint, where, report)
             _repair_limits(joint, where, report)
@@ -76,7 +90,13 @@ def repair_joints(robot: ET.Element, options: ImportOptions, report: ImportRepor
     _widen_followers(robot, report)
     # Joints may have been fixed above, so this check comes late.
     if not movable_joints(robot):
-        raise report.refusal("", "has no joint that moves, so no motor could; a rigid thing is a piece, not a robot")
+        raise report.refusal(
+            "",
+            message(
+                "importer.no_moving_joint",
+                "has no joint that moves, so no motor could; a rigid thing is a piece, not a robot",
+            ),
+        )
     drop_lost_frames(robot, report)
 
 
@@ -86,7 +106,7 @@ def _repair_type(joint: ET.Element, report: ImportReport) -> None:
     Raises:
         InvalidModel: the type is missing, unknown or belongs to another format.
     """
-    where = f"joint '{name_of(joint)}'"
+    where = message("robots.joint_called", "joint '{joint}'", joint=name_of(joint))
     kind = joint.get("type", "")
     if kind in _TYPES:
         return
@@ -94,10 +114,26 @@ def _repair_type(joint: ET.Element, report: ImportReport) -> None:
     similar = difflib.get_close_matches(plain, _TYPES, n=1, cutoff=_TYPE_LIKENESS)
     if plain in _OF_OTHER_FORMATS or not similar:
         known = ", ".join((*MOVABLE_JOINTS, "fixed"))
-        message = f"its type is '{kind}'" if kind else "it has no type"
-        raise report.refusal(where, f"{message}; a station's robot has joints of the types {known}")
+        text = (
+            message("importer.its_type_is", "its type is '{kind}'", kind=kind)
+            if kind
+            else message("importer.it_has_no_type", "it has no type")
+        )
+        raise report.refusal(
+            where,
+            message(
+                "importer.types_of_joints",
+                "{problem}; a station's robot has joints of the types {known}",
+                problem=text,
+                known=known,
+            ),
+        )
     joint.set("type", similar[0])
-    report.add("repaired", where, f"its type is '{kind}'; {similar[0]}")
+    report.add(
+        "repaired",
+        where,
+        message("importer.similar_type", "its type is '{kind}'; {similar}", kind=kind, similar=similar[0]),
+    )
 
 
 def _replace_floating_joint(robot: ET.Element, report: ImportReport) -> None:
@@ -119,8 +155,13 @@ def _replace_floating_joint(robot: ET.Element, report: ImportReport) -> None:
     robot.remove(root)
     robot.set(FLOATING_MARK, "floating")
     new_root = link_of(joint, "child")
-    why = f"floats below '{name_of(root)}', which is left out; '{new_root}' is a root that floats"
-    report.add("repaired", f"joint '{name_of(joint)}'", why)
+    why = message(
+        "importer.floats_below",
+        "floats below '{root}', which is left out; '{new_root}' is a root that floats",
+        root=name_of(root),
+        new_root=new_root,
+    )
+    report.add("repaired", message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)), why)
 
 
 def _check_followers(robot: ET.Element, report: ImportReport) -> None:
@@ -133,24 +174,51 @@ def _check_followers(robot: ET.Element, report: ImportReport) -> None:
     joints = {name_of(joint): joint for joint in robot.iterfind("joint")}
     followers = {name: joint for name, joint in joints.items() if joint.find("mimic") is not None}
     for name, joint in followers.items():
-        where = f"joint '{name}'"
+        where = message("robots.joint_called", "joint '{joint}'", joint=name)
         mimic = child_of(joint, "mimic")
         _repair_mimic(mimic, where, report)
         multiplier, _ = mimic_line(mimic)
         leader = mimic.get("joint", "")
-        statement = f"mimics '{leader}'"
+        statement = message("importer.mimics", "mimics '{leader}'", leader=leader)
         if joint.get("type") == "fixed":
             joint.remove(mimic)
-            report.add("dropped", where, f"{statement}: fixed joints move with nothing")
+            report.add(
+                "dropped",
+                where,
+                message(
+                    "importer.fixed_joints_move_with_nothing",
+                    "{statement}: fixed joints move with nothing",
+                    statement=statement,
+                ),
+            )
         elif multiplier == 0:
             continue  # the joint does not move, whatever its leader is
         elif leader not in joints:
             joint.remove(mimic)
-            problem = f"which is no joint{nearest(leader, joints)}"
-            report.add("lost", where, f"{statement}, {problem}; it moves on its own")
+            problem = message(
+                "importer.which_is_no_joint", "which is no joint{suggestion}", suggestion=nearest(leader, joints)
+            )
+            report.add(
+                "lost",
+                where,
+                message(
+                    "importer.moves_on_its_own",
+                    "{statement}, {problem}; it moves on its own",
+                    statement=statement,
+                    problem=problem,
+                ),
+            )
         elif _leads_back(joints, name):
             joint.remove(mimic)
-            report.add("lost", where, f"{statement}, which leads back to itself; it moves on its own")
+            report.add(
+                "lost",
+                where,
+                message(
+                    "importer.leads_back_to_itself",
+                    "{statement}, which leads back to itself; it moves on its own",
+                    statement=statement,
+                ),
+            )
     # The tag is renamed last: _leads_back looks for the old one.
     for joint in followers.values():
         follows = joint.find("mimic")
@@ -165,8 +233,18 @@ def _report_followers(robot: ET.Element, report: ImportReport) -> None:
         if follows is None:
             continue
         multiplier, offset = mimic_line(follows)
-        statement = f"mimics '{follows.get('joint', '')}' by {multiplier:g} with an offset of {offset:g}"
-        report.add("read", f"joint '{name_of(joint)}'", f"{statement}: stations couple them")
+        statement = message(
+            "importer.mimics_with_ratio",
+            "mimics '{leader}' by {multiplier:g} with an offset of {offset:g}",
+            leader=follows.get("joint", ""),
+            multiplier=multiplier,
+            offset=offset,
+        )
+        report.add(
+            "read",
+            message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)),
+            message("importer.stations_couple_them", "{statement}: stations couple them", statement=statement),
+        )
 
 
 def _repair_mimic(mimic: ET.Element, where: str, report: ImportReport) -> None:
@@ -175,7 +253,13 @@ def _repair_mimic(mimic: ET.Element, where: str, report: ImportReport) -> None:
         text = mimic.get(key)
         if text is not None and len(numbers_in(text) or []) != 1:
             mimic.set(key, default)
-            problem = f"{key}='{shortened(text)}' of its mimic is no number; {default}, as the format has it"
+            problem = message(
+                "importer.no_number_of_mimic",
+                "{key}='{text}' of its mimic is no number; {default}, as the format has it",
+                key=key,
+                text=shortened(text),
+                default=default,
+            )
             report.add("lost", where, problem)
 
 
@@ -208,9 +292,15 @@ def _fix_still_followers(robot: ET.Element, report: ImportReport) -> None:
         position = multiplier * float(leader.get(_FIXED_AT, "0")) + offset
         follower.remove(follows)
         _fix_at(follower, position)
-        still_leader = f"follows '{name_of(leader)}', which does not move"
-        why = still_leader if multiplier else "follows with a multiplier of 0"
-        report.add("repaired", f"joint '{name_of(follower)}'", f"{why}; fixed at {position:g}")
+        still_leader = message(
+            "importer.follows_still_joint", "follows '{leader}', which does not move", leader=name_of(leader)
+        )
+        why = still_leader if multiplier else message("importer.follows_by_zero", "follows with a multiplier of 0")
+        report.add(
+            "repaired",
+            message("robots.joint_called", "joint '{joint}'", joint=name_of(follower)),
+            message("importer.fixed_at", "{why}; fixed at {position:g}", why=why, position=position),
+        )
         follower = _find_still_follower(joints)
     for joint in joints.values():
         joint.attrib.pop(_FIXED_AT, None)
@@ -265,19 +355,32 @@ def _widen_follower(joint: ET.Element, leader: ET.Element, report: ImportReport)
     upper = max(*ends, *own_limits)
     if np.allclose((lower, upper), own_limits, rtol=0, atol=_ROUNDING):
         return
-    where = f"joint '{name_of(joint)}'"
-    own_range = f"[{own_limits[0]:.4g}, {own_limits[1]:.4g}]"
-    problem = f"its limits {own_range} leave out where '{name_of(leader)}' takes it, which it follows"
+    where = message("robots.joint_called", "joint '{joint}'", joint=name_of(joint))
+    own_range = compound("[{lower:.4g}, {upper:.4g}]", lower=own_limits[0], upper=own_limits[1])
+    problem = message(
+        "importer.limits_leave_out",
+        "its limits {range} leave out where '{leader}' takes it, which it follows",
+        range=own_range,
+        leader=name_of(leader),
+    )
     if np.isfinite((lower, upper)).all():
         limit = child_of(joint, "limit")
         limit.set("lower", f"{lower:.12g}")
         limit.set("upper", f"{upper:.12g}")
-        report.add("repaired", where, f"{problem}; [{lower:.4g}, {upper:.4g}]")
+        report.add(
+            "repaired",
+            where,
+            compound("{problem}; [{lower:.4g}, {upper:.4g}]", problem=problem, lower=lower, upper=upper),
+        )
     # Otherwise the leader has no limits. A prismatic follower keeps its own, since it must have some.
     elif joint.get("type") == "revolute":
         _set_range(joint, None, None)
         joint.set("type", "continuous")
-        report.add("repaired", where, f"{problem}; continuous instead of revolute")
+        report.add(
+            "repaired",
+            where,
+            message("importer.continuous_instead", "{problem}; continuous instead of revolute", problem=problem),
+        )
 
 
 def _repair_axis(joint: ET.Element, where: str, report: ImportReport) -> None:
@@ -289,18 +392,37 @@ def _repair_axis(joint: ET.Element, where: str, report: ImportReport) -> None:
     axis = child_of(joint, "axis")
     if "xyz" not in axis.attrib:
         axis.set("xyz", _DEFAULT_AXIS)
-        report.add("defaulted", where, f"has no axis; {_DEFAULT_AXIS}, as the format has it")
+        report.add(
+            "defaulted",
+            where,
+            message("importer.has_no_axis", "has no axis; {axis}, as the format has it", axis=_DEFAULT_AXIS),
+        )
         return
     text = axis.attrib["xyz"]
     direction = np.array(text.split(), dtype=float)
     length = float(np.linalg.norm(direction))
     if length < _NO_DIRECTION:
-        raise report.refusal(f"{where} <axis>", f'xyz="{text}" is no direction; write one, or make the joint fixed')
+        raise report.refusal(
+            compound("{where} <axis>", where=where),
+            message(
+                "importer.no_direction", 'xyz="{text}" is no direction; write one, or make the joint fixed', text=text
+            ),
+        )
     # Drake normalizes the axis anyway. A length that differs by more than rounding may be a mistake of the file, which
     # the user should see.
     if abs(length - 1) > _UNIT_LENGTH:
         axis.set("xyz", " ".join(written(value) for value in (direction / length).tolist()))
-        report.add("repaired", f"{where} <axis>", f'xyz="{text}" is {length:.4g} long; "{axis.get("xyz")}"')
+        report.add(
+            "repaired",
+            compound("{where} <axis>", where=where),
+            message(
+                "importer.axis_length",
+                'xyz="{text}" is {length:.4g} long; "{axis}"',
+                text=text,
+                length=length,
+                axis=axis.get("xyz"),
+            ),
+        )
 
 
 def _repair_dynamics(joint: ET.Element, where: str, options: ImportOptions, report: ImportReport) -> None:
@@ -315,12 +437,16 @@ def _repair_dynamics(joint: ET.Element, where: str, options: ImportOptions, repo
     dynamics = joint.find("dynamics")
     if dynamics is None:
         return
-    place_in_file = f"{where} <dynamics>"
+    place_in_file = compound("{where} <dynamics>", where=where)
     for key in ("damping", "friction"):
         value = number(dynamics, key)
         if value is not None and value < 0:
             dynamics.set(key, "0")
-            report.add("repaired", place_in_file, f"{key} {value:g} is negative; 0")
+            report.add(
+                "repaired",
+                place_in_file,
+                message("importer.negative_value", "{key} {value:g} is negative; 0", key=key, value=value),
+            )
     friction = number(dynamics, "friction")
     if not friction:
         return
@@ -329,10 +455,31 @@ def _repair_dynamics(joint: ET.Element, where: str, options: ImportOptions, repo
         damping = number(dynamics, "damping") or 0.0
         total = damping + friction
         dynamics.set("damping", written(total))
-        report.add("repaired", place_in_file, f"damping {damping:g} plus friction {friction:g}: damping {total:g}")
+        report.add(
+            "repaired",
+            place_in_file,
+            message(
+                "importer.damping_plus_friction",
+                "damping {damping:g} plus friction {friction:g}: damping {total:g}",
+                damping=damping,
+                friction=friction,
+                total=total,
+            ),
+        )
     else:
-        advice = "drives.friction of a robot brings it back, --friction-as-damping adds it"
-        report.add("lost", place_in_file, f"friction {friction:g}, seldom measured; {advice}")
+        advice = message(
+            "importer.friction_brings_back", "drives.friction of a robot brings it back, --friction-as-damping adds it"
+        )
+        report.add(
+            "lost",
+            place_in_file,
+            message(
+                "importer.friction_dropped",
+                "friction {friction:g}, seldom measured; {advice}",
+                friction=friction,
+                advice=advice,
+            ),
+        )
 
 
 def _repair_limits(joint: ET.Element, where: str, report: ImportReport) -> None:
@@ -345,13 +492,21 @@ def _repair_limits(joint: ET.Element, where: str, report: ImportReport) -> None:
         where: name of the joint, for the report.
         report: report of the import.
     """
-    place_in_file = f"{where} <limit>"
+    place_in_file = compound("{where} <limit>", where=where)
     limit = joint.find("limit")
     kind = joint.get("type")
     acceleration = number(limit, _ACCELERATION)
     if limit is not None and acceleration is not None and acceleration <= 0:
         del limit.attrib[_ACCELERATION]
-        report.add("dropped", place_in_file, f"acceleration {acceleration:g} is not positive")
+        report.add(
+            "dropped",
+            place_in_file,
+            message(
+                "importer.acceleration_not_positive",
+                "acceleration {acceleration:g} is not positive",
+                acceleration=acceleration,
+            ),
+        )
 
     lower = number(limit, "lower")
     upper = number(limit, "upper")
@@ -359,21 +514,51 @@ def _repair_limits(joint: ET.Element, where: str, report: ImportReport) -> None:
     if kind == "continuous":
         # Drake keeps the limits of a continuous joint if there are both.
         if lower is not None and upper is not None and lower < upper:
-            report.add("read", place_in_file, f"limits {lower:g} and {upper:g} of a continuous joint are heeded")
+            report.add(
+                "read",
+                place_in_file,
+                message(
+                    "importer.limits_of_continuous",
+                    "limits {lower:g} and {upper:g} of a continuous joint are heeded",
+                    lower=lower,
+                    upper=upper,
+                ),
+            )
         elif lower is not None or upper is not None:
             _set_range(joint, None, None)
-            report.add("dropped", place_in_file, f"{range_text}, which are no range; a continuous joint needs none")
+            report.add(
+                "dropped",
+                place_in_file,
+                message(
+                    "importer.no_range_of_continuous",
+                    "{range}, which are no range; a continuous joint needs none",
+                    range=range_text,
+                ),
+            )
     elif lower or upper:
         _repair_range(joint, lower, upper, place_in_file, report)
     # From here on both limits are missing or 0, by which files say that there are none.
     elif kind == "prismatic":
         _set_range(joint, -DEFAULT_STROKE, DEFAULT_STROKE)
-        problem = f"{range_text}; a prismatic joint needs a range, ±{DEFAULT_STROKE:g} m"
+        problem = message(
+            "importer.stroke_of_prismatic",
+            "{range}; a prismatic joint needs a range, ±{stroke:g} m",
+            range=range_text,
+            stroke=DEFAULT_STROKE,
+        )
         report.add("defaulted", place_in_file, problem)
     elif kind == "revolute":
         _set_range(joint, None, None)
         joint.set("type", "continuous")
-        report.add("defaulted", place_in_file, f"{range_text}, so nothing stops it; continuous instead of revolute")
+        report.add(
+            "defaulted",
+            place_in_file,
+            message(
+                "importer.nothing_stops_it",
+                "{range}, so nothing stops it; continuous instead of revolute",
+                range=range_text,
+            ),
+        )
 
 
 def _repair_range(
@@ -392,21 +577,48 @@ def _repair_range(
     """
     for key, value in (("lower", lower), ("upper", upper)):
         if value is None:
-            report.add("defaulted", where, f"has no {key}; 0, as the format has it")
+            report.add(
+                "defaulted", where, message("importer.has_no_key", "has no {key}; 0, as the format has it", key=key)
+            )
     first = lower or 0.0
     second = upper or 0.0
     if first > second:
-        report.add("repaired", where, f"lower {first:g} is above upper {second:g}; exchanged")
+        report.add(
+            "repaired",
+            where,
+            message(
+                "importer.limits_exchanged",
+                "lower {lower:g} is above upper {upper:g}; exchanged",
+                lower=first,
+                upper=second,
+            ),
+        )
     low = min(first, second)
     high = max(first, second)
     if low == high:
         _fix_at(joint, low)
-        report.add("repaired", where, f"lower and upper are both {low:g}, so it can't move; fixed there")
+        report.add(
+            "repaired",
+            where,
+            message(
+                "importer.limits_are_equal",
+                "lower and upper are both {position:g}, so it can't move; fixed there",
+                position=low,
+            ),
+        )
         return
     if joint.get("type") == "revolute" and max(-low, high) > ENDLESS:
         _set_range(joint, None, None)
         joint.set("type", "continuous")
-        report.add("repaired", where, f"{_range_text(low, high)} rad stop nothing; continuous instead of revolute")
+        report.add(
+            "repaired",
+            where,
+            message(
+                "importer.limits_stop_nothing",
+                "{range} rad stop nothing; continuous instead of revolute",
+                range=_range_text(low, high),
+            ),
+        )
     else:
         _set_range(joint, low, high)
 
@@ -444,7 +656,7 @@ def _set_range(joint: ET.Element, lower: float | None, upper: float | None) -> N
 def _range_text(lower: float | None, upper: float | None) -> str:
     """Describe the limits of a joint [rad or m], of which each is None if it is missing."""
     if lower is None and upper is None:
-        return "no limits"
+        return message("importer.no_limits", "no limits")
     lower_text = "missing" if lower is None else f"{lower:g}"
     upper_text = "missing" if upper is None else f"{upper:g}"
-    return f"lower {lower_text}, upper {upper_text}"
+    return message("importer.lower_and_upper", "lower {lower}, upper {upper}", lower=lower_text, upper=upper_text)

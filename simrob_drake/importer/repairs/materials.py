@@ -2,6 +2,7 @@
 
 import xml.etree.ElementTree as ET
 
+from simrob_drake.base.messages import message
 from simrob_drake.importer.repairs.names import free_name
 from simrob_drake.robots.imports import ImportReport
 from simrob_drake.robots.urdf import DRAKE, add_colour, name_of, text
@@ -24,22 +25,34 @@ def repair_materials(robot: ET.Element, report: ImportReport) -> None:
     used = {name_of(material) for material in robot.iterfind("link/visual/material") if _rgba(material) is None}
     for name in sorted(used - {name_of(material) for material in robot.iterfind("material")}):
         robot.insert(0, add_colour(ET.Element("robot"), name, colours[name]))
-        report.add("read", f"material '{name}'", "defined in one visual and used in others; now for all of them")
+        report.add(
+            "read",
+            message("robots.material_called", "material '{name}'", name=name),
+            message("importer.material_for_all", "defined in one visual and used in others; now for all of them"),
+        )
 
 
 def _repair_colour(material: ET.Element, report: ImportReport) -> None:
     """Leave a material with a colour that Drake takes, or without any."""
-    where = f"material '{name_of(material)}'"
+    where = message("robots.material_called", "material '{name}'", name=name_of(material))
     for texture in [texture for tag in _TEXTURES for texture in material.iterfind(tag)]:
         material.remove(texture)
-        report.add("dropped", where, f"its texture '{texture.get('filename', '')}'; only colours are imported")
+        report.add(
+            "dropped",
+            where,
+            message(
+                "importer.texture_not_imported",
+                "its texture '{file}'; only colours are imported",
+                file=texture.get("filename", ""),
+            ),
+        )
     colour = material.find("color")
     if colour is None:
         return
     rgba = colour.get("rgba")
     if rgba is None:
         material.remove(colour)
-        report.add("dropped", where, "its colour has no rgba")
+        report.add("dropped", where, message("importer.colour_without_rgba", "its colour has no rgba"))
         return
     values = [float(word) for word in rgba.split()]
     rgb, alpha = values[:3], values[3] if len(values) > 3 else 1.0
@@ -49,7 +62,16 @@ def _repair_colour(material: ET.Element, report: ImportReport) -> None:
     right = [min(max(value, 0.0), 1.0) for value in (*rgb, alpha)]
     if right != values:
         colour.set("rgba", text(right))
-        report.add("repaired", where, f'rgba="{rgba}" written as "{colour.get("rgba")}", four numbers from 0 to 1')
+        report.add(
+            "repaired",
+            where,
+            message(
+                "importer.rgba_written_as",
+                'rgba="{rgba}" written as "{written}", four numbers from 0 to 1',
+                rgba=rgba,
+                written=colour.get("rgba"),
+            ),
+        )
 
 
 def _keep_first_definitions(robot: ET.Element, report: ImportReport) -> dict[str, list[float]]:
@@ -58,18 +80,23 @@ def _keep_first_definitions(robot: ET.Element, report: ImportReport) -> dict[str
     for material in list(robot.iterfind("material")):
         name, rgba = name_of(material), _rgba(material)
         if not name:
-            problem = "has no name, so nothing can use it"
+            problem = message("importer.material_without_name", "has no name, so nothing can use it")
         elif rgba is None:
-            problem = "has no colour"
+            problem = message("importer.material_without_colour", "has no colour")
         elif name not in colours:
             colours[name] = rgba
             continue
         elif colours[name] == rgba:
-            problem = "is defined twice, with the same colour"
+            problem = message("importer.material_twice", "is defined twice, with the same colour")
         else:
-            problem = f"is defined again, with another colour {text(rgba)}; the first, {text(colours[name])}, holds"
+            problem = message(
+                "importer.material_twice_differently",
+                "is defined again, with another colour {other}; the first, {first}, holds",
+                other=text(rgba),
+                first=text(colours[name]),
+            )
         robot.remove(material)
-        report.add("dropped", f"material '{name}'", problem)
+        report.add("dropped", message("robots.material_called", "material '{name}'", name=name), problem)
     return colours
 
 
@@ -81,19 +108,34 @@ def _settle(
     if not name:
         if rgba is None:
             visual.remove(material)
-            report.add("dropped", "material ''", "has neither name nor colour")
+            report.add(
+                "dropped",
+                message("importer.nameless_material", "material ''"),
+                message("importer.neither_name_nor_colour", "has neither name nor colour"),
+            )
     elif rgba is None:
         if name not in colours:
             colours[name] = DEFAULT_RGBA
             robot.insert(0, add_colour(ET.Element("robot"), name, DEFAULT_RGBA))
-            report.add("defaulted", f"material '{name}'", f"is not defined; a grey, {text(DEFAULT_RGBA)}")
+            report.add(
+                "defaulted",
+                message("robots.material_called", "material '{name}'", name=name),
+                message("importer.material_undefined", "is not defined; a grey, {colour}", colour=text(DEFAULT_RGBA)),
+            )
     elif colours.setdefault(name, rgba) != rgba:
         same = (other for other, colour in colours.items() if colour == rgba and other.startswith(f"{name}_"))
         new = next(same, free_name(name, colours))
         colours[new] = rgba
         material.set("name", new)
         report.add(
-            "repaired", f"material '{name}'", f"used with another colour, {text(rgba)}, as well; that is '{new}' now"
+            "repaired",
+            message("robots.material_called", "material '{name}'", name=name),
+            message(
+                "importer.material_with_other_colour",
+                "used with another colour, {colour}, as well; that is '{new}' now",
+                colour=text(rgba),
+                new=new,
+            ),
         )
 
 

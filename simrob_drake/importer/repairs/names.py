@@ -3,6 +3,7 @@
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 
+from simrob_drake.base.messages import message
 from simrob_drake.robots.imports import ImportReport
 from simrob_drake.robots.urdf import DRAKE, link_of, name_of
 
@@ -16,14 +17,22 @@ def repair_names(robot: ET.Element, report: ImportReport) -> None:
     _strip(robot, report)
     if not name_of(robot):
         robot.set("name", report.source.stem or "robot")
-        report.add("repaired", "<robot>", f"has no name; called '{name_of(robot)}' after its file")
+        report.add(
+            "repaired",
+            "<robot>",
+            message("importer.called_after_file", "has no name; called '{name}' after its file", name=name_of(robot)),
+        )
     _name_links(robot, report)
     free = FreeNames(names(robot, "joint"))
     for joint in robot.iterfind("joint"):
         if not name_of(joint):
             name = free.take(f"{link_of(joint, 'parent')}_to_{link_of(joint, 'child')}")
             joint.set("name", name)
-            report.add("repaired", f"joint '{name}'", "had no name; called after its links")
+            report.add(
+                "repaired",
+                message("robots.joint_called", "joint '{joint}'", joint=name),
+                message("importer.called_after_links", "had no name; called after its links"),
+            )
     _part_links(robot, report)
     _part_joints(robot, report)
     _rename_world(robot, report)
@@ -81,7 +90,15 @@ def _strip(robot: ET.Element, report: ImportReport) -> None:
                 if value != value.strip():
                     element.set(key, value.strip())
                     report.add(
-                        "repaired", f"<{element.tag}>", f"{key}='{value}' has blanks around it; '{value.strip()}'"
+                        "repaired",
+                        f"<{element.tag}>",
+                        message(
+                            "importer.blanks_around",
+                            "{key}='{value}' has blanks around it; '{stripped}'",
+                            key=key,
+                            value=value,
+                            stripped=value.strip(),
+                        ),
                     )
 
 
@@ -95,7 +112,10 @@ def _name_links(robot: ET.Element, report: ImportReport) -> None:
         name = missing[0] if sure else free.take(f"link_{index + 1}")
         link.set("name", name)
         report.add(
-            "repaired", f"link '{name}'", "had no name" + ("; a joint asks for one of this name" if sure else "")
+            "repaired",
+            message("robots.link_called", "link '{link}'", link=name),
+            message("importer.had_no_name", "had no name")
+            + (message("importer.joint_asks_for_it", "; a joint asks for one of this name") if sure else ""),
         )
 
 
@@ -108,11 +128,20 @@ def _part_links(robot: ET.Element, report: ImportReport) -> None:
         if other is link:
             continue
         if len(link) and len(other) and without_name(link) != without_name(other):
-            raise report.refusal(f"link '{name}'", "stands twice with different contents; rename or remove one of them")
+            raise report.refusal(
+                message("robots.link_called", "link '{link}'", link=name),
+                message(
+                    "importer.twice_rename_one", "stands twice with different contents; rename or remove one of them"
+                ),
+            )
         spare = other if len(link) > len(other) else link
         first[name] = link if spare is other else other
         robot.remove(spare)
-        report.add("dropped", f"link '{name}'", "stands twice; the one that says nothing new is left out")
+        report.add(
+            "dropped",
+            message("robots.link_called", "link '{link}'", link=name),
+            message("importer.twice_left_out", "stands twice; the one that says nothing new is left out"),
+        )
 
 
 def _part_joints(robot: ET.Element, report: ImportReport) -> None:
@@ -126,15 +155,28 @@ def _part_joints(robot: ET.Element, report: ImportReport) -> None:
             continue
         if without_name(joint) == without_name(other):
             robot.remove(joint)
-            report.add("dropped", f"joint '{name}'", "stands twice, word for word")
+            report.add(
+                "dropped",
+                message("robots.joint_called", "joint '{joint}'", joint=name),
+                message("importer.twice_word_for_word", "stands twice, word for word"),
+            )
         elif link_of(joint, "child") == link_of(other, "child"):
-            raise report.refusal(f"joint '{name}'", "stands twice with different contents; remove one of them")
+            raise report.refusal(
+                message("robots.joint_called", "joint '{joint}'", joint=name),
+                message("importer.twice_remove_one", "stands twice with different contents; remove one of them"),
+            )
         else:
             new = free.take(name)
             joint.set("name", new)
             first[new] = joint
             report.add(
-                "repaired", f"joint '{new}'", f"was a second joint called '{name}'; whoever names that gets the first"
+                "repaired",
+                message("robots.joint_called", "joint '{joint}'", joint=new),
+                message(
+                    "importer.second_joint_called",
+                    "was a second joint called '{name}'; whoever names that gets the first",
+                    name=name,
+                ),
             )
 
 
@@ -148,9 +190,21 @@ def _rename_world(robot: ET.Element, report: ImportReport) -> None:
     new = free_name(f"robot_{WORLD}", names(robot, "link"))
     if own is None:
         robot.insert(0, ET.Element("link", name=new))
-        report.add("repaired", f"link '{new}'", f"a joint starts at '{WORLD}', which is no link; an empty one made")
+        report.add(
+            "repaired",
+            message("robots.link_called", "link '{link}'", link=new),
+            message(
+                "importer.joint_starts_at_world",
+                "a joint starts at '{world}', which is no link; an empty one made",
+                world=WORLD,
+            ),
+        )
     else:
         own.set("name", new)
-        report.add("repaired", f"link '{new}'", f"was called '{WORLD}', as is Drake's own link")
+        report.add(
+            "repaired",
+            message("robots.link_called", "link '{link}'", link=new),
+            message("importer.called_as_world", "was called '{world}', as is Drake's own link", world=WORLD),
+        )
     for element in references:
         element.set("link", new)

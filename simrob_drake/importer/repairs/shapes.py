@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path, PurePath
 
 from simrob_drake.base.errors import shortened
+from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.packages import OutsideBorder
 from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.hulls import box_of, hull_of, is_hull
@@ -52,7 +53,9 @@ def import_shapes(
             shapes.rewrite_visuals(link)
             shapes.rewrite_collisions(link, drawn)
         except OutsideBorder as problem:
-            raise report.refusal(f"link '{name_of(link)}'", str(problem)) from problem
+            raise report.refusal(
+                message("robots.link_called", "link '{link}'", link=name_of(link)), str(problem)
+            ) from problem
     shapes.finish()
 
 
@@ -91,7 +94,13 @@ class _Shapes:
                 try:
                     self._rewrite_visual(link, element, mesh, where)
                 except UnreadableMesh as problem:
-                    _drop(link, element, where, f"{_mesh_name(mesh)} {problem}", self._report)
+                    _drop(
+                        link,
+                        element,
+                        where,
+                        compound("{mesh} {problem}", mesh=_mesh_name(mesh), problem=problem),
+                        self._report,
+                    )
 
     def _rewrite_visual(self, link: ET.Element, element: ET.Element, mesh: ET.Element, where: str) -> None:
         uri, scale, bare = mesh.get("filename", ""), _scale_of(mesh, where, self._report), PLAIN in mesh.attrib
@@ -105,10 +114,16 @@ class _Shapes:
             drawn = [self._file(link, loaded, part) for part in ([plain(loaded.parts)] if bare else loaded.parts)]
             self._shown[key] = loaded.remembered(), drawn
         note = self._library.places.find(uri).note
-        notes = [f"{len(drawn)} colours, a <visual> for each"] if len(drawn) > 1 else []
-        notes += ["its own colour is kept"] if len(drawn) == 1 and drawn[0][1] else []
+        notes = (
+            [message("importer.visual_for_each_colour", "{count} colours, a <visual> for each", count=len(drawn))]
+            if len(drawn) > 1
+            else []
+        )
+        notes += (
+            [message("importer.own_colour_kept", "its own colour is kept")] if len(drawn) == 1 and drawn[0][1] else []
+        )
         if any(rgba or textured for _, rgba, textured in drawn) and element.find("material") is not None:
-            notes.append("the URDF's material gives way to its own look, as in RViz")
+            notes.append(message("importer.own_look", "the URDF's material gives way to its own look, as in RViz"))
         _report_mesh(self._report, where, mesh, loaded, [name for name, _, _ in drawn], [note, *notes])
         index = list(link).index(element)
         link.remove(element)
@@ -142,13 +157,23 @@ class _Shapes:
             try:
                 self._rewrite_collision(link, element, where, self._report)
             except UnreadableMesh as problem:
-                failed.append((where, element, f"{_mesh_name(element.find('geometry/mesh'))} {problem}"))
+                failed.append(
+                    (
+                        where,
+                        element,
+                        compound("{mesh} {problem}", mesh=_mesh_name(element.find("geometry/mesh")), problem=problem),
+                    )
+                )
         for where, element, why in failed[1:]:
             _drop(link, element, where, why, self._report)
         for where, element, why in failed[:1]:
             if self._touch_by_visuals(link, drawn):
                 link.remove(element)
-                self._report.add("repaired", where, f"{why}; the shape of the link's visuals is taken")
+                self._report.add(
+                    "repaired",
+                    where,
+                    message("importer.shape_of_visuals", "{why}; the shape of the link's visuals is taken", why=why),
+                )
             else:
                 _drop(link, element, where, why, self._report)
 
@@ -158,9 +183,25 @@ class _Shapes:
         if self._kind == "none":
             drop_collision(self._robot)
             if count:
-                self._report.add("dropped", "", f"{count} collision shapes: none were asked for; nothing is touched")
+                self._report.add(
+                    "dropped",
+                    "",
+                    message(
+                        "importer.no_collision_asked",
+                        "{count} collision shapes: none were asked for; nothing is touched",
+                        count=count,
+                    ),
+                )
         elif not count and (made := sum(self._touch_by_visuals(link, drawn) for link, drawn in self._drawn)):
-            self._report.add("defaulted", "", f"no link has a collision shape; {made} are made of the visuals")
+            self._report.add(
+                "defaulted",
+                "",
+                message(
+                    "importer.collision_of_visuals",
+                    "no link has a collision shape; {made} are made of the visuals",
+                    made=made,
+                ),
+            )
 
     def _touch_by_visuals(self, link: ET.Element, drawn: Sequence[ET.Element]) -> int:
         """Add a collision shape for each visual of a link that can be read; return how many."""
@@ -203,8 +244,17 @@ class _Shapes:
         else:
             hull = hull_of(points_of(loaded.parts))
             part, original = hull.part, None
-            change = f"its convex hull of {len(part.faces)} faces, {hull.gap * 1e3:.2g} mm inside at most"
-            change += f", made {hull.thickened * 1e3:.2g} mm thick" if hull.thickened else ""
+            change = message(
+                "importer.convex_hull_of",
+                "its convex hull of {faces} faces, {gap:.2g} mm inside at most",
+                faces=len(part.faces),
+                gap=hull.gap * 1e3,
+            )
+            change += (
+                message("importer.made_thick", ", made {thickness:.2g} mm thick", thickness=hull.thickened * 1e3)
+                if hull.thickened
+                else ""
+            )
         stem = self._next(link, "collision")  # only now that nothing can fail: the next import counts the same
         name = self._writer.write(part, role="collision", stem=stem, original=original)
         self._hulls[key] = loaded.remembered(), name, change
@@ -215,16 +265,29 @@ def _check_geometry(element: ET.Element, where: str, report: ImportReport) -> st
     """Leave one shape in a ``<visual>`` or ``<collision>``; return what is wrong if it has none that can be used."""
     geometry = element.find("geometry")
     if geometry is None:
-        return "has no <geometry>"
+        return message("importer.without_geometry", "has no <geometry>")
     shapes = [child for child in geometry if child.tag in SHAPE_SIZES or child.tag == "mesh"]
     if not shapes:
         tags = ", ".join(f"<{child.tag.rpartition('}')[2]}>" for child in geometry)
-        return f"{tags} is no shape that is known" if tags else "its <geometry> is empty"
+        return (
+            message("importer.no_known_shape", "{tags} is no shape that is known", tags=tags)
+            if tags
+            else message("importer.empty_geometry", "its <geometry> is empty")
+        )
     for child in [child for child in geometry if child is not shapes[0]]:
         geometry.remove(child)
-        report.add("dropped", where, f"<{child.tag}>: a <geometry> holds one shape; <{shapes[0].tag}> stays")
+        report.add(
+            "dropped",
+            where,
+            message(
+                "importer.one_shape_each",
+                "<{tag}>: a <geometry> holds one shape; <{kept}> stays",
+                tag=child.tag,
+                kept=shapes[0].tag,
+            ),
+        )
     defect = "" if shapes[0].tag == "mesh" else shape_defect(shapes[0])
-    return f"<{shapes[0].tag.rpartition('}')[2]}> {defect}" if defect else ""
+    return compound("<{shape}> {defect}", shape=shapes[0].tag.rpartition("}")[2], defect=defect) if defect else ""
 
 
 def _box(element: ET.Element, loaded: Mesh) -> tuple[str, str]:
@@ -232,26 +295,36 @@ def _box(element: ET.Element, loaded: Mesh) -> tuple[str, str]:
     size, pose, thickened = box_of(points_of(loaded.parts))
     _set_shape(element, ET.Element("box", size=text(size)))
     place(element, pose_of(element) @ pose)
-    return "a box", f"{text(size)} m large" + (f", made {thickened * 1e3:.2g} mm thick" if thickened else "")
+    return message("importer.a_box", "a box"), message("importer.size_of_box", "{size} m large", size=text(size)) + (
+        message("importer.made_thick", ", made {thickness:.2g} mm thick", thickness=thickened * 1e3)
+        if thickened
+        else ""
+    )
 
 
 def _drop(link: ET.Element, element: ET.Element, where: str, problem: str, report: ImportReport) -> None:
     link.remove(element)
     if element.tag == "visual":
-        effect = "it is not shown"
+        effect = message("importer.not_shown", "it is not shown")
     elif link.find("collision") is None:
-        effect = "the link touches nothing with it"
+        effect = message("importer.touches_nothing_with_it", "the link touches nothing with it")
     else:
-        effect = "the link's other collision shapes stay"
-    report.add("dropped", where, f"{problem}; {effect}")
+        effect = message("importer.other_shapes_stay", "the link's other collision shapes stay")
+    report.add("dropped", where, compound("{problem}; {effect}", problem=problem, effect=effect))
 
 
 def _shapes_of(link: ET.Element, tag: str) -> list[tuple[str, ET.Element]]:
     """Return the shapes of a link, each with the words that a message names it by."""
-    elements, name = link.findall(tag), f"link '{name_of(link)}' <{tag}>"
+    elements, name = (
+        link.findall(tag),
+        message("robots.tag_of_link", "link '{link}' <{tag}>", link=name_of(link), tag=tag),
+    )
     if len(elements) == 1:
         return [(name, elements[0])]
-    return [(f"{name} {number}", element) for number, element in enumerate(elements, start=1)]
+    return [
+        (compound("{name} {number}", name=name, number=number), element)
+        for number, element in enumerate(elements, start=1)
+    ]
 
 
 def _set_shape(element: ET.Element, shape: ET.Element) -> None:
@@ -260,7 +333,9 @@ def _set_shape(element: ET.Element, shape: ET.Element) -> None:
 
 
 def _mesh_name(mesh: ET.Element | None) -> str:
-    return f"mesh '{shortened('' if mesh is None else mesh.get('filename', ''))}'"
+    return message(
+        "robots.mesh_called", "mesh '{uri}'", uri=shortened("" if mesh is None else mesh.get("filename", ""))
+    )
 
 
 def _report_mesh(
@@ -268,15 +343,34 @@ def _report_mesh(
 ) -> None:
     """Note what a mesh has become: ``read`` if nothing but its name is new."""
     scale = mesh.get("scale")
-    notes = [*loaded.changes, *filter(None, changes), *([f"scaled by {scale}"] if scale is not None else [])]
-    faces = f"mesh '{PurePath(mesh.get('filename', '')).name}' ({loaded.faces} faces)"
-    files = become[0] if len(become) == 1 else f"{become[0]} to {Path(become[-1]).name}"
+    notes = [
+        *loaded.changes,
+        *filter(None, changes),
+        *([message("importer.scaled_by", "scaled by {scale}", scale=scale)] if scale is not None else []),
+    ]
+    faces = message(
+        "importer.mesh_with_faces",
+        "mesh '{name}' ({faces} faces)",
+        name=PurePath(mesh.get("filename", "")).name,
+        faces=loaded.faces,
+    )
+    files = (
+        become[0]
+        if len(become) == 1
+        else message("importer.first_to_last", "{first} to {last}", first=become[0], last=Path(become[-1]).name)
+    )
     if loaded.original is not None and not notes:
-        report.add("read", where, f"{faces} is {files} as it was")
+        report.add(
+            "read", where, message("importer.is_as_it_was", "{mesh} is {files} as it was", mesh=faces, files=files)
+        )
     else:
-        report.add("repaired", where, "; ".join([f"{faces} is now {files}", *notes]))
+        report.add(
+            "repaired",
+            where,
+            join_texts([message("importer.is_now", "{mesh} is now {files}", mesh=faces, files=files), *notes], "; "),
+        )
     for remark in loaded.remarks:
-        report.add("read", where, f"{_mesh_name(mesh)} {remark}")
+        report.add("read", where, compound("{mesh} {remark}", mesh=_mesh_name(mesh), remark=remark))
 
 
 def _scale_of(mesh: ET.Element, where: str, report: ImportReport) -> Scale:
@@ -287,6 +381,10 @@ def _scale_of(mesh: ET.Element, where: str, report: ImportReport) -> Scale:
     numbers = numbers_in(text) or numbers_in(text.replace(",", " ")) or []
     numbers = numbers * 3 if len(numbers) == 1 else numbers
     if len(numbers) != 3 or not all(1e-12 < abs(number) < 1e12 for number in numbers):
-        report.add("repaired", where, f'scale="{shortened(text)}" is no scale; 1 is taken')
+        report.add(
+            "repaired",
+            where,
+            message("importer.no_scale", 'scale="{text}" is no scale; 1 is taken', text=shortened(text)),
+        )
         return _UNSCALED
     return numbers[0], numbers[1], numbers[2]

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from simrob_drake.base.errors import listed, nearest, shortened
+from simrob_drake.base.messages import compound, message
 from simrob_drake.importer.loops import TAG as CLOSING
 from simrob_drake.importer.loops import LoopCoupling, closing_of_joint, second_parents
 from simrob_drake.importer.repairs.names import names, repair_names
@@ -85,7 +86,12 @@ def mend_numbers(robot: ET.Element, report: ImportReport) -> None:
         element = place.element
         for key, value in element.attrib.items():
             if _XACRO_EXPRESSION.search(value):
-                problem = f'{key}="{shortened(value)}" is an expression of xacro; import the xacro file itself'
+                problem = message(
+                    "importer.expression_of_xacro",
+                    '{key}="{value}" is an expression of xacro; import the xacro file itself',
+                    key=key,
+                    value=shortened(value),
+                )
                 raise report.refusal(place.words, problem)
         is_checked = place.words.startswith(_CHECKED)  # the words begin with the tag of the link, joint or material
         for key in list(element.attrib):
@@ -119,10 +125,10 @@ def _elements_with_places(robot: ET.Element) -> Iterator[_Place]:
     """Yield every element of a robot, itself included, with its place in words."""
     yield _Place("<robot>", robot)
     for top in robot:
-        owner = f"{top.tag} '{name_of(top)}'"
+        owner = compound("{tag} '{name_of}'", tag=top.tag, name_of=name_of(top))
         for element in top.iter():
             tag = element.tag.removeprefix(DRAKE)
-            yield _Place(owner if element is top else f"{owner} <{tag}>", element)
+            yield _Place(owner if element is top else compound("{owner} <{tag}>", owner=owner, tag=tag), element)
 
 
 def _repair_numbers(element: ET.Element, key: str, rule: _NumberRule, where: str, report: ImportReport) -> None:
@@ -143,24 +149,40 @@ def _repair_numbers(element: ET.Element, key: str, rule: _NumberRule, where: str
     if len(words) in rule.counts and all(_is_plain_number(word) for word in words):
         return
     value = f'{key}="{shortened(text)}"'
-    problem = f"{value} is not {_count_text(rule.counts)}"
+    problem = message("importer.is_not_count", "{value} is not {count}", value=value, count=_count_text(rule.counts))
     numbers = _understand_numbers(text, rule.counts, _UNITS.get(key, _DEFAULT_UNIT))
     if numbers is not None:
         element.set(key, " ".join(numbers))
-        report.add("repaired", where, f'{value} written as "{element.get(key)}"')
+        report.add(
+            "repaired",
+            where,
+            message("importer.written_as", '{value} written as "{written}"', value=value, written=element.get(key)),
+        )
     elif rule.is_required and text.strip():  # an empty text counts as missing, and a later stage gives the default
         raise report.refusal(where, problem)
     elif rule.default is not None:
         element.set(key, rule.default)
-        report.add("defaulted", where, f'{problem}; "{rule.default}" instead')
+        report.add(
+            "defaulted",
+            where,
+            message(
+                "importer.default_instead", '{problem}; "{default}" instead', problem=problem, default=rule.default
+            ),
+        )
     elif element.tag == "inertia":
         # Some moments without the others would be those of another body.
         for moment in MOMENTS:
             element.attrib.pop(moment, None)
-        report.add("dropped", where, f"{problem}; the moments count as missing")
+        report.add(
+            "dropped",
+            where,
+            message("importer.moments_count_as_missing", "{problem}; the moments count as missing", problem=problem),
+        )
     else:
         del element.attrib[key]
-        report.add("dropped", where, f"{problem}; it counts as missing")
+        report.add(
+            "dropped", where, message("importer.counts_as_missing", "{problem}; it counts as missing", problem=problem)
+        )
 
 
 def _understand_numbers(text: str, counts: tuple[int, ...], unit: str) -> list[str] | None:
@@ -206,9 +228,9 @@ def _is_plain_number(word: str) -> bool:
 def _count_text(counts: tuple[int, ...]) -> str:
     """Describe counts of numbers, such as "3 or 4 finite numbers"."""
     if counts == (1,):
-        return "a finite number"
+        return message("importer.finite_number", "a finite number")
     alternatives = " or ".join(str(count) for count in counts)
-    return f"{alternatives} finite numbers"
+    return message("importer.finite_numbers", "{alternatives} finite numbers", alternatives=alternatives)
 
 
 _GROUPS = (f"{DRAKE}ignored_collision_filter_group", f"{DRAKE}member_group")  # elements that name another group
@@ -251,7 +273,7 @@ def repair_structure(robot: ET.Element, options: ImportOptions, report: ImportRe
     closings += _closings_of_second_parents(robot, options, report)
     mend_numbers(robot, report)  # only of elements that are left
     if not names(robot, "link"):
-        raise report.refusal("", "has no link")
+        raise report.refusal("", message("importer.has_no_link", "has no link"))
     dropped_joints = _drop_dangling_joints(robot, report)
     child_links = set(check_parents(robot, report.refusal))
     _keep_one_tree(robot, dropped_joints, child_links, report)
@@ -274,20 +296,48 @@ def _closings_of_second_parents(
         child = link_of(joint, "child")
         # The first joint keeps the link as its child.
         first = next(other for other in robot.iterfind("joint") if link_of(other, "child") == child)
-        where = f"link '{child}'"
-        problem = f"is the child of two joints, '{name_of(first)}' and '{name_of(joint)}'; a URDF is a tree"
+        where = message("robots.link_called", "link '{link}'", link=child)
+        problem = message(
+            "importer.child_of_two_joints",
+            "is the child of two joints, '{first}' and '{second}'; a URDF is a tree",
+            first=name_of(first),
+            second=name_of(joint),
+        )
         joins_two_links = link_of(joint, "parent") != child  # no coupling holds a link to itself
         closing = closing_of_joint(joint) if joins_two_links else None
         if closing is not None and options.couple:
             robot.remove(joint)
             yield closing.element()
-            report.add("read", f"joint '{name_of(joint)}'", f"a coupling of the first station: {closing.line}")
+            report.add(
+                "read",
+                message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)),
+                message(
+                    "importer.coupling_of_first_station", "a coupling of the first station: {line}", line=closing.line
+                ),
+            )
         elif options.drop_loops:
             robot.remove(joint)
-            report.add("lost", f"joint '{name_of(joint)}'", f"{where} {problem}; left out")
+            report.add(
+                "lost",
+                message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)),
+                message("importer.place_left_out", "{where} {problem}; left out", where=where, problem=problem),
+            )
         elif closing is not None:
-            advice = f"leave '{name_of(joint)}' out with --drop-loops and write `{closing.line}` under couplings of a "
-            raise report.refusal(where, f"{problem}; {advice}station, or let --couple do both")
+            advice = message(
+                "importer.drop_and_couple",
+                "leave '{joint}' out with --drop-loops and write `{line}` under couplings of a ",
+                joint=name_of(joint),
+                line=closing.line,
+            )
+            raise report.refusal(
+                where,
+                message(
+                    "importer.or_couple_both",
+                    "{problem}; {advice}station, or let --couple do both",
+                    problem=problem,
+                    advice=advice,
+                ),
+            )
 
 
 def _take_out_loops(robot: ET.Element, options: ImportOptions, report: ImportReport) -> list[ET.Element]:
@@ -301,24 +351,44 @@ def _take_out_loops(robot: ET.Element, options: ImportOptions, report: ImportRep
     """
     closings = []
     for element in [element for element in robot if element.tag in _LOOP_TAGS]:
-        where = f"<{element.tag.removeprefix(DRAKE)}> '{name_of(element)}'"
-        problem = "is no part of a tree of motored joints, which a station's robot is"
+        where = compound("<{tag}> '{name_of}'", tag=element.tag.removeprefix(DRAKE), name_of=name_of(element))
+        problem = message(
+            "importer.no_part_of_tree", "is no part of a tree of motored joints, which a station's robot is"
+        )
         coupling = element.find(CLOSING)  # added by the reader of the file, if a coupling can replace the element
         line = "" if coupling is None else LoopCoupling.of_element(coupling).line
         if coupling is not None and options.couple:
             robot.remove(element)
             closings.append(coupling)
-            report.add("read", where, f"a coupling of the first station: {line}")
+            report.add(
+                "read",
+                where,
+                message("importer.coupling_of_first_station", "a coupling of the first station: {line}", line=line),
+            )
         elif options.drop_loops:
             robot.remove(element)
-            report.add("lost", where, f"{problem}; left out")
+            report.add("lost", where, message("importer.problem_left_out", "{problem}; left out", problem=problem))
         elif coupling is not None:
-            advice = (
-                f"leave it out with --drop-loops and write `{line}` under couplings of a station with discrete steps"
+            advice = message(
+                "importer.drop_loop_and_couple",
+                "leave it out with --drop-loops and write `{line}` under couplings of a station with discrete steps",
+                line=line,
             )
-            raise report.refusal(where, f"{problem}; {advice}, or let --couple do both")
+            raise report.refusal(
+                where,
+                message(
+                    "importer.or_couple", "{problem}; {advice}, or let --couple do both", problem=problem, advice=advice
+                ),
+            )
         else:
-            raise report.refusal(where, f"{problem}; remove it, or leave it out with --drop-loops")
+            raise report.refusal(
+                where,
+                message(
+                    "importer.remove_or_drop",
+                    "{problem}; remove it, or leave it out with --drop-loops",
+                    problem=problem,
+                ),
+            )
     return closings
 
 
@@ -328,7 +398,11 @@ def _keep_known_elements(robot: ET.Element, report: ImportReport) -> None:
     removed_counts: Counter[_Nesting] = Counter()
     _remove_unknown(robot, removed_counts)
     for nesting, count in removed_counts.items():
-        report.add("dropped", f"<{nesting.tag}> in <{nesting.parent}>", f"{count} ×: no simulation here uses it")
+        report.add(
+            "dropped",
+            message("importer.tag_in_parent", "<{tag}> in <{parent}>", tag=nesting.tag, parent=nesting.parent),
+            message("importer.no_simulation_uses_it", "{count} ×: no simulation here uses it", count=count),
+        )
     _remove_repeated(robot, report)
 
 
@@ -341,7 +415,9 @@ def _move_to_top(robot: ET.Element, element: ET.Element, report: ImportReport) -
                 element.remove(child)
                 robot.append(child)
                 report.add(
-                    "repaired", f"{child.tag} '{name_of(child)}'", f"stood in a <{element.tag}>; moved into <robot>"
+                    "repaired",
+                    compound("{tag} '{name_of}'", tag=child.tag, name_of=name_of(child)),
+                    message("importer.moved_into_robot", "stood in a <{tag}>; moved into <robot>", tag=element.tag),
                 )
 
 
@@ -380,7 +456,13 @@ def _remove_repeated(robot: ET.Element, report: ImportReport) -> None:
             for tag in [child.tag for child in element if child.tag not in _REPEATED]:
                 for repeated in element.findall(tag)[1:]:
                     element.remove(repeated)
-                    report.add("dropped", f"{top.tag} '{name_of(top)}'", f"a second <{tag}> in its <{element.tag}>")
+                    report.add(
+                        "dropped",
+                        compound("{tag} '{name_of}'", tag=top.tag, name_of=name_of(top)),
+                        message(
+                            "importer.second_tag", "a second <{tag}> in its <{parent}>", tag=tag, parent=element.tag
+                        ),
+                    )
 
 
 def drop_lost_frames(robot: ET.Element, report: ImportReport) -> None:
@@ -394,7 +476,11 @@ def drop_lost_frames(robot: ET.Element, report: ImportReport) -> None:
         name = name_of(frame)
         if not name or name in taken_names or frame.get("link") not in links:
             robot.remove(frame)
-            report.add("dropped", f"frame '{name}'", "its link is not there, or its name is missing or taken")
+            report.add(
+                "dropped",
+                message("importer.frame_called", "frame '{name}'", name=name),
+                message("importer.frame_without_link", "its link is not there, or its name is missing or taken"),
+            )
         else:
             taken_names.add(name)
     _drop_lost_groups(robot, links, taken_names, report)
@@ -403,7 +489,9 @@ def drop_lost_frames(robot: ET.Element, report: ImportReport) -> None:
         ends = {frame.get("name", "") for tag in "AC" for frame in bushing.iterfind(f"{DRAKE}bushing_frame{tag}")}
         if len(ends) != 2 or not ends <= taken_names:
             robot.remove(bushing)
-            report.add("dropped", "drake:linear_bushing_rpy", "a frame of it is not there")
+            report.add(
+                "dropped", "drake:linear_bushing_rpy", message("importer.frame_missing", "a frame of it is not there")
+            )
 
 
 def _drop_lost_groups(robot: ET.Element, links: set[str], taken_names: set[str], report: ImportReport) -> None:
@@ -419,13 +507,20 @@ def _drop_lost_groups(robot: ET.Element, links: set[str], taken_names: set[str],
     for group in list(robot.iterfind(f"{DRAKE}collision_filter_group")):
         members = {member.get("link", "") for member in group.iterfind(f"{DRAKE}member")}
         # The words before the name let a group have the name of a link or frame.
-        name = f"collision filter group '{name_of(group)}'"
+        name = message("importer.collision_filter_group", "collision filter group '{name}'", name=name_of(group))
         has_free_name = bool(name_of(group)) and name not in taken_names
         # A link that is welded to another one may be merged with it later in the import.
         has_known_members = bool(members) and members <= links - welded_links
         if not has_free_name or not has_known_members:
             robot.remove(group)
-            report.add("dropped", name, "its name is missing or taken, or a member is no link or welded to another")
+            report.add(
+                "dropped",
+                name,
+                message(
+                    "importer.group_with_problem",
+                    "its name is missing or taken, or a member is no link or welded to another",
+                ),
+            )
         taken_names.add(name)
     group_names = {name_of(group) for group in robot.iterfind(f"{DRAKE}collision_filter_group")}
     for group in robot.iterfind(f"{DRAKE}collision_filter_group"):
@@ -433,8 +528,12 @@ def _drop_lost_groups(robot: ET.Element, links: set[str], taken_names: set[str],
             for other in group.findall(tag):
                 if name_of(other) not in group_names:
                     group.remove(other)
-                    where = f"collision filter group '{name_of(group)}'"
-                    report.add("dropped", where, f"'{name_of(other)}' is no group")
+                    where = message(
+                        "importer.collision_filter_group", "collision filter group '{name}'", name=name_of(group)
+                    )
+                    report.add(
+                        "dropped", where, message("importer.no_group", "'{name}' is no group", name=name_of(other))
+                    )
 
 
 class _DroppedJoint(NamedTuple):
@@ -460,7 +559,7 @@ def _drop_dangling_joints(robot: ET.Element, report: ImportReport) -> list[_Drop
     is_case_unique = len(link_in_any_case) == len(links)
     dropped = []
     for joint in list(robot.iterfind("joint")):
-        where = f"joint '{name_of(joint)}'"
+        where = message("robots.joint_called", "joint '{joint}'", joint=name_of(joint))
         for end in ("parent", "child"):
             link = link_of(joint, end)
             element = joint.find(end)
@@ -470,13 +569,40 @@ def _drop_dangling_joints(robot: ET.Element, report: ImportReport) -> list[_Drop
             intended = link_in_any_case.get(link.lower())
             if element is not None and intended is not None and is_case_unique:
                 element.set("link", intended)
-                report.add("repaired", where, f"its {end} '{link}' is no link; '{intended}', which differs in case")
+                report.add(
+                    "repaired",
+                    where,
+                    message(
+                        "importer.differs_in_case",
+                        "its {end} '{link}' is no link; '{intended}', which differs in case",
+                        end=end,
+                        link=link,
+                        intended=intended,
+                    ),
+                )
                 continue
             robot.remove(joint)
-            problem = f"its {end} '{link}' is no link{nearest(link, links)}" if link else f"it has no {end}"
+            problem = (
+                message(
+                    "importer.end_is_no_link",
+                    "its {end} '{link}' is no link{suggestion}",
+                    end=end,
+                    link=link,
+                    suggestion=nearest(link, links),
+                )
+                if link
+                else message("importer.has_no_end", "it has no {end}", end=end)
+            )
             if end == "parent" and joint.get("type") in MOVABLE_JOINTS and link_of(joint, "child") in links:
-                raise report.refusal(where, f"{problem}; without it the robot falls apart")
-            report.add("dropped", where, f"{problem}; the joint is left out")
+                raise report.refusal(
+                    where,
+                    message("importer.falls_apart", "{problem}; without it the robot falls apart", problem=problem),
+                )
+            report.add(
+                "dropped",
+                where,
+                message("importer.joint_left_out", "{problem}; the joint is left out", problem=problem),
+            )
             dropped.append(_DroppedJoint(where, problem))
             break
     return dropped
@@ -507,9 +633,20 @@ def _keep_one_tree(
     if len(moving) > 1 or (not moving and len(as_large) > 1):
         if dropped_joints:
             joint = dropped_joints[0]
-            raise report.refusal(joint.where, f"{joint.problem}; without it the robot falls apart")
+            raise report.refusal(
+                joint.where,
+                message("importer.falls_apart", "{problem}; without it the robot falls apart", problem=joint.problem),
+            )
         ends = moving or roots
-        raise report.refusal("", f"has {len(ends)} root links ({listed(ends, 6)}); join them to one tree by joints")
+        raise report.refusal(
+            "",
+            message(
+                "importer.several_roots",
+                "has {count} root links ({ends}); join them to one tree by joints",
+                count=len(ends),
+                ends=listed(ends, 6),
+            ),
+        )
     # What is left is a robot with loose links, such as those of a scene, or rigid trees of different sizes.
     kept = moving[0] if moving else largest
     for root in roots:
@@ -530,5 +667,11 @@ def _remove_tree(robot: ET.Element, root: str, joints: list[ET.Element], report:
     lost_links = {root, *other_links}
     for element in [*joints, *(link for link in robot.iterfind("link") if name_of(link) in lost_links)]:
         robot.remove(element)
-    addition = f" with {listed(other_links, 6)}" if other_links else ""
-    report.add("dropped", f"link '{root}'", f"no joint leads to it; left out{addition}")
+    addition = (
+        message("importer.with_other_links", " with {links}", links=listed(other_links, 6)) if other_links else ""
+    )
+    report.add(
+        "dropped",
+        message("robots.link_called", "link '{link}'", link=root),
+        message("importer.no_joint_leads_to_it", "no joint leads to it; left out{addition}", addition=addition),
+    )

@@ -9,6 +9,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from simrob_drake.base.errors import shortened
 from simrob_drake.base.frames import has_wrong_norm
+from simrob_drake.base.messages import compound, message
 from simrob_drake.robots.imports import ImportReport
 from simrob_drake.robots.urdf import name_of
 from simrob_drake.robots.urdf_check import numbers_in
@@ -38,11 +39,26 @@ def own_pose(element: ET.Element | None, report: ImportReport, where: str) -> Ri
     if pose.get("rotation_format") == "quat_xyzw" and len(rest) == len("xyzw") and rest.any():
         norm = np.linalg.norm(rest)
         if has_wrong_norm(rest):
-            report.add("repaired", where, f"the quaternion of its <pose> has a norm of {norm:.6g}; it is normalised")
+            report.add(
+                "repaired",
+                where,
+                message(
+                    "importer.quaternion_norm",
+                    "the quaternion of its <pose> has a norm of {norm:.6g}; it is normalised",
+                    norm=norm,
+                ),
+            )
         x, y, z, w = rest / norm
         return RigidTransform(Quaternion(w, x, y, z), position)
     if len(numbers) != len(("x", "y", "z", "roll", "pitch", "yaw")):
-        raise report.refusal(where, f"<pose>{shortened(' '.join((pose.text or '').split()))}</pose> is no pose")
+        raise report.refusal(
+            where,
+            message(
+                "importer.no_pose",
+                "<pose>{text}</pose> is no pose",
+                text=shortened(" ".join((pose.text or "").split())),
+            ),
+        )
     return RigidTransform(RollPitchYaw(np.deg2rad(rest) if pose.get("degrees") == "true" else rest), position)
 
 
@@ -100,9 +116,12 @@ class Frames:
         return prefix + (model.get("canonical_link") or next(inside, ""))
 
     def _add(self, name: str, element: ET.Element, within: str, carrier: str) -> None:
-        where = f"{element.tag} '{name.removesuffix(SCOPE + MODEL)}'"
+        where = compound("{tag} '{name}'", tag=element.tag, name=name.removesuffix(SCOPE + MODEL))
         if name in self._frames:
-            raise self.report.refusal(where, "stands twice; the names of links, joints, frames and models differ")
+            raise self.report.refusal(
+                where,
+                message("importer.names_differ", "stands twice; the names of links, joints, frames and models differ"),
+            )
         pose = RigidTransform() if within == name else own_pose(element, self.report, where)
         self._frames[name] = _Frame(element, pose, within, carrier)
 
@@ -116,7 +135,10 @@ class Frames:
         if name not in self._poses:
             frame = self._known(name)
             if depth > _DEEPEST:
-                raise self.report.refusal(f"frame '{name}'", "is given in frames that are given in it")
+                raise self.report.refusal(
+                    message("importer.frame_called", "frame '{name}'", name=name),
+                    message("importer.given_in_each_other", "is given in frames that are given in it"),
+                )
             top = frame.within == name
             base = RigidTransform() if top else self.pose(self._full(frame.within), depth + 1)
             self._poses[name] = base if top else base @ frame.pose @ self._from_placement(name, frame)
@@ -129,11 +151,19 @@ class Frames:
             if name == WORLD or name in self.links:
                 return name
             name = self._known(name).carrier
-        raise self.report.refusal(f"frame '{name}'", "is attached to frames that are attached to it")
+        raise self.report.refusal(
+            message("importer.frame_called", "frame '{name}'", name=name),
+            message("importer.attached_to_each_other", "is attached to frames that are attached to it"),
+        )
 
     def _known(self, name: str) -> _Frame:
         if name not in self._frames:
-            raise self.report.refusal("", f"there is no link, joint or frame '{name}', which others name")
+            raise self.report.refusal(
+                "",
+                message(
+                    "importer.no_such_frame", "there is no link, joint or frame '{name}', which others name", name=name
+                ),
+            )
         return self._frames[name]
 
     def _full(self, name: str) -> str:
@@ -157,7 +187,10 @@ class Frames:
             pose, name = frame.pose @ pose, frame.within
             if name == WORLD or self._full(name) not in self._frames:
                 break
-        raise self.report.refusal(f"placement_frame '{name}'", "is no frame of its model")
+        raise self.report.refusal(
+            message("importer.placement_frame", "placement_frame '{name}'", name=name),
+            message("importer.no_frame_of_model", "is no frame of its model"),
+        )
 
 
 def named(prefix: str, name: str) -> str:

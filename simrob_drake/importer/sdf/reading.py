@@ -9,6 +9,7 @@ from os.path import isdir
 from pathlib import Path
 
 from simrob_drake.base.errors import one_of, shortened
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.packages import MODEL_MANIFEST, OutsideBorder
 from simrob_drake.importer.meshes.places import MeshMissing, MeshPlaces
 from simrob_drake.importer.reading.xml_file import included, xml_element
@@ -21,11 +22,11 @@ _MAIN = "model.sdf"
 _DEEPEST = 20  # includes in includes
 _OVERRIDES = ("static", "pose")
 _LOST = {
-    "sensor": "a station has sensors of its own",
-    "plugin": "plugins are never loaded",
-    "actor": "people are not simulated",
-    "light": "a station has light of its own",
-    "surface": "a station has contact figures of its own (contact:)",
+    "sensor": message("importer.own_sensors", "a station has sensors of its own"),
+    "plugin": message("importer.plugins_not_loaded", "plugins are never loaded"),
+    "actor": message("importer.people_not_simulated", "people are not simulated"),
+    "light": message("importer.own_light", "a station has light of its own"),
+    "surface": message("importer.own_contact", "a station has contact figures of its own (contact:)"),
 }
 
 
@@ -42,10 +43,18 @@ def read_sdf(root: ET.Element, path: Path, options: ImportOptions, report: Impor
         includes.put_in(owner)
     model = _chosen(root, options.model, report)
     for tag, count in Counter(element.tag for element in model.iter() if element.tag in _LOST).items():
-        report.add("lost" if tag == "surface" else "dropped", f"<{tag}>", f"{count} ×: {_LOST[tag]}")
+        report.add(
+            "lost" if tag == "surface" else "dropped",
+            f"<{tag}>",
+            compound("{count} ×: {lost}", count=count, lost=_LOST[tag]),
+        )
     for link in model.iter("link"):
         if (link.findtext("gravity") or "1").strip() in ("0", "false"):
-            report.add("lost", f"link '{name_of(link)}'", "feels no gravity: all has its weight")
+            report.add(
+                "lost",
+                message("robots.link_called", "link '{link}'", link=name_of(link)),
+                message("importer.feels_no_gravity", "feels no gravity: all has its weight"),
+            )
     return RobotWriter(model, version_of(root), report).written()
 
 
@@ -54,18 +63,34 @@ def _chosen(root: ET.Element, name: str, report: ImportReport) -> ET.Element:
     models = [model for owner in (root, *root.iterfind("world")) for model in owner.iterfind("model")]
     names = [name_of(model) for model in models]
     if name:
-        return models[names.index(one_of("model (for --model)", name, names))]
+        return models[names.index(one_of(message("importer.model_option", "model (for --model)"), name, names))]
     robots = [model for model in models if moves(model)] or models
     if len(robots) != 1:
         listed = ", ".join(name_of(model) for model in robots)
         raise report.refusal(
-            "", f"holds {len(robots)} robots ({listed}); choose one with --model NAME" if robots else ("holds no model")
+            "",
+            message(
+                "importer.several_robots",
+                "holds {count} robots ({names}); choose one with --model NAME",
+                count=len(robots),
+                names=listed,
+            )
+            if robots
+            else (message("importer.holds_no_model", "holds no model")),
         )
     for model in models:
         if model is not robots[0]:
-            kind = "stands" if (model.findtext("static") or "").strip() in ("1", "true") else "is loose"
-            message = f"{kind} in the world beside the robot; a piece of a station can take its place (pieces:)"
-            report.add("dropped", f"model '{name_of(model)}'", message)
+            kind = (
+                "stands"
+                if (model.findtext("static") or "").strip() in ("1", "true")
+                else message("importer.is_loose", "is loose")
+            )
+            text = message(
+                "importer.piece_beside_robot",
+                "{kind} in the world beside the robot; a piece of a station can take its place (pieces:)",
+                kind=kind,
+            )
+            report.add("dropped", message("importer.model_called", "model '{name}'", name=name_of(model)), text)
     return robots[0]
 
 
@@ -83,9 +108,11 @@ class _Includes:
             place = list(owner).index(include)
             owner.remove(include)
             uri = (include.findtext("uri") or "").strip()
-            where = f"<include> '{shortened(uri)}'"
+            where = compound("<include> '{uri}'", uri=shortened(uri))
             if depth > _DEEPEST:
-                raise self.report.refusal(where, "models include each other without an end")
+                raise self.report.refusal(
+                    where, message("importer.endless_includes", "models include each other without an end")
+                )
             try:
                 model = self._model(uri)
             except MeshMissing as problem:
@@ -99,7 +126,12 @@ class _Includes:
                     self.put_in(nested, depth + 1)
             self.budget -= sum(1 for _ in model.iter())
             if self.budget < 0:
-                raise self.report.refusal(where, f"more than {MOST_TAGS} tags with all that is included")
+                raise self.report.refusal(
+                    where,
+                    message(
+                        "importer.too_many_included", "more than {most} tags with all that is included", most=MOST_TAGS
+                    ),
+                )
             for new in reversed(_placed(model, include)):
                 owner.insert(place, new)
 
@@ -108,7 +140,7 @@ class _Includes:
         path, base = self._file(uri)
         model = included(xml_element, path, self.report).find("model")
         if model is None:
-            raise MeshMissing(f"{path.name} holds no model")
+            raise MeshMissing(message("importer.file_without_model", "{path} holds no model", path=path.name))
         for name in model.iter("uri"):
             text = (name.text or "").strip()
             if text and "://" not in text and not text.startswith("/"):
@@ -122,7 +154,13 @@ class _Includes:
             package, _, inner = rest.partition("/")
             known = border.package(package)
             if known is None:
-                raise MeshMissing(f"there is no package {package} that may be read")
+                raise MeshMissing(
+                    message(
+                        "importer.no_readable_package",
+                        "there is no package {package} that may be read",
+                        package=package,
+                    )
+                )
             folder = border.readable(known / inner)
             base = uri.rstrip("/")
         else:
@@ -130,7 +168,7 @@ class _Includes:
                 found = self.places.source.parent / (rest if scheme == "file" else uri)
                 folder = border.readable(found) if isdir(found) else self.places.find(uri).path
             except ValueError as problem:
-                raise MeshMissing("is no name that a file can have") from problem
+                raise MeshMissing(message("importer.no_name_of_file", "is no name that a file can have")) from problem
             base = os.path.relpath(folder, self.places.source.parent)
         if isdir(folder):
             return self._main(folder), base
@@ -145,7 +183,7 @@ class _Includes:
         for name in reversed(names):
             if name and (folder / name).is_file():
                 return self.places.border.readable(folder / name)
-        raise MeshMissing(f"there is no {_MAIN} in {folder}")
+        raise MeshMissing(message("importer.no_main_file", "there is no {main} in {folder}", main=_MAIN, folder=folder))
 
 
 def _placed(model: ET.Element, include: ET.Element) -> list[ET.Element]:

@@ -13,6 +13,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.importer.repairs.materials import DEFAULT_RGBA
 from simrob_drake.importer.repairs.names import FreeNames
@@ -88,7 +89,9 @@ class RobotWriter:
     robot: ET.Element = field(init=False)
 
     def __post_init__(self) -> None:
-        place = own_pose(self.model, self.report, f"model '{name_of(self.model)}'")
+        place = own_pose(
+            self.model, self.report, message("importer.model_called", "model '{name}'", name=name_of(self.model))
+        )
         self.robot = ET.Element("robot", name=name_of(self.model))
         self._frames = Frames(self.report, place)
         self._frames.add_model(self.model)
@@ -136,8 +139,8 @@ class RobotWriter:
         prefix, joint = self._frames.joints[full]
         ends = [named(prefix, text_at(joint, end)) for end in ("parent", "child")]
         if joint.get("type") == "gearbox":
-            message = "couples two joints, each of which moves on its own here"
-            self.report.add("lost", f"joint '{full}'", message)
+            text = message("importer.couples_nothing", "couples two joints, each of which moves on its own here")
+            self.report.add("lost", message("robots.joint_called", "joint '{joint}'", joint=full), text)
             return None
         parent, child = (self._frames.link_of(end) for end in ends)
         return _Edge(full, prefix, joint, parent, child)
@@ -151,8 +154,11 @@ class RobotWriter:
                 self._join(edge, edge.parent, edge.child, 1.0)
             elif (edge := next(back, None)) is not None:
                 self._join(edge, edge.child, edge.parent, -1.0)
-                message = "leads towards the root; turned round, its axis too, so that its position means the same"
-                self.report.add("repaired", f"joint '{edge.name}'", message)
+                text = message(
+                    "importer.turned_round",
+                    "leads towards the root; turned round, its axis too, so that its position means the same",
+                )
+                self.report.add("repaired", message("robots.joint_called", "joint '{joint}'", joint=edge.name), text)
             else:
                 return
             self._edges.remove(edge)
@@ -179,8 +185,17 @@ class RobotWriter:
                     self._mimics += [_Mimic(edge.prefix, element, mimic) for mimic in axis.findall("mimic")]
             carrier, start = to, RigidTransform()
         if len(parts) > 1:
-            message = f"is {kind}; {len(parts)} joints, between which are links of next to no mass"
-            self.report.add("approximated" if kind == "ball" else "repaired", f"joint '{edge.name}'", message)
+            sentence = message(
+                "importer.several_joints",
+                "is {kind}; {count} joints, between which are links of next to no mass",
+                kind=kind,
+                count=len(parts),
+            )
+            self.report.add(
+                "approximated" if kind == "ball" else "repaired",
+                message("robots.joint_called", "joint '{joint}'", joint=edge.name),
+                sentence,
+            )
 
     def _write_mimics(self) -> None:
         """Write the ``mimic`` of every follower, after all joints: its leader may be later in the file.
@@ -206,7 +221,10 @@ class RobotWriter:
         xyz = None if axis is None else axis.find("xyz")
         numbers = numbers_in((xyz.text or "") if xyz is not None else "0 0 1") or []
         if len(numbers) != len("xyz") or not any(numbers):
-            raise self.report.refusal(f"joint '{edge.name}' <axis>", "is no direction")
+            raise self.report.refusal(
+                message("importer.axis_of_joint", "joint '{joint}' <axis>", joint=edge.name),
+                message("importer.is_no_direction", "is no direction"),
+            )
         base = xyz.get("expressed_in") if xyz is not None else None
         old = axis is not None and text_at(axis, "use_parent_model_frame") in ("1", "true")
         if self.version <= _IN_MODEL_FRAME or old:
@@ -233,7 +251,13 @@ class RobotWriter:
         _add_inertia(link, element, pose, self.report)
         for tag in ("visual", "collision"):
             for shape in element.iterfind(tag):
-                where = f"link '{name_of(link)}' <{tag}> '{name_of(shape)}'"
+                where = message(
+                    "importer.shape_of_link",
+                    "link '{link}' <{tag}> '{shape}'",
+                    link=name_of(link),
+                    tag=tag,
+                    shape=name_of(shape),
+                )
                 geometry, problem = _geometry(shape)
                 if geometry is None:
                     self.report.add("dropped", where, problem)
@@ -277,7 +301,11 @@ def write_drive(
     friction = {key: value for key in ("damping", "friction") if (value := _figure(axis, f"dynamics/{key}"))}
     ET.SubElement(joint, "dynamics", {key: value for key, value in friction.items() if float(value)})
     if float(_figure(axis, "dynamics/spring_stiffness") or 0):
-        report.add("lost", f"joint '{name_of(joint)}'", "has a spring, and springs at joints are not simulated")
+        report.add(
+            "lost",
+            message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)),
+            message("importer.has_spring", "has a spring, and springs at joints are not simulated"),
+        )
     gears = {key: value for key in _GEARS if (value := _figure(source, f"{DRAKE}{key}"))}
     if gears:
         motor = add_motor(robot, name_of(joint), drive=f"{name_of(joint)}_drive")
@@ -298,9 +326,15 @@ def _figure(element: ET.Element | None, path: str) -> str:
 
 def _add_inertia(link: ET.Element, element: ET.Element, pose: RigidTransform, report: ImportReport) -> None:
     """Add the inertia of an SDF link, whose frame has a pose in the link; SDF's own default is 1 kg and 1 kg m²."""
-    where, inertial = f"link '{name_of(link)}'", element.find("inertial")
+    where, inertial = message("robots.link_called", "link '{link}'", link=name_of(link)), element.find("inertial")
     if inertial is not None and inertial.get("auto") == "true":
-        report.add("dropped", where, "its inertia is to be made of its shapes; --estimate-inertia does that")
+        report.add(
+            "dropped",
+            where,
+            message(
+                "importer.inertia_of_shapes", "its inertia is to be made of its shapes; --estimate-inertia does that"
+            ),
+        )
         return
     new = ET.SubElement(link, "inertial")
     place(new, pose @ own_pose(inertial, report, where))
@@ -311,16 +345,28 @@ def _add_inertia(link: ET.Element, element: ET.Element, pose: RigidTransform, re
     ET.SubElement(new, "inertia", values or _DEFAULT_INERTIA)
     if mass is None or not values:
         defaults = " and ".join(["1 kg"] * (mass is None) + ["1 kg m²"] * (not values))
-        report.add("defaulted", where, f"does not tell its inertia: {defaults}, as the format has it")
+        report.add(
+            "defaulted",
+            where,
+            message(
+                "importer.inertia_not_told",
+                "does not tell its inertia: {defaults}, as the format has it",
+                defaults=defaults,
+            ),
+        )
 
 
 def _geometry(shape: ET.Element) -> tuple[ET.Element | None, str]:
     geometry = shape.find("geometry/*")
     if geometry is None:
-        return None, "has no shape"
+        return None, message("importer.has_no_shape", "has no shape")
     if geometry.tag == "mesh":
         if geometry.find("submesh") is not None:
-            return None, f"a part of the mesh '{text_at(geometry, 'uri')}'; only whole files are read"
+            return None, message(
+                "importer.part_of_mesh",
+                "a part of the mesh '{uri}'; only whole files are read",
+                uri=text_at(geometry, "uri"),
+            )
         mesh = ET.Element("mesh", filename=text_at(geometry, "uri"))
         scale = text_at(geometry, "scale")
         if scale and not np.array_equal(numbers_in(scale) or [], [1, 1, 1]):
@@ -332,8 +378,14 @@ def _geometry(shape: ET.Element) -> tuple[ET.Element | None, str]:
     tag = f"{DRAKE}capsule" if geometry.tag == "capsule" else geometry.tag
     if tag not in SHAPE_SIZES:
         is_ground = geometry.tag in ("plane", "heightmap")
-        ground = "; a station has a floor and terrain of its own (floor:)" if is_ground else ""
-        return None, f"<{geometry.tag}> is no shape of a robot{ground}"
+        ground = (
+            message("importer.own_ground", "; a station has a floor and terrain of its own (floor:)")
+            if is_ground
+            else ""
+        )
+        return None, message(
+            "importer.no_shape_of_robot", "<{tag}> is no shape of a robot{ground}", tag=geometry.tag, ground=ground
+        )
     return ET.Element(tag, {key: text_at(geometry, key) for key in SHAPE_SIZES[tag]}), ""
 
 

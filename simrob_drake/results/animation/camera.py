@@ -7,6 +7,7 @@ import numpy as np
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector, xyz_quaternion_from_transform
+from simrob_drake.base.messages import message
 from simrob_drake.parts.controllers.section import ControllerSection
 from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.results.record.run import DIVERGED, RecordedRun
@@ -78,7 +79,9 @@ def framed_time(result: RecordedRun) -> float:
 def frame_times(end: float, frames_per_second: float) -> Vector:
     """Return the times [s] of a motion's frames, its end the last one; raises InvalidParameter: no positive rate."""
     if not (np.isfinite(frames_per_second) and frames_per_second > 0):
-        raise InvalidParameter("frames_per_second", frames_per_second, "a positive rate [1/s]")
+        raise InvalidParameter(
+            "frames_per_second", frames_per_second, message("results.positive_rate", "a positive rate [1/s]")
+        )
     count = max(int(np.ceil(end * frames_per_second - 1e-9)), 0)
     return np.append(np.arange(count) / frames_per_second, end)
 

@@ -26,6 +26,7 @@ from simrob_drake.base.errors import InvalidParameter, OutputError
 from simrob_drake.base.extras import needed
 from simrob_drake.base.folders import replaced_at_once
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.progress import Advance, progress_bar
 from simrob_drake.results.animation.camera import (
     FIELD_OF_VIEW,
@@ -73,7 +74,7 @@ def film_strip(result: RecordedRun, *, frames: Frames = 7, height: int | None = 
     times = np.array([time for time, _ in events]) if events else np.linspace(0.0, result.stop_time, int(frames))
     height = (_HEIGHT if len(times) <= _FEW else _LOW) if height is None else height
     if height < 16:
-        raise InvalidParameter("height", height, "at least 16 [pixels]")
+        raise InvalidParameter("height", height, message("results.least_pixels", "at least 16 [pixels]"))
     studio = Studio(result, height=height, oversampling=2)
     texts, strip = captions(times, studio.walked), BytesIO()
     if events:
@@ -85,7 +86,7 @@ def film_strip(result: RecordedRun, *, frames: Frames = 7, height: int | None = 
 def check_frames(frames: Frames) -> None:
     """Check how many frames a strip shall have; raises InvalidParameter: fewer than two."""
     if frames != "events" and (not isinstance(frames, int) or frames < 2):
-        raise InvalidParameter("frames", frames, 'at least 2, or "events"')
+        raise InvalidParameter("frames", frames, message("results.two_or_events", 'at least 2, or "events"'))
 
 
 def save_film_strip(result: RecordedRun, file: Path, *, frames: Frames = 7, height: int | None = None) -> Path:
@@ -106,7 +107,14 @@ def save_video(result: RecordedRun, file: Path, *, frames_per_second: float = 30
     width, height = _VIDEO_SIZE
     times = frame_times(result.stop_time, frames_per_second)
     if not file.parent.is_dir():
-        raise OutputError(f"{file} cannot be written: there is no folder {file.parent}")
+        raise OutputError(
+            message(
+                "results.no_folder_for_file",
+                "{file} cannot be written: there is no folder {folder}",
+                file=file,
+                folder=file.parent,
+            )
+        )
     images = Studio(result, height=height, width=width).images(times)
     with progress_bar("video", len(times), shown=True) as move:
         return write_video(_counted(images, move), file, frames_per_second)
@@ -144,13 +152,17 @@ def write_video(images: Iterable[Pixels], file: Path, frames_per_second: float) 
         try:
             count_frames_and_secs(str(work))
         except RuntimeError as problem:
-            raise OutputError(f"{work} cannot be written: it broke off, the disk may be full") from problem
+            raise OutputError(
+                message(
+                    "results.video_broke_off", "{work} cannot be written: it broke off, the disk may be full", work=work
+                )
+            ) from problem
     return file
 
 
 def frame_writer() -> Callable[..., Any]:
     """Return imageio-ffmpeg's ``write_frames``, before long work for a video; raises SimrobError: not installed."""
-    with needed("a video", "video"):
+    with needed(message("results.a_video", "a video"), "video"):
         import imageio_ffmpeg
     writer: Callable[..., Any] = imageio_ffmpeg.write_frames
     return writer

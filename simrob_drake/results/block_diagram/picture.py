@@ -14,6 +14,7 @@ from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.files import diagrams_root
 from simrob_drake.base.folders import check_ending, replaced_at_once
+from simrob_drake.base.messages import message
 from simrob_drake.results.block_diagram.graph import ROLES, BlockGraph, DrawnBlock, Net
 from simrob_drake.results.block_diagram.layout import CELL, LINE, ROW, Layout, Placed, text_width
 from simrob_drake.results.block_diagram.reading import COLOURS, TITLES, WIRE, dot_text, mermaid_text, read_blocks
@@ -237,7 +238,9 @@ def station_svg(config: StationConfig, *, live: bool = False, folded: Iterable[s
 
 def loop_svg(config: StationConfig, name: str) -> str:
     """Return the picture of a loop of a station with what it reads and moves; raises UnknownName: there is none."""
-    return Drawing(_graph(config).around(f"controller.{one_of('loop', name, config.controllers)}")).svg()
+    return Drawing(
+        _graph(config).around(f"controller.{one_of(message('results.loop', 'loop'), name, config.controllers)}")
+    ).svg()
 
 
 def station_mermaid(config: StationConfig) -> str:
@@ -252,7 +255,7 @@ def save_block_picture(config: StationConfig, file: Path | str) -> Path:
     written.
     """
     file = as_path(file, "file")
-    suffix = check_ending(file, SUFFIXES, "the picture's file")
+    suffix = check_ending(file, SUFFIXES, message("results.file_of_picture", "the picture's file"))
     if suffix in (".png", ".pdf"):
         content = Drawing(_graph(config)).file(suffix[1:])
     else:

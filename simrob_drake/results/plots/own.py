@@ -16,6 +16,7 @@ from matplotlib.font_manager import FontProperties
 from simrob_drake.base.errors import shortened
 from simrob_drake.base.extension import ExtensionWarning, usable_objects
 from simrob_drake.base.folders import writing
+from simrob_drake.base.messages import compound, message
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.colours import looks
 from simrob_drake.results.plots.formats import UNDATED, PlotFormat, plot_format
@@ -147,13 +148,26 @@ def _save_plots_of_extensions(result: RecordedRun, folder: Path, kind: PlotForma
         file = folder / f"{name}.{kind}"
         try:
             if name in taken:
-                raise ValueError(f"the run has a plot of this name already: {file.name}")
+                raise ValueError(
+                    message(
+                        "results.plot_name_taken", "the run has a plot of this name already: {file}", file=file.name
+                    )
+                )
             figure = draw(result)
             if figure is not None:
                 written.append(save_figure(figure, file))
         except Exception as problem:  # a function of somebody else must not cost the files of a run
-            reason = shortened(f"{type(problem).__name__}: {problem}", 200)
-            warn(f"the plot {name} of an extension is left out: {reason}", ExtensionWarning, stacklevel=2)
+            reason = shortened(compound("{name}: {problem}", name=type(problem).__name__, problem=problem), 200)
+            warn(
+                message(
+                    "results.plot_left_out",
+                    "the plot {name} of an extension is left out: {reason}",
+                    name=name,
+                    reason=reason,
+                ),
+                ExtensionWarning,
+                stacklevel=2,
+            )
     return written
 
 

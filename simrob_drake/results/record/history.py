@@ -22,6 +22,7 @@ from pydrake.systems.framework import Context, Diagram, EventStatus
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 
 Rates = Callable[[Vector], Vector]
 """Computes time derivatives of the plant's positions, (k, nq), from continuous states of the diagram, (k, nx)."""
@@ -278,8 +279,10 @@ class StateHistory:
         # NaN fails both comparisons, so it is outside.
         is_inside = (times >= self.times[0] - _ROUNDING) & (times <= self.end + _ROUNDING)
         if not is_inside.all():
-            known = f"within the run, {self.times[0]:g} to {self.end:g} s"
-            raise InvalidParameter("time", f"{times[~is_inside][0]:g} s", known)
+            known = message(
+                "results.within_run", "within the run, {begin:g} to {end:g} s", begin=self.times[0], end=self.end
+            )
+            raise InvalidParameter("time", compound("{time:g} s", time=times[~is_inside][0]), known)
         after = self._after(times)
         before = np.maximum(after - 1, 0)
         width = self.times[after] - self.times[before]  # lengths of the steps [s]; 0 at the start of the run

@@ -82,11 +82,12 @@ class AskedMove:
     tool: Callable[[Vector], Vector]
     approaches: Callable[[Vector], Approaches]
     speed: float | None = None
-    place: str = "the move"
+    place: str = message("results.the_move", "the move")
     search: Vector = field(default_factory=lambda: np.zeros((0, 2, 3)))
 
 
-class MoveSpan(NamedTuple):
+@dataclass(frozen=True)
+class MoveSpan:
     """The time that a move of a program took.
 
     Attributes:
@@ -177,7 +178,7 @@ class RecordedRun:
         Raises:
             UnknownName: there is no such column.
         """
-        return self.values[:, self._indices[one_of("signal", name, self._indices)]]
+        return self.values[:, self._indices[one_of(message("results.signal", "signal"), name, self._indices)]]
 
     def axes(self, signal: str, robot: str | None = None) -> Vector:
         """Signal of all axes of a robot, shape (m, n).
@@ -288,7 +289,13 @@ class RecordedRun:
     @property
     def end_in_words(self) -> str:
         """How the run ended, in words, with the name of the monitor if one ended it."""
-        return f"stopped by {self.stopped_by}: {self.message}" if self.ending == "monitor" else self.message
+        return (
+            message(
+                "results.stopped_by", "stopped by {monitor}: {reason}", monitor=self.stopped_by, reason=self.message
+            )
+            if self.ending == "monitor"
+            else self.message
+        )
 
     @property
     def wall_time(self) -> float:
@@ -323,7 +330,7 @@ class RecordedRun:
         for part in parts:
             name = f"{signal}.{part}"
             if name not in known:
-                one_of("signal", name, known)  # raises UnknownName, with the nearest name
+                one_of(message("results.signal", "signal"), name, known)  # raises UnknownName, with the nearest name
             indices.append(known[name])
         return np.take(self.values, indices, axis=1)
 
@@ -338,7 +345,7 @@ def move_title(index: int) -> Message:
     Args:
         index: index of the move in the program, from 0.
     """
-    return message("results.move", "move {number}", number=index + 1)
+    return message("results.move_number", "move {number}", number=index + 1)
 
 
 def begins_of(*runs: RecordedRun) -> Vector:

@@ -18,6 +18,7 @@ from simrob_drake.base.arguments import instance
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter
 from simrob_drake.base.files import NotRead, text_of
 from simrob_drake.base.frames import Vector, finite
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Number, Strict, validated
 from simrob_drake.base.yaml_files import parse_json
 from simrob_drake.blocks.monitor import Monitor
@@ -51,7 +52,11 @@ def _check_rotation(name: str, position: Vector) -> None:
         return
     length = float(np.linalg.norm(position[:4]))
     if abs(length - 1.0) > _UNIT_TOLERANCE:
-        raise InvalidParameter(f"start: the quaternion of {name}", f"of length {length:.3g}", "of length 1")
+        raise InvalidParameter(
+            message("results.quaternion_of", "start: the quaternion of {name}", name=name),
+            message("results.of_length", "of length {length:.3g}", length=length),
+            message("results.of_length_1", "of length 1"),
+        )
 
 
 @dataclass(frozen=True)
@@ -162,11 +167,16 @@ class State:
             vectors += [(name, block.continuous), *((name, values) for values in block.discrete)]
         for name, values in vectors:
             if not (isinstance(values, np.ndarray) and values.ndim == 1 and finite(values).shape == values.shape):
-                expected = "an array of finite numbers, unlike at the end of a run in which a block failed"
+                expected = message(
+                    "results.finite_numbers_of_state",
+                    "an array of finite numbers, unlike at the end of a run in which a block failed",
+                )
                 raise InvalidParameter(f"start: {name}", values, expected)
 
     def _entries(self, key: str, kind: type[Any]) -> list[tuple[str, Any]]:
-        entries = instance(getattr(self, key), f"start: {key}", Mapping, "a mapping by name")
+        entries = instance(
+            getattr(self, key), f"start: {key}", Mapping, message("results.mapping_by_name", "a mapping by name")
+        )
         return [
             (name, instance(entry, f"start: {name}", kind, f"a {kind.__name__}")) for name, entry in entries.items()
         ]
@@ -255,8 +265,23 @@ class State:
         try:
             return cls.from_json(text_of(config.start, _LARGEST), config.start)
         except (NotRead, InvalidConfig) as problem:
-            what = f"{config.start}: cannot be read ({problem})" if isinstance(problem, NotRead) else problem
-            raise InvalidConfig("", "", f"{what}; `start` names the start.json of a result") from problem
+            what = (
+                message(
+                    "results.start_cannot_be_read",
+                    "{start}: cannot be read ({problem})",
+                    start=config.start,
+                    problem=problem,
+                )
+                if isinstance(problem, NotRead)
+                else problem
+            )
+            raise InvalidConfig(
+                "",
+                "",
+                message(
+                    "results.start_names_file", "{problem}; `start` names the start.json of a result", problem=what
+                ),
+            ) from problem
 
     def _put_block(self, system: System, kept: BlockState, context: Context) -> None:
         own = system.GetMyMutableContextFromRoot(context)
@@ -278,9 +303,11 @@ class State:
     @staticmethod
     def _check(name: str, values: Vector | None, size: int) -> None:
         if values is None or len(values) != size:
-            found = "unknown" if values is None else f"of size {len(values)}"
+            found = "unknown" if values is None else message("results.of_size", "of size {size}", size=len(values))
             raise InvalidParameter(
-                "start", f"a state in which '{name}' is {found}", f"of a station where it is of {size}"
+                "start",
+                message("results.state_in_which", "a state in which '{name}' is {found}", name=name, found=found),
+                message("results.station_of_size", "of a station where it is of {size}", size=size),
             )
 
 

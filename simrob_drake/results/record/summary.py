@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.base.frames import Vector, pose_from_transform, transform_from_xyz_quaternion
+from simrob_drake.base.messages import join_texts, message
 from simrob_drake.results.record.run import DIVERGED, RecordedRun
 from simrob_drake.results.record.walks import legged_robots, locomotion
 from simrob_drake.results.verdict.verdict import Verdict
@@ -35,10 +36,20 @@ def _remarks(run: RecordedRun, begin: float) -> Iterator[str]:
             spans = _spans_of_nonzero(run[f"{name}.{output}"], times)
             if not spans:
                 continue
-            listed = ", ".join(f"{first:.2f} to {last:.2f} s" for first, last in spans[:_MOST_SPANS])
+            listed = join_texts(
+                message("results.span_of_time", "{first:.2f} to {last:.2f} s", first=first, last=last)
+                for first, last in spans[:_MOST_SPANS]
+            )
             further = len(spans) - _MOST_SPANS
-            more = f" and {further} times more" if further > 0 else ""
-            yield f"{name} {remark}: {listed}{more}"
+            more = message("results.and_times_more", " and {count} times more", count=further) if further > 0 else ""
+            yield message(
+                "results.remark_at_times",
+                "{name} {remark}: {times}{more}",
+                name=name,
+                remark=remark,
+                times=listed,
+                more=more,
+            )
 
 
 def _spans_of_nonzero(values: Vector, times: Vector) -> list[tuple[float, float]]:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.base.frames import Vector, transform_from_xyz_quaternion
+from simrob_drake.base.messages import message
 from simrob_drake.blocks.servo import AT_LIMIT
 from simrob_drake.parts.resolved import named
 from simrob_drake.parts.station_plant import StationPlant, StationRobot
@@ -66,7 +67,7 @@ def locomotion(result: RecordedRun, robot: str | None = None) -> Locomotion:
         UnknownName: no such legged robot.
         InvalidParameter: none named, and there is not just one.
     """
-    name = named(robot, legged_robots(result), kind="legged robot")
+    name = named(robot, legged_robots(result), kind=message("results.legged_robot", "legged robot"))
     own = result.plant.robots[name]
     base = result.pose("base", name)
     way = base[-1, :2] - base[0, :2]

@@ -25,6 +25,7 @@ from simrob_drake.results.record.torques import torque_shares
 from simrob_drake.results.verdict.contact_forces import measure_friction_share, measure_resting_force
 from simrob_drake.results.verdict.remedies import (
     contact_with_floor,
+    lag,
     less_load,
     more_grip,
     more_time_for_motors,
@@ -299,7 +300,7 @@ MOTION = (
     ),
     Criterion(
         "largest_error", "rad", "largest error", "{of} was {value} off what was asked{when}",
-        _largest_error, remedy=sag_or_saturation,
+        _largest_error, remedy=lag,
     ),
     Criterion("beyond_stop", "rad", "beyond a stop", "{of} was pressed {value} beyond its range{when}", _beyond_stop),
     Criterion(

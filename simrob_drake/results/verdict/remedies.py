@@ -8,6 +8,8 @@ from collections.abc import Callable
 from math import ceil, floor, log10
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from simrob_drake.base.messages import message
 from simrob_drake.base.remarks import Remedy
 from simrob_drake.blocks.servo import AT_LIMIT
@@ -27,6 +29,9 @@ _MORE_TIME = 2.0
 _MARGIN = 1.1
 """A move that is too fast is given the duration at which its speed would be at the limit, times this."""
 
+_AT_REST = 0.01
+"""An axis is at rest if its speed is below this share of its limit."""
+
 _STIFFER = 10.0
 """Bodies that sink into each other too deep get a contact stiffness so many times larger."""
 
@@ -42,11 +47,24 @@ def sag_or_saturation(run: RecordedRun, entry: "MeasuredValue") -> Remedy | None
         return None
     if torque_shares(run, robot).max(initial=0.0) >= AT_LIMIT:
         return more_time_for_motors(run, entry)
+    if _moves_at_end(run, robot):
+        return lag(run, entry)
     if not _takes_feedforward(run, robot):
         text = message("results.remedy_stiffer_servo", "raise the servo's gains kp and kd")
         return Remedy(text, key=_servo_key(run, robot, "kp"))
     text = message("results.remedy_gravity", "the servos sag under gravity: turn on gravity feedforward")
     return Remedy(text, key=_servo_key(run, robot, "feedforward"), value="gravity")
+
+
+def lag(run: RecordedRun, entry: "MeasuredValue") -> Remedy | None:
+    """Remedy of an axis that is too far behind its reference while it moves: more time, or larger gains."""
+    robot = robot_of(run, entry.subject)
+    if robot is None or not run.config.engine.moves_by_forces:
+        return None
+    if torque_shares(run, robot).max(initial=0.0) >= AT_LIMIT:
+        return more_time_for_motors(run, entry)
+    text = message("results.remedy_lag", "the servos lag behind: give the motion more time, or raise kp and kd")
+    return _with_longer_reference(run, robot, text, _MORE_TIME)
 
 
 def more_time_for_motors(run: RecordedRun, entry: "MeasuredValue") -> Remedy | None:
@@ -141,6 +159,12 @@ def robot_of(run: RecordedRun, subject: str) -> StationRobot | None:
         if subject in (name, f"tool of {name}") or subject.startswith(robot.prefix):
             return robot
     return None
+
+
+def _moves_at_end(run: RecordedRun, robot: StationRobot) -> bool:
+    """Whether an axis of a robot still moves at the end of the run, faster than a small share of its limit."""
+    speeds = np.abs(run.axes("v", robot.name)[-1]) / robot.speed_limits
+    return bool(speeds.max(initial=0.0) > _AT_REST)
 
 
 def _takes_feedforward(run: RecordedRun, robot: StationRobot) -> bool:

@@ -467,8 +467,10 @@ class Verdict:
             titles = join_texts(beyond)
             yield message("results.several_bounds", "{count} bounds exceeded: {titles}", count=count, titles=titles)
         others = sum(len(move.remarks) for move in self.moves) - len(misses)
-        if others:
-            yield message("results.other_warnings", "{count} {count:warning|warnings} about moves", count=others)
+        if others == 1:
+            yield message("results.other_warning", "One more warning about a move")
+        elif others:
+            yield message("results.other_warnings", "{count} more warnings about moves", count=count_in_words(others))
         if self.doubts:
             yield message("results.solver_doubts", "The result may be inaccurate: see the warning")
         if not (misses or beyond or others or self.doubts):
@@ -524,8 +526,9 @@ def _missed_targets(misses: Sequence[float]) -> Message:
     if len(misses) == 1:
         return message("results.missed_target", "One target missed, by {distance}", distance=distance)
     count = count_in_words(len(misses))
-    template = "{count} targets missed, by up to {distance}"
-    return message("results.missed_targets", template, count=count, distance=distance)
+    return message(
+        "results.missed_targets", "{count} targets missed, by up to {distance}", count=count, distance=distance
+    )
 
 
 def join_verdicts(verdicts: Sequence[Verdict], durations: Sequence[float], names: Sequence[str] = ()) -> Verdict:

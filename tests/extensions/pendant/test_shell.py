@@ -15,8 +15,8 @@ from nicegui.testing import user_simulation
 from nicegui.testing.user_interaction import UserInteraction
 
 from simrob_drake.base.errors import SimrobError, UnknownName
+from simrob_drake.base.messages import message
 from simrob_drake.base.remarks import Remark, Remedy
-from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.extensions import pendant
 from simrob_drake.extensions.pendant.pages import shell
 from simrob_drake.extensions.pendant.pages.elements import KEYS
@@ -108,34 +108,26 @@ def test_the_languages_say_the_same_things():
         words("fr")
 
 
-def test_sentences_of_the_engine_keep_their_parts():
-    sentences = read_yaml(Path(pendant.__file__).parent / "pages" / "strings" / "engine" / "es.yaml")
-    for english, own in sentences.items():
-        assert sorted(BRACES.findall(english)) == sorted(BRACES.findall(own)), english
-    assert words("en").of_engine("ran to its end at 3 s") == "ran to its end at 3 s"
-
-
-def test_the_pendant_says_in_spanish_what_the_engine_says():
-    said = words("es").of_engine
-    assert said("ran to its end at 3 s\nof nobody knows what") == "llegó al final a los 3 s\nof nobody knows what"
-    fall = "stopped by fall: robot fell: it leans by more than 45 deg, at 2.561 s"
-    assert said(fall) == "la detuvo fall: robot se cayó: se inclina más de 45°, a los 2.561 s"
+def test_the_pendant_shows_messages_of_the_core_in_spanish():
+    render = words("es").render
+    assert render(message("results.ran_to_its_end", "ran to its end at {time:g} s", time=2.5)).endswith(" 2,5 s")
+    assert words("en").render("of nobody knows what") == render("of nobody knows what") == "of nobody knows what"
     stations = ("irb120_dynamic", "humanoid_fixed", "box_on_floor", "zjudancer_walking")
     found = [one for name in stations for one in check_station(load_station(name)) if "[" not in one.text]
     assert len(found) > 50
-    assert [one.text for one in found if said(one.text) == one.text] == []
-    assert [one.subject for one in found if said(one.subject) == one.subject and " of " in one.subject] == []
+    assert [one.text for one in found if render(one.text) == one.text] == []
+    assert [one.subject for one in found if render(one.subject) == one.subject and " of " in one.subject] == []
 
 
-def test_verdicts_are_said_in_spanish():
+def test_verdicts_are_shown_in_spanish():
     """Of all criteria, in their own words."""
-    said = words("es").of_engine
+    render = words("es").render
     for criterion in CRITERIA:
         value = MeasuredValue("joint_2", 2.0, criterion.unit, 1.0, 0.5, 194.0, "steps")
         measure = Measure(criterion, (value._replace(value=0.0, bound=1.0) if criterion.least else value,))
-        for text in (str(measure), measure.warning):
-            assert said(text) != text
-            assert not re.search(r"\b(was|were|of|the|its|bound|limit)\b", said(text)), said(text)
+        for text in (measure.row.criterion, measure.warning):
+            assert render(text) != text
+            assert not re.search(r"\b(was|were|of|the|its|bound|limit)\b", render(text)), render(text)
 
 
 def test_every_notice_of_a_session_has_its_words():

@@ -12,6 +12,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.frames import Vector, rotation_of
+from simrob_drake.base.messages import compound, message
 from simrob_drake.extensions.mujoco.mjcf.drives import DriveWriter, UrdfJoint
 from simrob_drake.importer.repairs.base import FLOATING_MARK
 from simrob_drake.importer.repairs.names import FreeNames
@@ -26,8 +27,8 @@ _FRICTION = 1.0  # of a geom that does not tell it
 _SHOWN = 3  # groups of geoms from here on are hidden in MuJoCo's viewer
 _DEFAULT_RGBA = (0.5, 0.5, 0.5, 1.0)  # a geom with another colour than this covers its material's
 _LOST = {
-    _PLANE: "planes: a station has a floor of its own (floor:)",
-    _HILLS: "height fields: a station has terrain of its own (floor.terrain:)",
+    _PLANE: message("mujoco.planes_lost", "planes: a station has a floor of its own (floor:)"),
+    _HILLS: message("mujoco.height_fields_lost", "height fields: a station has terrain of its own (floor.terrain:)"),
 }
 
 
@@ -60,27 +61,42 @@ def _tops(model: Any, name: str, report: ImportReport) -> list[int]:
     tops = [body for body in range(1, len(model.body_parentid)) if model.body_parentid[body] == 0]
     names = {body: body_name(model, body) for body in tops}
     if name:
-        one_of("body (for --model)", name, names.values())
+        one_of(message("mujoco.body_option", "body (for --model)"), name, names.values())
         return [body for body in tops if names[body] == name]
-    left = {body: "is moved by hand in MuJoCo (mocap)" for body in tops if model.body_mocapid[body] >= 0}
+    left = {
+        body: message("mujoco.moved_by_hand", "is moved by hand in MuJoCo (mocap)")
+        for body in tops
+        if model.body_mocapid[body] >= 0
+    }
     moving = [body for body in tops if body not in left and _moves(model, body)]
     floating = [body for body in moving if _is_free(model, body)]
     if floating and len(moving) > 1:
         listed = ", ".join(names[body] for body in moving)
-        raise report.refusal("", f"holds several robots ({listed}); choose one with --model NAME")
+        raise report.refusal(
+            "",
+            message(
+                "mujoco.several_robots", "holds several robots ({names}); choose one with --model NAME", names=listed
+            ),
+        )
     rest = [body for body in tops if body not in (*left, *moving)]
     loose = [body for body in rest if _is_free(model, body)]
     if not moving and loose == rest:
         kept = rest[:1]
     else:
-        message = "is loose and has no joints; a piece of a station can take its place (pieces:, free: true)"
-        left |= dict.fromkeys(loose if moving else (), message)
+        text = message(
+            "mujoco.loose_body",
+            "is loose and has no joints; a piece of a station can take its place (pieces:, free: true)",
+        )
+        left |= dict.fromkeys(loose if moving else (), text)
         kept = floating or [body for body in tops if body not in (*left, *loose)]
     if floating:
-        message = "stands in the world beside a robot that floats; a piece of a station can take its place"
-        left |= dict.fromkeys([body for body in rest if body not in loose], message)
+        text = message(
+            "mujoco.stands_beside_robot",
+            "stands in the world beside a robot that floats; a piece of a station can take its place",
+        )
+        left |= dict.fromkeys([body for body in rest if body not in loose], text)
     for body, why in left.items():
-        report.add("dropped", f"body '{names[body]}'", why)
+        report.add("dropped", message("mujoco.body_called", "body '{name}'", name=names[body]), why)
     return kept
 
 
@@ -159,7 +175,11 @@ class _Writer:
             self._connect(link, body, motions, parent)
         self.robot.append(link)
         if model.body_gravcomp[body]:
-            self.report.add("lost", f"body '{name}'", f"gravcomp {model.body_gravcomp[body]:g}: all has its weight")
+            self.report.add(
+                "lost",
+                message("mujoco.body_called", "body '{name}'", name=name),
+                message("mujoco.gravcomp", "gravcomp {value:g}: all has its weight", value=model.body_gravcomp[body]),
+            )
 
     def _connect(self, link: ET.Element, body: int, motions: list[_Motion], parent: int) -> None:
         """Hang a link on its parent by its joints, one link between each two."""
@@ -179,16 +199,23 @@ class _Writer:
             add_joint(self.robot, self._joint_names.take(f"{name}_fixed"), parent=carrier, child=name, pose=place)
         if len(motions) > 1:
             listed = ", ".join(motion.name for motion in motions)
-            message = f"moves by {len(motions)} joints ({listed}), between which are links of a billionth of its mass"
-            self.report.add("repaired", f"body '{name}'", message)
+            sentence = message(
+                "mujoco.several_joints",
+                "moves by {count} joints ({names}), between which are links of a billionth of its mass",
+                count=len(motions),
+                names=listed,
+            )
+            self.report.add("repaired", message("mujoco.body_called", "body '{name}'", name=name), sentence)
 
     def _motions(self, joint: int, body: str) -> list[_Motion]:
         model, kind = self.model, self.model.jnt_type[joint]
         name = str(model.jnt_name[joint]) or self._joint_names.take(f"{body}_joint")
         turning = "revolute" if model.jnt_limited[joint] else "continuous"
         if kind == _BALL:
-            message = "is a ball; three joints x, y, z, which lose one freedom where y is at 90 deg"
-            self.report.add("approximated", f"joint '{name}'", message)
+            text = message(
+                "mujoco.ball_joint", "is a ball; three joints x, y, z, which lose one freedom where y is at 90 deg"
+            )
+            self.report.add("approximated", message("mujoco.joint_called", "joint '{name}'", name=name), text)
             axes = zip("xyz", np.eye(3), strict=True)
             return [
                 _Motion(self._joint_names.take(f"{name}_{letter}"), joint, turning, axis, RigidTransform(), part)
@@ -228,12 +255,27 @@ class _Writer:
                     ET.SubElement(link, "visual").extend(deepcopy(list(collision)))
         still = int(np.count_nonzero((self.model.geom_bodyid == 0) & (self.model.geom_type != _PLANE)))
         if outside and still:
-            self._lost["shapes of the world: pieces of a station can take their place (pieces:)"] = still
+            self._lost[
+                message(
+                    "mujoco.world_shapes_lost",
+                    "shapes of the world: pieces of a station can take their place (pieces:)",
+                )
+            ] = still
         for what, count in self._lost.items():
-            self.report.add("dropped", "", f"{count} {what}")
+            self.report.add("dropped", "", compound("{count} {what}", count=count, what=what))
         if self._frictions - {_FRICTION}:
-            interval = f"{min(self._frictions):g} to {max(self._frictions):g}"
-            self.report.add("lost", "", f"sliding friction of the shapes, {interval}: a station has its own (contact:)")
+            interval = message(
+                "mujoco.interval", "{least:g} to {most:g}", least=min(self._frictions), most=max(self._frictions)
+            )
+            self.report.add(
+                "lost",
+                "",
+                message(
+                    "mujoco.sliding_friction",
+                    "sliding friction of the shapes, {interval}: a station has its own (contact:)",
+                    interval=interval,
+                ),
+            )
 
     def _shape(self, geom: int) -> tuple[ET.Element | None, RigidTransform]:
         """Return the element of a geom's shape, None where it has none, and the shape's pose in the geom."""
@@ -264,10 +306,15 @@ class _Writer:
         file, scale = str(model.mesh_file[mesh]), model.mesh_scale[mesh]
         turn = frame(np.zeros(3), model.mesh_refquat[mesh]).rotation().inverse()
         if not file:
-            self._lost["meshes that are written in the file itself"] += 1
+            self._lost[message("mujoco.written_meshes_lost", "meshes that are written in the file itself")] += 1
             return None, RigidTransform()
         if not turn.IsNearlyIdentity(1e-9) and np.ptp(scale) > 1e-9 * np.max(np.abs(scale)):
-            self._lost["meshes that are turned and then scaled by other factors along x, y and z"] += 1
+            self._lost[
+                message(
+                    "mujoco.scaled_meshes_lost",
+                    "meshes that are turned and then scaled by other factors along x, y and z",
+                )
+            ] += 1
             return None, RigidTransform()
         own = pose_in(model, "mesh", mesh).inverse()
         moved = RigidTransform(turn, -scale * (turn @ model.mesh_refpos[mesh]))

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from simrob_drake.base.messages import message
 from simrob_drake.importer.loops import LoopCoupling
 from simrob_drake.importer.trees import HOME, KD, KP, add_note
 from simrob_drake.robots.imports import ImportReport
@@ -60,28 +61,52 @@ class DriveWriter:
             self._write_joint(joint)
         if idle:
             listed = "', '".join(idle)
-            self.report.add("defaulted", f"joints '{listed}'", "no actuator drives them; a motor made for each")
+            self.report.add(
+                "defaulted",
+                message("mujoco.joints_called", "joints '{names}'", names=listed),
+                message("mujoco.motor_for_each", "no actuator drives them; a motor made for each"),
+            )
         self._propose_home()
         self._write_constraints()
         targets = zip(self.model.actuator_trntype, self.model.actuator_trnid, strict=True)
         pulled = {int(target[0]) for kind, target in targets if kind == _TENDON}
         for tendon in set(range(len(self.model.tendon_num))) - pulled:
-            message = "tendons are not simulated: what it held or coupled moves freely"
-            self.report.add("lost", f"tendon '{self.model.tendon_name[tendon]}'", message)
+            text = message(
+                "mujoco.tendons_not_simulated", "tendons are not simulated: what it held or coupled moves freely"
+            )
+            self.report.add(
+                "lost", message("mujoco.tendon_called", "tendon '{name}'", name=self.model.tendon_name[tendon]), text
+            )
 
     def _read_actuator(self, actuator: int) -> None:
-        model, where = self.model, f"actuator '{self.model.actuator_name[actuator]}'"
+        model, where = (
+            self.model,
+            message("mujoco.actuator_called", "actuator '{name}'", name=self.model.actuator_name[actuator]),
+        )
         levers = self._levers(actuator)
         if not levers:
-            self.report.add("lost", where, "drives no joint; only motors of joints are simulated")
+            self.report.add(
+                "lost", where, message("mujoco.drives_no_joint", "drives no joint; only motors of joints are simulated")
+            )
             return
         if model.actuator_trntype[actuator] == _TENDON:
             listed = ", ".join(str(model.jnt_name[joint]) for joint in levers)
-            self.report.add("approximated", where, f"pulls at several joints by a tendon; each gets a motor: {listed}")
+            self.report.add(
+                "approximated",
+                where,
+                message(
+                    "mujoco.pulls_at_several",
+                    "pulls at several joints by a tendon; each gets a motor: {joints}",
+                    joints=listed,
+                ),
+            )
         plain = model.actuator_gaintype[actuator] == _FIXED and model.actuator_biastype[actuator] in (_NONE, _AFFINE)
         if model.actuator_dyntype[actuator] or not plain:
-            message = "has a force of its own law, as muscles and filters have; a motor with its largest force"
-            self.report.add("approximated", where, message)
+            text = message(
+                "mujoco.own_force_law",
+                "has a force of its own law, as muscles and filters have; a motor with its largest force",
+            )
+            self.report.add("approximated", where, text)
         gain, bias = model.actuator_gainprm[actuator], model.actuator_biasprm[actuator]
         for joint, lever in levers.items():
             drive = self._drives.setdefault(joint, _Drive())
@@ -131,8 +156,12 @@ class DriveWriter:
         if model.dof_armature[dof] > 0:
             ET.SubElement(motor, f"{DRAKE}rotor_inertia", value=written(model.dof_armature[dof]))
         if model.jnt_stiffness[number] > 0:
-            message = f"a spring of {model.jnt_stiffness[number]:g} per rad or m: springs at joints are not simulated"
-            self.report.add("lost", f"joint '{name_of(element)}'", message)
+            text = message(
+                "mujoco.joint_spring",
+                "a spring of {stiffness:g} per rad or m: springs at joints are not simulated",
+                stiffness=model.jnt_stiffness[number],
+            )
+            self.report.add("lost", message("mujoco.joint_called", "joint '{name}'", name=name_of(element)), text)
 
     def _propose_home(self) -> None:
         """Propose the posture of the keyframe called home, or of the first, or else MuJoCo's own."""
@@ -148,18 +177,26 @@ class DriveWriter:
             lower, upper = model.jnt_range[joint.joint] if model.jnt_limited[joint.joint] else (-np.inf, np.inf)
             add_note(joint.element, HOME, float(np.clip(value, lower, upper)))
         if names:
-            self.report.add("read", f"keyframe '{names[key]}'", "is the posture at the start")
+            self.report.add(
+                "read",
+                message("mujoco.keyframe_called", "keyframe '{name}'", name=names[key]),
+                message("mujoco.posture_at_start", "is the posture at the start"),
+            )
 
     def _write_constraints(self) -> None:
         """Write couplings of joints as a URDF does; closed loops are for the next stage to refuse or leave out."""
         model, first = self.model, {joint.joint: joint.element for joint in reversed(self.joints)}
         for index, kind in enumerate(model.eq_type):
-            name = str(model.eq_name[index]) or f"equality {index + 1}"
+            name = str(model.eq_name[index]) or message("mujoco.equality", "equality {index}", index=index + 1)
             ends = [int(model.eq_obj1id[index]), int(model.eq_obj2id[index])]
             if model.eq_objtype[index] == _SITE:
                 ends = [int(model.site_bodyid[site]) for site in ends]
             if not model.eq_active0[index]:
-                self.report.add("dropped", f"constraint '{name}'", "is not active")
+                self.report.add(
+                    "dropped",
+                    message("mujoco.constraint_called", "constraint '{name}'", name=name),
+                    message("mujoco.not_active", "is not active"),
+                )
                 continue
             if kind in (_CONNECT, _WELD) and all(body in self.bodies for body in ends):
                 between = "' and '".join(name_of(self.bodies[body]) for body in ends)
@@ -171,7 +208,11 @@ class DriveWriter:
             if kind == _COUPLED and ends[0] in first:
                 self._write_mimic(index, name, ends, first)
                 continue
-            self.report.add("lost", f"constraint '{name}'", "is not simulated")
+            self.report.add(
+                "lost",
+                message("mujoco.constraint_called", "constraint '{name}'", name=name),
+                message("mujoco.not_simulated", "is not simulated"),
+            )
 
     def _ball_coupling(self, index: int, name: str, ends: Sequence[int]) -> LoopCoupling:
         """Make the coupling that replaces a connection of two bodies: a ball joint.
@@ -206,10 +247,14 @@ class DriveWriter:
             elements: URDF elements of the joints, by their indices in the model.
         """
         model = self.model
-        where = f"constraint '{name}'"
+        where = message("mujoco.constraint_called", "constraint '{name}'", name=name)
         follower = elements[ends[0]]
         if follower.find("mimic") is not None:
-            problem = f"joint '{name_of(follower)}' follows another one already: this coupling is not simulated"
+            problem = message(
+                "mujoco.follows_another",
+                "joint '{joint}' follows another one already: this coupling is not simulated",
+                joint=name_of(follower),
+            )
             self.report.add("lost", where, problem)
             return
         constant, slope, *higher = np.asarray(model.eq_data[index][:_POLYNOMIAL_NUMBERS]).tolist()
@@ -221,11 +266,24 @@ class DriveWriter:
             return
         leader = elements.get(ends[1])
         if leader is None:
-            self.report.add("lost", where, "its other joint is not there: it is not simulated")
+            self.report.add(
+                "lost",
+                where,
+                message("mujoco.other_joint_missing", "its other joint is not there: it is not simulated"),
+            )
             return
         if any(higher):
-            problem = f"joint '{name_of(follower)}' follows by its slope at zero, {slope:g}"
-            self.report.add("lost", where, f"a polynomial of higher degree; {problem}")
+            problem = message(
+                "mujoco.follows_by_slope",
+                "joint '{joint}' follows by its slope at zero, {slope:g}",
+                joint=name_of(follower),
+                slope=slope,
+            )
+            self.report.add(
+                "lost",
+                where,
+                message("mujoco.higher_polynomial", "a polynomial of higher degree; {problem}", problem=problem),
+            )
         # y = c_1 x + offset, with offset = y0 + c_0 - c_1 x0.
         leader_zero = float(model.qpos0[model.jnt_qposadr[ends[1]]])
         offset = follower_zero + constant - slope * leader_zero

@@ -17,6 +17,7 @@ import numpy as np
 from simrob_drake.base.errors import shortened
 from simrob_drake.base.extras import lacking
 from simrob_drake.base.files import content_of
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.packages import OutsideBorder
 from simrob_drake.extensions.mujoco.mjcf.bodies import robot_from_model
 from simrob_drake.importer.meshes.checks import LARGEST_FILE, UnreadableMesh
@@ -34,16 +35,18 @@ _MOST_FILES = 100  # that a model may include
 _MOST_COPIES = 1000
 """Largest count of elements that all ``replicate`` elements of a model make; MuJoCo copies the content of each."""
 _SOFT = {
-    "deformable": "what is soft is not simulated",
-    "flexcomp": "what is soft is not simulated",
-    "composite": "what is soft, or made of many bodies, is not simulated",
+    "deformable": message("mujoco.soft_not_simulated", "what is soft is not simulated"),
+    "flexcomp": message("mujoco.soft_not_simulated", "what is soft is not simulated"),
+    "composite": message("mujoco.soft_or_many_bodies", "what is soft, or made of many bodies, is not simulated"),
 }
 _LEFT_OUT = _SOFT | {
-    "sensor": "a station has sensors of its own",
-    "contact": "parts of a robot pass through each other unless contact.self_collision is set",
-    "skin": "only rigid shapes are shown",
-    "extension": "plugins are never loaded",
-    "plugin": "plugins are never loaded",
+    "sensor": message("mujoco.own_sensors", "a station has sensors of its own"),
+    "contact": message(
+        "mujoco.parts_pass_through", "parts of a robot pass through each other unless contact.self_collision is set"
+    ),
+    "skin": message("mujoco.rigid_shapes_only", "only rigid shapes are shown"),
+    "extension": message("mujoco.plugins_not_loaded", "plugins are never loaded"),
+    "plugin": message("mujoco.plugins_not_loaded", "plugins are never loaded"),
 }  # what is left out, and why
 _UNUSED = ("visual", "statistic", "custom", "size", "option", "camera", "light", "texture", "layer")
 _COMPILER = (
@@ -61,11 +64,16 @@ def read_mjcf(root: ET.Element, path: Path, options: ImportOptions, report: Impo
     it, or it holds no robot.
     """
     if find_spec("mujoco") is None:
-        raise report.refusal("", lacking("is an MJCF file, which", "mujoco"))
+        raise report.refusal("", lacking(message("mujoco.is_mjcf", "is an MJCF file, which"), "mujoco"))
     source = _Source(root, MeshPlaces(path, options.mesh_path), report)
     source.put_in_includes(root)
     if root.find(".//attach") is not None or root.find("asset/model") is not None:
-        raise report.refusal("<attach>", "puts another model in; let MuJoCo save all as one file (mj_saveLastXML)")
+        raise report.refusal(
+            "<attach>",
+            message(
+                "mujoco.puts_other_model_in", "puts another model in; let MuJoCo save all as one file (mj_saveLastXML)"
+            ),
+        )
     files = source.take_file_names()
     _leave_out(root, report)
     _check_replicates(root, report)
@@ -78,9 +86,15 @@ def read_mjcf(root: ET.Element, path: Path, options: ImportOptions, report: Impo
             seconds=TIME_LIMIT,
         )
     except ChildFailed as problem:
-        raise report.refusal("", f"MuJoCo cannot read it: {problem}") from problem
+        raise report.refusal(
+            "", message("mujoco.cannot_read", "MuJoCo cannot read it: {problem}", problem=problem)
+        ) from problem
     for name in fields["mesh_missing"]:
-        report.add("lost", f"mesh '{name}'", "cannot be read, and masses are made of it: they lack its part")
+        report.add(
+            "lost",
+            message("mujoco.mesh_called", "mesh '{name}'", name=name),
+            message("mujoco.mesh_unread", "cannot be read, and masses are made of it: they lack its part"),
+        )
     arrays = {key: np.array(value) if isinstance(value, list) else value for key, value in fields.items()}
     return robot_from_model(SimpleNamespace(**arrays), root.get("model") or path.stem, options.model, report)
 
@@ -105,8 +119,14 @@ class _Source:
             place = list(owner).index(include)
             owner[place : place + 1] = list(self._included(include.get("file", "")))
             if sum(1 for _ in element.iter()) > MOST_TAGS:
-                raise self.report.refusal("<include>", f"more than {MOST_TAGS} tags with all that is included")
-        raise self.report.refusal("<include>", f"more than {_MOST_FILES} files, or a file in itself")
+                raise self.report.refusal(
+                    "<include>",
+                    message("mujoco.too_many_tags", "more than {most} tags with all that is included", most=MOST_TAGS),
+                )
+        raise self.report.refusal(
+            "<include>",
+            message("mujoco.too_many_files", "more than {most} files, or a file in itself", most=_MOST_FILES),
+        )
 
     def _included(self, name: str) -> ET.Element:
         where = f"<include> '{shortened(name)}'"
@@ -153,7 +173,9 @@ class _Source:
             own = numbers_in(material.get("rgba", "1 1 1 1")) or mean
             material.set("rgba", text(a * b for a, b in zip(own, mean, strict=False)))
             self.report.add(
-                "repaired", f"material '{material.get('name')}'", f"its texture '{name}' is its mean colour"
+                "repaired",
+                message("mujoco.material_called", "material '{name}'", name=material.get("name")),
+                message("mujoco.mean_colour", "its texture '{name}' is its mean colour", name=name),
             )
 
     def _mean(self, name: str) -> tuple[float, ...] | None:
@@ -185,7 +207,11 @@ def _leave_out(root: ET.Element, report: ImportReport) -> None:
             if child.tag in _LEFT_OUT or child.tag in _UNUSED:
                 owner.remove(child)
     for tag, count in left_out.items():
-        report.add("lost" if tag in _SOFT else "dropped", f"<{tag}>", f"{count} ×: {_LEFT_OUT[tag]}")
+        report.add(
+            "lost" if tag in _SOFT else "dropped",
+            f"<{tag}>",
+            compound("{count} ×: {left_out}", count=count, left_out=_LEFT_OUT[tag]),
+        )
     for compiler in root.iterfind("compiler"):
         compiler.attrib = {key: value for key, value in compiler.attrib.items() if key in _COMPILER}
     for key in root.iterfind("keyframe/key"):
@@ -211,7 +237,12 @@ def _check_replicates(root: ET.Element, report: ImportReport) -> None:
         # and an empty one is refused, too.
         if total > _MOST_COPIES or child_copies > _MOST_COPIES:
             where = f"<replicate count='{shortened(element.get('count', ''))}'>" if is_replicate else ""
-            raise report.refusal(where, f"more than {_MOST_COPIES} elements with all that is replicated")
+            raise report.refusal(
+                where,
+                message(
+                    "mujoco.too_many_copies", "more than {most} elements with all that is replicated", most=_MOST_COPIES
+                ),
+            )
         elements_left += [_CopiedElement(child, child_copies) for child in element]
 
 
@@ -237,7 +268,28 @@ def _report_physics(option: Mapping[str, str], report: ImportReport) -> None:
     """Say what of a model's physics no station has."""
     gravity = numbers_in(option.get("gravity", "")) or _GRAVITY
     if len(gravity) != len(_GRAVITY) or not np.allclose(gravity, _GRAVITY, atol=0.02):
-        message = f"gravity {shortened(option['gravity'])}: a station has 9.81 m/s² downwards"
-        report.add("lost", "<option>", f"{message}; where centimetres or grams were meant, figures are not converted")
+        text = message(
+            "mujoco.other_gravity",
+            "gravity {gravity}: a station has 9.81 m/s² downwards",
+            gravity=shortened(option["gravity"]),
+        )
+        report.add(
+            "lost",
+            "<option>",
+            message(
+                "mujoco.units_not_converted",
+                "{text}; where centimetres or grams were meant, figures are not converted",
+                text=text,
+            ),
+        )
     for key in [key for key in _FLUID if any(numbers_in(option.get(key, "")) or ())]:
-        report.add("lost", "<option>", f"{key} {shortened(option[key])}: air and water are not simulated")
+        report.add(
+            "lost",
+            "<option>",
+            message(
+                "mujoco.air_not_simulated",
+                "{key} {value}: air and water are not simulated",
+                key=key,
+                value=shortened(option[key]),
+            ),
+        )

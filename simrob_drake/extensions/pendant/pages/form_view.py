@@ -111,7 +111,7 @@ class FormView:
             try:
                 box.error = await self._give(field.key, as_value(field, text)) or None
             except SimrobError as problem:
-                box.error = str(problem)
+                box.error = self._t.render(str(problem))
 
         def update(new: Field) -> None:
             text = as_text(new.value)
@@ -143,7 +143,7 @@ class FormView:
                 try:
                     entry = as_value(Field(f"{field.key}.{name.value}", "value", default={}), keys.value or "")
                 except SimrobError as problem:
-                    keys.error = str(problem)
+                    keys.error = self._t.render(str(problem))
                     return
                 chosen = {"kind": kind.value} if kind.value else {}
                 whole = {**chosen, **entry} if isinstance(entry, dict) else entry

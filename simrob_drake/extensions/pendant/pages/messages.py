@@ -44,7 +44,7 @@ class Messages:
         with self._place:
             if notice.key or not notice.remarks:
                 self._build_line(notice.severity, self._text_of(notice))
-            for remark, text in zip(notice.remarks, notice.lines(self._t.of_engine), strict=True):
+            for remark, text in zip(notice.remarks, notice.lines(self._t.render), strict=True):
                 self._build_line(remark.severity, text)
                 if remark.remedy is not None:
                     self._build_remedy(remark.remedy)
@@ -54,13 +54,13 @@ class Messages:
 
     def _text_of(self, notice: Notice) -> str:
         """Text of a notice above its remarks, in the language of the page."""
-        return self._t(f"notice.{notice.key}", **notice.fills) if notice.key else self._t.of_engine(str(notice))
+        return self._t(f"notice.{notice.key}", **notice.fills) if notice.key else self._t.render(str(notice))
 
     def _build_line(self, severity: Severity, text: str) -> None:
         """Build a line in the colour of its severity. An empty text has no line."""
         if not text:
             return
-        word = self._t.of_engine(SEVERITY_WORDS[severity])
+        word = self._t.render(SEVERITY_WORDS[severity])
         with ui.row().classes(f"pendant-remark pendant-{severity}"):
             ui.icon(_ICONS[severity]).props(f'role=img aria-label="{word}"')
             ui.label(text)
@@ -69,7 +69,7 @@ class Messages:
         """Build the line of a remedy, with a button if it sets a key of the station."""
         with ui.row().classes("pendant-remark pendant-remedy"):
             ui.icon("arrow_forward").props("aria-hidden=true")
-            ui.label(capitalised(self._t.of_engine(remedy.text)))
+            ui.label(capitalised(self._t.render(remedy.text)))
             if not remedy.key or remedy.value is None:
                 return
             text = self._t("run.apply", setting=f"{remedy.key} = {as_text(remedy.value)}")
@@ -78,7 +78,7 @@ class Messages:
 
     def _build_table(self, criteria: Sequence[CriterionRow], *, is_open: bool) -> None:
         """Build the table of criteria, unfolded if one of them is violated."""
-        t = self._t.of_engine
+        t = self._t.render
         fold = ui.expansion(self._t("run.criteria"), value=is_open).props("dense").classes("pendant-criteria")
         with fold, ui.element("table"):
             _build_row("th", [t(heading) for heading in TABLE_HEADINGS])

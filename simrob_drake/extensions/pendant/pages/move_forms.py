@@ -79,10 +79,10 @@ def stored_form(phrases: Phrases, choices: Content, move: Content) -> Read:
     if kind is not None and issubclass(kind, ArmMotion):
         return _motion_form(phrases, kind, content_of(kind, move))
     if kind is None or not labels_of(kind).form:
-        return yaml_form(phrases.t("legs.as_yaml"), move)
+        return yaml_form(phrases.t, phrases.t("legs.as_yaml"), move)
     content, form = content_of(kind, move), labels_of(kind).form
     asked = move_form(phrases, choices, kind, {key: content[key] for key in form if key in content})
-    rest = yaml_form(phrases.t("legs.further"), {key: content[key] for key in content if key not in form})
+    rest = yaml_form(phrases.t, phrases.t("legs.further"), {key: content[key] for key in content if key not in form})
 
     def read() -> dict[str, Any] | None:
         entry, further = asked(), rest()
@@ -150,7 +150,9 @@ def _asked(phrases: Phrases, choices: Content, kind: type[Move], field: Field) -
     if field.kind == "switch":
         box = ui.checkbox(label, value=bool(value))
         return lambda: box.value
-    return _number(phrases.t, label, field, value, optional=optional) if field.kind == "number" else _text(label, field)
+    if field.kind == "number":
+        return _number(phrases.t, label, field, value, optional=optional)
+    return _text(phrases.t, label, field)
 
 
 def _chosen(phrases: Phrases, label: str, names: list[str], value: Any, *, optional: bool) -> _Get:
@@ -178,14 +180,14 @@ def _number(t: Words, label: str, field: Field, value: Any, *, optional: bool) -
     return get
 
 
-def _text(label: str, field: Field) -> _Get:
+def _text(t: Words, label: str, field: Field) -> _Get:
     box = ui.input(label, value=as_text(field.value)).props("dense outlined")
 
     def get() -> Any:
         try:
             return as_value(field, box.value or "")
         except SimrobError as problem:
-            box.error = str(problem)
+            box.error = t.render(str(problem))
             raise _Refused from problem
 
     return get
@@ -201,7 +203,7 @@ def speed_field(t: Words, value: float | None = SPEED) -> NumberField:
     return NumberField(t, t("fields.speed"), value, low=1.0, high=_FASTEST, unit=" mm/s", step=10)
 
 
-def yaml_form(label: str, content: Content) -> Read:
+def yaml_form(t: Words, label: str, content: Content) -> Read:
     """Build a form for something as a file has it."""
     held = as_text(content).removeprefix("{").removesuffix("}")
     field = ui.input(label, value=held).props("outlined").classes("w-full")
@@ -210,7 +212,7 @@ def yaml_form(label: str, content: Content) -> Read:
         try:
             read = parse_yaml("{" + field.value + "}", label)
         except SimrobError as problem:
-            field.error = str(problem)
+            field.error = t.render(str(problem))
             return None
         return read if isinstance(read, dict) else None
 

@@ -102,7 +102,7 @@ class MoveList:
                 if content is not None and store(content):
                     dialog.close()
                 elif content is not None:
-                    wrong.text = t.of_engine(str(self._session.message))
+                    wrong.text = t.render(str(self._session.message))
 
             with ui.row():
                 ui.button(t("legs.save"), on_click=save).props("no-caps")

@@ -9,6 +9,7 @@ from nicegui.language import Language
 
 from simrob_drake.base.errors import SimrobError, shortened
 from simrob_drake.base.extension import usable_objects
+from simrob_drake.base.messages import compound
 from simrob_drake.extensions.pendant.pages import arm, gallery, legs, station, view
 from simrob_drake.extensions.pendant.pages.elements import (
     allow,
@@ -90,7 +91,7 @@ def _open(t: Words, load: Callable[[], bool]) -> None:
             for client in list(Client.instances.values()):
                 client.run_javascript("location.reload()")
     except SimrobError as problem:
-        ui.notify(t.of_engine(str(problem)), type="negative", close_button=True, timeout=0)
+        ui.notify(t.render(str(problem)), type="negative", close_button=True, timeout=0)
 
 
 def _loaded(session: Session, t: Words, load: Callable[[str, str], None]) -> None:
@@ -243,5 +244,5 @@ def _build_panel(name: str, panel: PendantPanel, session: Session, t: Words) -> 
     try:
         panel.build(session, t)
     except Exception as problem:  # code of somebody else must not take the page away
-        reason = shortened(f"{type(problem).__name__}: {problem}", 300)
+        reason = shortened(compound("{name}: {problem}", name=type(problem).__name__, problem=problem), 300)
         ui.label(t("shell.broken_panel", reason=reason)).props("role=alert")

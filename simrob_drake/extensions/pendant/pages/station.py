@@ -86,7 +86,7 @@ class _Page:
             done = session.setup.unset(key)  # which may have brought it
         else:
             done = session.setup.set(key, value)
-        return "" if done else self._t.of_engine(str(session.message))
+        return "" if done else self._t.render(str(session.message))
 
     def _refresh(self) -> None:
         """Show the station as it is now."""
@@ -123,7 +123,7 @@ class _Page:
 
     async def _ask_for_picture(self) -> None:
         picture = await asyncio.wrap_future(self._session.setup.picture(self._picture.folded))
-        self._wrong_picture.text = "" if picture else self._t.of_engine(str(self._session.message))
+        self._wrong_picture.text = "" if picture else self._t.render(str(self._session.message))
         if picture:
             self._picture.show(picture)
             self._watch_wires()
@@ -194,7 +194,7 @@ class _Page:
 
     def _show_findings(self, findings: Sequence[Mapping[str, str]]) -> None:
         """Show the warnings, and behind them, folded, what is in order."""
-        own = self._t.of_engine
+        own = self._t.render
         findings = [{**one, "subject": own(one["subject"]), "text": own(one["text"])} for one in findings]
         fine = [finding for finding in findings if finding["level"] != "warning"]
         for finding in findings:
@@ -275,7 +275,7 @@ class _Page:
             return
         self._heard = ending
         if ending["ending"] not in ("completed", "stopped"):
-            line = f"{ending['time']:.2f} s: {self._t.of_engine(ending['message'])}"
+            line = f"{ending['time']:.2f} s: {self._t.render(ending['message'])}"
             self._endings = [line, *self._endings][:_MOST_ENDINGS]
             self._show_stops()
 

@@ -1,6 +1,5 @@
 """The words of the pages, in each language one file beside; and axes, moves, poses and changes of a program in them."""
 
-import re
 import unicodedata
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,7 +9,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from simrob_drake.base.errors import one_of
-from simrob_drake.base.messages import Message, in_language
+from simrob_drake.base.messages import in_language, message
 from simrob_drake.base.remarks import Remark, Severity, worst_severity
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.extensions.pendant.form import as_text
@@ -28,7 +27,7 @@ _BETWEEN = "."
 
 @dataclass(frozen=True)
 class Words:
-    """What the pages call ``t``: a text by its key, ``section.name``; and what the engine says, in the language.
+    """What the pages call ``t``: a text by its key, ``section.name``; and messages in the language.
 
     Attributes:
         language: the language, such as ``en``.
@@ -36,30 +35,15 @@ class Words:
 
     language: str
     _texts: dict[str, str]
-    _sentences: tuple[tuple[re.Pattern[str], str], ...]
 
     def __call__(self, key: str, **values: object) -> str:
-        """Return a text with figures put in where it has their names in braces."""
-        return self._texts[key].format(**values) if values else self._texts[key]
+        """Return a text with values, such as figures and messages, in place of their names in braces."""
+        shown = {name: self.render(value) if isinstance(value, str) else value for name, value in values.items()}
+        return self._texts[key].format(**shown) if values else self._texts[key]
 
-    def of_engine(self, text: str) -> str:
-        """Render a text of the engine in the language.
-
-        A message has its own words in each language. Other texts are compared with known English sentences, line by
-        line; an unknown one stays as it is.
-        """
-        if isinstance(text, Message):
-            rendered = in_language(text, self.language)
-            if rendered != text:  # else it has no words in this language yet
-                return rendered
-        return "\n".join(map(self._said, text.split("\n"))) if self._sentences else text
-
-    def _said(self, line: str) -> str:
-        """Return a line in the words of the first sentence that it is, and so its parts, which are shorter."""
-        for pattern, sentence in self._sentences:
-            if (found := pattern.fullmatch(line)) is not None:
-                return sentence.format(**{name: self._said(part) for name, part in found.groupdict().items()})
-        return line
+    def render(self, text: str) -> str:
+        """Render a message in the language. Other texts, such as names, are returned as they are."""
+        return in_language(text, self.language)
 
 
 def languages() -> list[str]:
@@ -69,16 +53,8 @@ def languages() -> list[str]:
 
 def words(language: str) -> Words:
     """Return the words of a language; raises UnknownName: there is no such language."""
-    return Words(language, texts_of(one_of("language", language, languages())), _sentences_of(language))
-
-
-@cache
-def _sentences_of(language: str) -> tuple[tuple[re.Pattern[str], str], ...]:
-    """Return the sentences of the engine that a language has words for, with patterns of them in English."""
-    file = _FOLDER / "engine" / f"{language}.yaml"
-    known = read_yaml(file) if file.is_file() else {}
-    parts = re.compile(r"\\{(\w+)\\}")
-    return tuple((re.compile(parts.sub(r"(?P<\1>.+?)", re.escape(english))), own) for english, own in known.items())
+    known = one_of(message("pendant.language", "language"), language, languages())
+    return Words(language, texts_of(known))
 
 
 @cache

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import validated
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.cli import ExitCode
@@ -73,9 +74,9 @@ def pushes(
     of_pushes |= {"duration": duration, "after": after, "first": from_, "force": newtons}
     of_burdens: dict[str, Any] = {"seconds": seconds, "least": least}
     if vary:
-        refuse("it has no effect with --vary", **of_pushes)
+        refuse(message("tuning.no_effect_with_vary", "it has no effect with --vary"), **of_pushes)
     else:
-        refuse("it has an effect only with --vary", **of_burdens)
+        refuse(message("tuning.effect_with_vary", "it has an effect only with --vary"), **of_burdens)
     keys = {
         "station": str(Path(station).resolve()) if Path(station).is_file() else station,
         "overrides": changes_of(set_, "--set"),
@@ -89,7 +90,10 @@ def pushes(
     walking = validated(kind, {key: value for key, value in keys.items() if value is not None}, "simrob pushes")
     folder = out or default_folder(f"{Path(station).stem}-pushes")
     if scheduler:
-        refuse("with --scheduler the cluster decides how many workers there are", workers=workers)
+        refuse(
+            message("tuning.cluster_decides", "with --scheduler the cluster decides how many workers there are"),
+            workers=workers,
+        )
     place = WalkingFolder(folder, walking, force=force, allow_code=allow_code)
     rows = place.run(workers=workers, scheduler=scheduler)
     console.print(_table(walking.summary(rows)))

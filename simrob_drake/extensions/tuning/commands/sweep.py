@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, get_args
 import typer
 
 from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.messages import message
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import changes_of, refuse, texts_by_key
 from simrob_drake.cli.options import AllowCode, Force, NoRecording, Saving, Scheduler, Settings, Workers, with_mesh_path
@@ -70,7 +71,7 @@ def sweep(
 
     if (Path(station) / SWEEP).is_file():
         refuse(
-            "the folder of the sweep says it already",
+            message("tuning.folder_says_it", "the folder of the sweep says it already"),
             vary=vary,
             sampling=sampling,
             count=count,
@@ -79,13 +80,15 @@ def sweep(
         )
         place = SweepFolder.there(Path(station), allow_code=allow_code)
     else:
-        refuse("it has an effect only with the folder of a sweep", run=run)
+        refuse(message("tuning.effect_with_folder", "it has an effect only with the folder of a sweep"), run=run)
         content = Sweep(
             station=str(Path(station).resolve()) if Path(station).is_file() else station,
             vary={key: parsed(f"--vary {key}", text) for key, text in texts_by_key(vary, "--vary")},
             overrides=located_changes(changes_of(set_, "--set"), Path.cwd()),
             seeds=seeds,
-            sampling=None if sampling is None else one_of("sampling", sampling, get_args(Sampling)),
+            sampling=None
+            if sampling is None
+            else one_of(message("tuning.sampling", "sampling"), sampling, get_args(Sampling)),
             count=count,
         )
         folder = out or default_folder(f"{Path(station).stem}-sweep")
@@ -93,7 +96,10 @@ def sweep(
     if run is not None:
         return _run_again(place, run, out, force=force, recording=not no_recording)
     if scheduler:
-        refuse("with --scheduler the cluster decides how many workers there are", workers=workers)
+        refuse(
+            message("tuning.cluster_decides", "with --scheduler the cluster decides how many workers there are"),
+            workers=workers,
+        )
     rows = place.run(workers=workers, scheduler=scheduler)
     _tell(rows)
     say(f"table {place.folder / TABLE}")
@@ -104,7 +110,11 @@ def sweep(
 def _run_again(place: "SweepFolder", number: int, out: Path | None, *, force: bool, recording: bool) -> ExitCode:
     """Make one run of a sweep again, and save what `simrob run` saves."""
     if not 1 <= number <= len(place.cases):
-        raise InvalidParameter("--run", number, f"a number of the table, 1 to {len(place.cases)}")
+        raise InvalidParameter(
+            "--run",
+            number,
+            message("tuning.number_of_table", "a number of the table, 1 to {count}", count=len(place.cases)),
+        )
     case = place.cases[number - 1]
     scene = case.scene()
     saving = Saving(out or place.folder / f"run_{number}", force, no_recording=not recording)

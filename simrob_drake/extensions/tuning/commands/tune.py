@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, get_args
 import typer
 
 from simrob_drake.base.errors import one_of
+from simrob_drake.base.messages import message
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.options import Force, Scheduler, Workers, with_mesh_path
 from simrob_drake.cli.screen import console, say, table
@@ -49,7 +50,10 @@ def tune(
     search = Study.read(study)
     if trials is not None:
         search = search.model_copy(update={"trials": trials})
-    methods = [one_of("method", name, get_args(Method)) for name in dict.fromkeys(method or [search.method])]
+    methods = [
+        one_of(message("tuning.method", "method"), name, get_args(Method))
+        for name in dict.fromkeys(method or [search.method])
+    ]
     whole = out or default_folder(study.stem)
     places = {
         name: StudyFolder(
@@ -78,7 +82,7 @@ def _tell(place: "StudyFolder", proof: "list[Row]") -> None:
     rows += [("trades", "", f"{len(place.front())} in front.csv")] if len(cost) > 1 else []
     console.print(table(("key", "start", "best"), *rows, numbers=False))
     if not proof:
-        console.print("Not proven: the study has no cases of its own under proof.")
+        console.print(message("tuning.no_cases_of_proof", "Not proven: the study has no cases of its own under proof."))
         return
     runs = [[row for row in proof if row["of"] == of] for of in ("start", "best")]
     ends = [f"{sum(row['ended'] == 'completed' for row in own)} of {len(own)}" for own in runs]

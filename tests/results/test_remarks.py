@@ -1,0 +1,211 @@
+"""Remarks about a run: severity, remedy and language. Each remedy is applied, and the run is then within its bounds."""
+
+import json
+import re
+from pathlib import Path
+from string import Formatter
+
+import numpy as np
+import pytest
+
+import simrob_drake
+from simrob_drake import Arm, Program, Workcell, load_station, simulate
+from simrob_drake.base.messages import catalogue, in_language
+from simrob_drake.base.remarks import Remark, Remedy, worst_severity
+from simrob_drake.cli.app import run_command
+from simrob_drake.programs.whole_program import perform
+from simrob_drake.results.result import SimulationResult
+from simrob_drake.results.verdict.judge import CRITERIA
+from simrob_drake.results.verdict.verdict import Measure, MeasuredValue, Verdict
+
+pytestmark = pytest.mark.usefixtures("no_plots")
+
+SOFT = {"servo.kp": 300}
+"""An arm that sags by 4 deg under gravity, and whose tool goes 23 mm into the floor on its way."""
+
+
+def run(name: str, overrides: dict | None = None, **options: float) -> SimulationResult:
+    return simulate(load_station(name, overrides), progress=False, **options)
+
+
+def remark_about(result: SimulationResult, words: str) -> Remark:
+    (remark,) = (remark for remark in result.remarks[1:] if words in remark.text)
+    return remark
+
+
+def with_remedy(overrides: dict, remark: Remark) -> dict:
+    """Changes of a station with those of a remark's remedy, which ``--set`` would take as YAML."""
+    assert remark.remedy is not None
+    key, _, value = remark.remedy.setting.partition("=")
+    return {**overrides, key: {} if value == "{}" else value if value.isalpha() else float(value)}
+
+
+@pytest.fixture(scope="module")
+def soft() -> SimulationResult:
+    return run("irb120_dynamic", SOFT)
+
+
+def test_a_run_within_all_bounds_says_so_in_one_line():
+    (remark,) = run("irb120_dynamic", duration=1.5).remarks
+    assert remark == Remark("success", "ran to its end at 1.5 s. All within bounds")
+
+
+def test_an_arm_that_sags_is_told_so_and_the_remedy_removes_the_warning(soft):
+    sentence, *warnings = soft.remarks
+    assert sentence.severity == "warning"
+    assert sentence.text.startswith("ran to its end at 3 s. Two bounds exceeded: final error, ")
+    assert {warning.severity for warning in warnings} == {"warning"}
+    sag = remark_about(soft, "joint_2 ended")
+    assert sag.remedy.setting == "servo.feedforward=gravity"
+    assert remark_about(soft, "below the floor").remedy.text.startswith("this station has no contact")
+    held = run("irb120_dynamic", with_remedy(SOFT, sag))
+    assert held.remarks[1:] == []
+    assert held.verdict["final_error"].worst.value < np.deg2rad(0.01)
+
+
+def test_contact_is_the_remedy_of_an_arm_that_sinks_through_the_floor_of_a_station_without(soft):
+    sinks = remark_about(soft, "below the floor")
+    stopped = run("irb120_dynamic", with_remedy(SOFT, sinks), duration=1.5)
+    assert stopped.verdict["below_floor"].worst.value < 0.005
+    low = {"robot.base": [0, 0, -0.83, 0, 0, 0], "reference": {"kind": "hold"}}
+    kinematic = remark_about(run("irb120_kinematic", low, duration=0.1), "below the floor")
+    assert "this station has no contact" in kinematic.remedy.text
+    assert kinematic.remedy.setting == ""  # a prescribed motion stops at nothing
+
+
+def test_a_move_that_is_too_fast_gets_the_duration_at_which_it_is_not():
+    fast = {"reference.duration": 0.2, "contact": {}}
+    speed = remark_about(run("irb120_dynamic", fast), "of its speed")
+    assert speed.remedy.key == "reference.duration"
+    assert speed.remedy.value > 0.2
+    slower = run("irb120_dynamic", with_remedy(fast, speed))
+    assert not [warning for warning in slower.warnings if "of its speed" in warning]
+
+
+def test_a_motor_that_cannot_hold_is_not_given_more_time():
+    weak = run("irb120_dynamic", {"servo.torque_limit": {"joint_2": 2}}, duration=1.0)
+    remedy = remark_about(weak, "joint_2 ended").remedy
+    assert "too weak" in remedy.text
+    assert (remedy.key, remedy.setting) == ("servo.torque_limit", "")
+
+
+def test_a_robot_with_its_own_servo_section_gets_its_own_key():
+    own = {"robots.left.servo": {"kp": 200, "kd": 20}}
+    remedy = remark_about(run("two_irb120", own, duration=1.5), "left.joint_2 ended").remedy
+    assert remedy.setting == "robots.left.servo.feedforward=gravity"
+
+
+def test_boxes_that_sink_into_each_other_get_a_stiffer_contact():
+    board = {"parent": "world", "pose": [-0.2, -0.2, 0.1, 0, 0, 0]}
+    box = {"model": "box_on_corners", "free": True, "pose": [0, 0, 0.201, 0, 0, 0]}
+    soft_boxes = {"pieces": {"board": board, "box": box}, "contact.stiffness": 500, "sensors": {}}
+    sunk = remark_about(run("box_on_floor", soft_boxes, duration=1.0), "deep in each other")
+    assert sunk.remedy.setting == "contact.stiffness=5000.0"
+    assert run("box_on_floor", with_remedy(soft_boxes, sunk), duration=1.0).warnings == []
+
+
+def test_a_fall_is_a_failure_and_a_stop_that_was_asked_for_is_none():
+    pushed = {"forces.push": {"kind": "push", "force": [60, 0, 0], "start": 0.1, "duration": 0.3}}
+    fell = run("roid1_dynamic", {**pushed, "reference": {"kind": "hold"}}, duration=3.0)
+    assert fell.ending == "monitor"
+    (remark,) = fell.remarks
+    assert (remark.severity, remark.text) == ("failure", fell.end_in_words)
+    (stopped, *_) = run("irb120_force_stop").remarks
+    assert stopped.severity == "success"
+
+
+def test_a_program_counts_its_missed_targets_and_names_moves_from_one():
+    moves = [{"move_abs_j": {"targets": [0.5 * sign, 0, 0, 0, 0.5, 0], "duration": 0.5}} for sign in (1, -1)]
+    cell = Workcell(load_station("irb120_dynamic", {"servo.kp": 200}))
+    result = perform(cell, Program.model_validate({"moves": moves}))
+    sentence = result.remarks[0].text
+    misses = [move.position_error for move in result.verdict.moves]
+    assert f"Two targets missed, by up to {1e3 * max(misses):.3g} mm" in sentence
+    named = {number for warning in result.warnings for number in re.findall(r"move (\d)", warning)}
+    assert named == {"1", "2"}
+    final = result.verdict["final_error"].worst
+    assert (final.move, final.time) in [("move 1", pytest.approx(0.5)), ("move 2", pytest.approx(1.0))]
+    assert f" at {final.time:.2f} s, in {final.move} (bound " in result.verdict["final_error"].warning
+
+
+def test_the_table_of_criteria_has_no_alarm_within_the_bounds():
+    """Of issue 55: "payload 66.7 %", "below the floor 0.0486 mm" and "shortened steps 34.6 %" read as failures."""
+    verdict = run("irb120_dynamic").verdict
+    rows = {row.criterion: row for row in verdict.table}
+    assert {row.severity for row in rows.values()} == {"success"}
+    assert (rows["payload"].value, rows["payload"].bound) == ("2 kg", "3 kg")
+    assert re.fullmatch(r"\d\d %", rows["solver retries"].value)
+    assert rows["solver retries"].bound == "300 %"
+    assert str(verdict) == "Ran to its end at 3 s. All within bounds"
+    assert max(map(len, repr(verdict).splitlines())) <= 80
+
+
+def test_a_notebook_shows_severity_and_remedy(soft):
+    page = soft._repr_html_()
+    assert "<td>warning</td><td>final error</td>" in page
+    assert "<td>ok</td><td>payload</td>" in page
+    assert "servo.feedforward=gravity" in page
+    assert "<th>criterion</th>" in soft.verdict._repr_html_()
+
+
+def test_summary_json_has_the_same_words(soft, tmp_path):
+    folder = soft.save(tmp_path / "run", recording=False)
+    verdict = json.loads((folder / "summary.json").read_text())["verdict"]
+    assert verdict["severity"] == "warning"
+    assert verdict["sentence"].startswith("Ran to its end at 3 s. Two bounds exceeded")
+    assert [entry["text"] for entry in verdict["remarks"]] == soft.warnings
+    assert verdict["remarks"][0]["set"] == "servo.feedforward=gravity"
+    assert verdict["figures"]["final_error"]["severity"] == "warning"
+
+
+def test_each_criterion_has_its_words_in_spanish_with_a_decimal_comma():
+    for criterion in CRITERIA:
+        value = MeasuredValue("joint_2", 2.345, criterion.unit, 1.0, 0.5, 1.0, "N·m", "move 2")
+        measure = Measure(criterion, (value._replace(value=0.5) if criterion.least else value,))
+        for text in (measure.warning, measure.row.criterion):
+            spanish = in_language(text, "es")
+            assert spanish != text
+            assert not re.search(r"\d\.\d| of | at |bound", spanish)
+
+
+def test_every_spanish_template_of_results_has_the_fields_of_the_english_one():
+    """Templates of the code are found in its text; those of the criteria by the criteria."""
+    sources = [file.read_text() for file in (Path(simrob_drake.__file__).parent / "results").rglob("*.py")]
+    written = re.compile(r'message\(\s*"(results\.\w+)",\s*"((?:[^"\\]|\\.)*)"')
+    english = dict(found for source in sources for found in written.findall(source))
+    for criterion in CRITERIA:
+        english[f"results.title_{criterion.name}"] = criterion.title
+        english[f"results.beyond_{criterion.name}"] = criterion.sentence
+    spanish = catalogue("results", "es")
+    assert english.keys() <= spanish.keys(), english.keys() - spanish.keys()
+    for name, template in english.items():
+        assert fields(template) == fields(spanish[name]), name
+
+
+def fields(template: str) -> set[str]:
+    return {name for _, name, _, _ in Formatter().parse(template) if name}
+
+
+def test_severities_are_ordered():
+    assert worst_severity([]) == "success"
+    assert worst_severity([Remark("note", ""), Remark("failure", ""), Remark("warning", "")]) == "failure"
+    assert Remedy("wait").setting == ""
+    assert Remedy("wait", "duration", 3.0).setting == "duration=3.0"
+    assert Verdict((), 100.0).severity == "success"
+
+
+def test_the_command_line_tells_a_shared_remedy_once(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run_command(["run", "irb120_dynamic", "--no-recording", "--set", "servo.kp=150"]) == 0
+    captured = capsys.readouterr()
+    assert captured.err.count("--set servo.feedforward=gravity") == 1
+    assert captured.err.count("--set contact={}") == 1
+    assert max(map(len, captured.err.splitlines())) <= 80
+    assert "verdict   " not in captured.out
+
+
+def test_a_lag_in_a_program_is_answered_with_time():
+    arm = Arm(load_station("irb120_dynamic", {"servo.kp": 200}))
+    hasty = arm.move_abs_j([0.8, 0.5, 0, 0, 0.5, 0], duration=0.3, check="nothing")
+    texts = {remark.remedy.text for remark in hasty.remarks[1:] if remark.remedy}
+    assert texts == {"the servos lag behind: give the motion more time, or raise kp and kd"}
