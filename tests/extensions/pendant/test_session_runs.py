@@ -174,9 +174,10 @@ def test_while_it_runs_it_is_told_what_holds_a_run_up_and_then_what_became_of_it
     assert during == "running"
     assert re.match(r"irb120_dynamic makes .* real time.* with .* s left: ", slow)
     lines = ended.splitlines()
-    assert lines[0].startswith("ran to its end at 0.5 s")
-    assert lines[1].startswith("final error ")
-    assert len(lines) == 2 + len(session.run.ending["warnings"])
+    assert lines[0].startswith("Ran to its end at 0.5 s")
+    assert len(lines) == len(session.run.ending["remarks"])
+    assert {row.severity for row in session.message.criteria} <= {"success", "note", "warning"}
+    assert "final error" in [row.criterion for row in session.message.criteria]
 
 
 def test_a_push_of_a_test_that_was_discarded_is_forgotten(teach):
@@ -228,8 +229,18 @@ def test_an_arm_is_jogged_taught_and_plays(teach):
     assert kinds == ["move_abs_j", "move_l", "tool", "move_j"]
     assert heard(session, session.arm.jog_tool([0, 0, 5, 0, 0, 0])) is None
     assert "out of reach" in str(session.message)
+    shown = []
+    forget = session.listen_to_view(lambda subject, commands: shown.append(commands) if subject == "ghosts" else None)
     assert heard(session, session.arm.branches())
     assert session.arm.ghosts
+    for step in (0, 1, -1):  # one ghost at a time, and none before the first
+        heard(session, session.arm.show_branch((session.arm.shown_ghost or 0) + step))
+        paths = {command["path"].split("/")[3] for command in shown[-1] if command["type"] == "copy"}
+        assert paths == {"0"}
+    assert session.arm.shown_ghost == 0
+    heard(session, session.arm.show_branch(-1))
+    assert session.arm.shown_ghost == 0
+    forget()
     assert session.setup.set("gravity", 3.7)
     while session.phase != "idle":
         session.hear(0.1)
