@@ -9,6 +9,7 @@ import traceback
 from collections.abc import Callable
 from pathlib import Path
 
+from simrob_drake.base.messages import message
 from simrob_drake.cli import ExitCode
 
 DEBUG = "SIMROB_DEBUG"  # the environment variable that shows tracebacks
@@ -73,8 +74,18 @@ def _missing_package(module: str, arguments: list[str]) -> str:
     command = f"simrob {arguments[0]}" if arguments else "simrob"
     package = module.partition(".")[0]
     if package == "simrob_drake":
-        return f"{command} needs the module {module}, which this installation lacks: install simrob-drake again"
-    return f"{command} needs the package {package}, which is not installed: pip install {package}"
+        return message(
+            "cli.needs_module",
+            "{command} needs the module {module}, which this installation lacks: install simrob-drake again",
+            command=command,
+            module=module,
+        )
+    return message(
+        "cli.needs_package",
+        "{command} needs the package {package}, which is not installed: pip install {package}",
+        command=command,
+        package=package,
+    )
 
 
 def _leave(*_: object) -> None:

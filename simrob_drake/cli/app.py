@@ -18,6 +18,7 @@ from typer.exceptions import TyperException
 
 import simrob_drake
 from simrob_drake.base.errors import InvalidParameter, SimrobError, UnknownName, shortened
+from simrob_drake.base.messages import message
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.command_table import (
     CommandEntry,
@@ -137,7 +138,7 @@ def whole_command(name: str) -> Any:
     """
     entry = find_command(name)
     if entry is None:
-        raise UnknownName("command", name, all_commands())
+        raise UnknownName(message("cli.command", "command"), name, all_commands())
     application = _typer(add_completion=False)  # of this command alone
     function = command_function(entry)
     below = subcommand_functions(name)
@@ -220,11 +221,17 @@ def _check_surroundings(arguments: list[str]) -> None:
     """Check what each command needs, or raise InvalidParameter: arguments that are text, and a working folder."""
     for argument in arguments:
         if not argument.isascii() and any("\ud800" <= letter <= "\udfff" for letter in argument):
-            raise InvalidParameter("argument", ascii(argument), "text in UTF-8, names of files, too")
+            raise InvalidParameter(
+                "argument", ascii(argument), message("cli.text_in_utf8", "text in UTF-8, names of files, too")
+            )
     try:
         os.getcwd()
     except OSError as problem:
-        raise InvalidParameter("working folder", "gone", "one that is there; change to another") from problem
+        raise InvalidParameter(
+            message("cli.working_folder", "working folder"),
+            "gone",
+            message("cli.existing_folder", "one that is there; change to another"),
+        ) from problem
 
 
 def _write_no_more() -> None:

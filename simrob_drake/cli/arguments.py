@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.packages import Border
 from simrob_drake.base.yaml_files import is_yaml_name, parse_yaml, read_yaml
 from simrob_drake.cli.options import flag_of
@@ -41,7 +42,11 @@ def changes_of(texts: list[str] | None, option: str, *, others: Mapping[str, str
     for one in texts or []:
         for key, value in _changes(one, option):
             if key in called:
-                raise Unsuitable(f"{option} {one}", f"{called[key]} gives this key already", "leave out one of the two")
+                raise Unsuitable(
+                    compound("{option} {one}", option=option, one=one),
+                    message("cli.gives_key_already", "{option} gives this key already", option=called[key]),
+                    message("cli.leave_out_one", "leave out one of the two"),
+                )
             found[key], called[key] = value, f"{option} {key}"
     return found
 
@@ -49,7 +54,7 @@ def changes_of(texts: list[str] | None, option: str, *, others: Mapping[str, str
 def _changes(one: str, option: str) -> Iterator[tuple[str, Any]]:
     if "=" in one or not is_yaml_name(one):
         for key, text in texts_by_key([one], option):
-            yield key, parse_yaml(text, f"{option} {one}")
+            yield key, parse_yaml(text, compound("{option} {one}", option=option, one=one))
         return
     file = Path(one).absolute()
     for name, section in located(read_yaml(file), file.parent, Border(file)).items():
@@ -62,7 +67,7 @@ def texts_by_key(texts: list[str] | None, option: str) -> Iterator[tuple[str, st
     for one in texts or []:
         key, equals, text = one.partition("=")
         if not (key.strip() and equals):
-            raise InvalidParameter(option, one, "of the form key.path=value")
+            raise InvalidParameter(option, one, message("cli.key_and_value", "of the form key.path=value"))
         yield key.strip(), text
 
 

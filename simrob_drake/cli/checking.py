@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
+from simrob_drake.base.messages import message
 from simrob_drake.cli.arguments import refuse, refuse_import, station_from
 from simrob_drake.cli.importers import examine_with, importer_request, other_importer, with_importer_options
 from simrob_drake.cli.options import AllowCode, ChosenOptions, Settings, with_import_options
@@ -49,26 +50,47 @@ def check(
     # Stations and programs take --mesh-path, too, and none of the other options of imports.
     refusable = options and options.model_copy(update={"mesh_path": ()})
     if is_program_file(station):
-        refuse_import("this is a program; the option belongs to the file of a robot", refusable)
-        refuse("this is a program, which names no code", allow_code=allow_code)
+        refuse_import(
+            message("cli.is_a_program", "this is a program; the option belongs to the file of a robot"), refusable
+        )
+        refuse(message("cli.program_without_code", "this is a program, which names no code"), allow_code=allow_code)
         program, config = program_from(station, set_)
         console.print(findings_table([check_program(program, config, station)]))
         return
     if is_robot_file(station):
-        refuse("this is the file of a robot; the option belongs to stations", set=set_, allow_code=allow_code)
+        refuse(
+            message("cli.is_file_of_robot", "this is the file of a robot; the option belongs to stations"),
+            set=set_,
+            allow_code=allow_code,
+        )
         examine_file(Path(station), options)
         return
     if is_description_file(station):
-        refuse("this is the file of a robot; the option belongs to stations", set=set_, allow_code=allow_code)
-        refuse_import("this is the description of a robot, and nothing is imported", options)
+        refuse(
+            message("cli.is_file_of_robot", "this is the file of a robot; the option belongs to stations"),
+            set=set_,
+            allow_code=allow_code,
+        )
+        refuse_import(
+            message("cli.is_description_of_robot", "this is the description of a robot, and nothing is imported"),
+            options,
+        )
         show_robot(read_robot(station))
         return
     if station in robot_names():
-        refuse("this is a robot; the option belongs to stations", set=set_, allow_code=allow_code)
-        refuse_import("this robot comes with the package, and nothing is imported", options)
+        refuse(
+            message("cli.is_a_robot", "this is a robot; the option belongs to stations"),
+            set=set_,
+            allow_code=allow_code,
+        )
+        refuse_import(
+            message("cli.robot_of_package", "this robot comes with the package, and nothing is imported"), options
+        )
         show_robot(read_robot(station))
         return
-    refuse_import("this is a station; the option belongs to the file of a robot", refusable)
+    refuse_import(
+        message("cli.is_a_station", "this is a station; the option belongs to the file of a robot"), refusable
+    )
     config = station_from(station, set_, allow_code=allow_code)
     Runner(config).check()
     program_findings = [] if config.program is None else [check_program(own_program(config), config)]

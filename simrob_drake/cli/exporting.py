@@ -10,6 +10,7 @@ import typer
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError
 from simrob_drake.base.extension import code_of_extension
 from simrob_drake.base.folders import check_ending, check_new_file, written_at_once
+from simrob_drake.base.messages import join_texts, message
 from simrob_drake.cli.arguments import station_from
 from simrob_drake.cli.options import (
     ChosenOptions,
@@ -92,8 +93,16 @@ def export(
     of_programs = {name: one for name, one in exporters.items() if isinstance(one, ProgramExporter)}
     of_stations = {name: one for name, one in exporters.items() if isinstance(one, StationExporter)}
     if not targets or (of_programs and of_stations):
-        found = "asked for a station and a program" if targets else "asked for nothing"
-        raise InvalidParameter("simrob export", found, f"given {_known_formats()}")
+        found = (
+            message("cli.asked_for_both", "asked for a station and a program")
+            if targets
+            else message("cli.asked_for_nothing", "asked for nothing")
+        )
+        raise InvalidParameter(
+            message("cli.simrob_export", "simrob export"),
+            found,
+            message("cli.given_formats", "given {formats}", formats=_known_formats()),
+        )
     for name, exporter in exporters.items():
         if exporter.suffix:
             check_ending(targets[name], [exporter.suffix], flag_of(name))
@@ -118,7 +127,11 @@ def _check_targets_differ(targets: Mapping[str, Path]) -> None:
     for name, file in targets.items():
         first = formats.setdefault(file.resolve(), name)
         if first != name:
-            raise InvalidParameter(flag_of(name), str(file), f"another file than that of {flag_of(first)}")
+            raise InvalidParameter(
+                flag_of(name),
+                str(file),
+                message("cli.other_file_than", "another file than that of {option}", option=flag_of(first)),
+            )
 
 
 def _export_station(
@@ -147,7 +160,7 @@ def _export_station(
     config = station_from(station, set_)
     for name, exporter in exporters.items():
         check_new_file(targets[name], force=force)
-        with code_of_extension(exporter.owner, f"the exporter {name}"):
+        with code_of_extension(exporter.owner, message("cli.the_exporter", "the exporter {name}", name=name)):
             written = exporter.export_station(config, targets[name], options.of(exporter.options_class), force=force)
         for path in written:
             say_place("written", path)
@@ -161,7 +174,9 @@ def _known_formats() -> str:
     of_stations = [flag_of(name) for name, exporter in _FORMATS.items() if isinstance(exporter, StationExporter)]
     of_programs = [flag_of(name) for name, exporter in _FORMATS.items() if isinstance(exporter, ProgramExporter)]
     listed = [" or ".join(flags) for flags in (of_stations, of_programs) if flags]
-    return ", or ".join(listed) or "a format of an installed extension, and none adds one"
+    return join_texts(listed, message("cli.or_format", ", or ")) or message(
+        "cli.format_of_extension", "a format of an installed extension, and none adds one"
+    )
 
 
 def _export_program(
@@ -188,13 +203,15 @@ def _export_program(
     """
     if not is_program_file(source):
         formats = " and ".join(flag_of(name) for name in exporters)
-        raise InvalidConfig(source, "", f"is no program: {formats} write the moves of one")
+        raise InvalidConfig(
+            source, "", message("cli.no_program", "is no program: {formats} write the moves of one", formats=formats)
+        )
     program, config = program_from(source, set_)
     texts = dict[Path, str]()
     remarks = dict[str, None]()  # a set that keeps the order. Two formats may have the same remark
     for name, exporter in exporters.items():
         own_options = options.of(exporter.options_class)
-        with code_of_extension(exporter.owner, f"the exporter {name}"):
+        with code_of_extension(exporter.owner, message("cli.the_exporter", "the exporter {name}", name=name)):
             found = exporter.program_texts(program, config, targets[name], own_options, source=source)
         texts |= found.texts
         remarks |= dict.fromkeys(found.remarks)

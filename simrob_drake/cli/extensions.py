@@ -21,6 +21,7 @@ from simrob_drake.base.extension import (
     installed_extensions,
 )
 from simrob_drake.base.files import hidden_models
+from simrob_drake.base.messages import message
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.other_files import read_descriptions
 from simrob_drake.cli.screen import console, table
@@ -100,7 +101,13 @@ def _shadowed_names(extension: Extension) -> list[str]:
             import_module(_REGISTRIES[point])
             shadowed = sorted(core_names(point) & set(names))
             problems += [
-                f"the {described} {name!r} is one of simrob-drake already; choose another name" for name in shadowed
+                message(
+                    "cli.name_of_core",
+                    "the {described} {name} is one of simrob-drake already; choose another name",
+                    described=described,
+                    name=repr(name),
+                )
+                for name in shadowed
             ]
     return problems
 
@@ -112,7 +119,15 @@ def _hidden_models(entry: InstalledExtension) -> list[str]:
         for addition in entry.additions_at(point):
             folder = addition_path(addition)
             hidden = hidden_models(point, folder) if folder is not None and folder.is_dir() else []
-            problems += [f"{model!r} of its {point} is hidden by another one of this name" for model in hidden]
+            problems += [
+                message(
+                    "cli.hidden_model",
+                    "{model} of its {point} is hidden by another one of this name",
+                    model=repr(model),
+                    point=point,
+                )
+                for model in hidden
+            ]
     return problems
 
 

@@ -9,6 +9,7 @@ from rich.text import Text
 
 from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.extension import classes_of_extensions, code_of_extension
+from simrob_drake.base.messages import message
 from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import refuse_import
@@ -87,9 +88,12 @@ def importer_request(
     all_robot_options = robot_options or ImportOptions()
     # The options that the importer takes are set back to their defaults, so that only the others are refused.
     defaults = {name: getattr(ImportOptions(), name) for name in importer.robot_options}
-    refuse_import(f"it has no effect on {importer.title}", all_robot_options.model_copy(update=defaults))
+    refuse_import(
+        message("cli.no_effect_on", "it has no effect on {title}", title=importer.title),
+        all_robot_options.model_copy(update=defaults),
+    )
     if settings and not importer.takes_settings:
-        raise Unsuitable("--set", f"it has no effect on {importer.title}")
+        raise Unsuitable("--set", message("cli.no_effect_on", "it has no effect on {title}", title=importer.title))
     options_class = getattr(importer, attribute)
     chosen.refuse_all_but([options_class])
     return ImportRequest(
@@ -149,7 +153,9 @@ def examine_with(importer: FileImporter, file: Path, request: ImportRequest) -> 
 
 def _code_of(importer: FileImporter, file: Path) -> AbstractContextManager[None]:
     """Context manager around code of an importer, which blames its package for errors that no user causes."""
-    return code_of_extension(importer.owner, f"the importer of {file.suffix}")
+    return code_of_extension(
+        importer.owner, message("cli.the_importer", "the importer of {suffix}", suffix=file.suffix)
+    )
 
 
 def _show(outcome: ImportOutcome) -> None:

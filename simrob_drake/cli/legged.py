@@ -162,7 +162,10 @@ def _done(
     """
     for setting in settings or []:
         if setting.split("=")[0].split(".")[0].strip() in ("duration", "reference"):
-            raise Unsuitable(f"--set {setting}", "the gait or act says how the robot moves, and how long")
+            raise Unsuitable(
+                message("cli.set_option", "--set {setting}", setting=setting),
+                message("cli.gait_says_how", "the gait or act says how the robot moves, and how long"),
+            )
 
     def prepared(cell: "Workcell") -> Callable[[], tuple[SimulationResult, str]]:
         from simrob_drake.programs.legged_robot import LeggedRobot

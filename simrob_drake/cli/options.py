@@ -12,6 +12,7 @@ from pydantic.fields import FieldInfo
 
 from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.files import station_files
+from simrob_drake.base.messages import message
 from simrob_drake.base.packages import MESH_PATH_VARIABLE, granting
 from simrob_drake.base.sections import Pose, field_texts, validated
 from simrob_drake.results.files import Saved
@@ -188,7 +189,9 @@ class ChosenOptions:
             for field in fields(group.options_class):
                 is_default = self.values[field.name] == field.default
                 if not is_default and field.name not in allowed:
-                    raise Unsuitable(flag_of(field.name), f"it belongs to {group.owner}")
+                    raise Unsuitable(
+                        flag_of(field.name), message("cli.belongs_to", "it belongs to {owner}", owner=group.owner)
+                    )
 
 
 def with_groups(groups: Sequence[OptionGroup], name: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -260,7 +263,7 @@ def with_import_options(*names: str) -> Callable[[Callable[..., Any]], Callable[
         @wraps(command)
         def called(**arguments: Any) -> Any:
             chosen = {name: value for name in known if (value := arguments.pop(name)) is not None}
-            options = validated(ImportOptions, chosen, "import options")
+            options = validated(ImportOptions, chosen, message("cli.import_options", "import options"))
             with granting(options.mesh_path):
                 return command(**arguments, options=None if options == ImportOptions() else options)
 

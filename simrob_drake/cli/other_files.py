@@ -10,12 +10,16 @@ from pydantic import Field
 
 from simrob_drake.base.errors import InvalidConfig, SimrobError
 from simrob_drake.base.extension import addition_files
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Strict, validated
 from simrob_drake.base.yaml_files import is_yaml_name, read_yaml
 from simrob_drake.stations.config import StationConfig
 
 _OTHERS = Path(__file__).with_name("others.yaml")
-_READ = "stations and programs are read from .yaml, robots from .urdf, .xacro, .xml and .sdf, models from .slx"
+_READ = message(
+    "cli.what_is_read",
+    "stations and programs are read from .yaml, robots from .urdf, .xacro, .xml and .sdf, models from .slx",
+)
 _STATION_KEYS = {*StationConfig.model_fields, "robot"}
 
 
@@ -56,9 +60,11 @@ def refuse_other(text: str) -> None:
     for descriptions in [*_descriptions_of_extensions(), read_descriptions(_OTHERS)]:
         remedy = _find_remedy(file, keys, descriptions)
         if remedy:
-            raise InvalidConfig(file, "", f"is no station but {remedy}")
+            raise InvalidConfig(file, "", message("cli.is_no_station", "is no station but {remedy}", remedy=remedy))
     if isfile(file) and not is_yaml:
-        raise InvalidConfig(file, "", f"is neither a station nor a robot; {_READ}")
+        raise InvalidConfig(
+            file, "", message("cli.neither_station_nor_robot", "is neither a station nor a robot; {hint}", hint=_READ)
+        )
 
 
 def _descriptions_of_extensions() -> list[OtherFiles]:

@@ -72,7 +72,9 @@ def own_program(config: StationConfig) -> Program:
     from simrob_drake.programs.whole_program import carried_program
 
     if (program := carried_program(config)) is None:
-        raise InvalidConfig(config.name, "program", "missing: the moves that its robots make")
+        raise InvalidConfig(
+            config.name, "program", message("cli.missing_moves", "missing: the moves that its robots make")
+        )
     return program
 
 
@@ -85,7 +87,11 @@ def program_from(file: str, set_: list[str] | None) -> tuple[Program, StationCon
 
     program = Program.load(file)
     if program.station is None:
-        raise InvalidConfig(file, "station", "missing: the name or the file of the station that it is to run on")
+        raise InvalidConfig(
+            file,
+            "station",
+            message("cli.missing_station", "missing: the name or the file of the station that it is to run on"),
+        )
     return program, station_from(located_station(program.station, Path(file)), set_)
 
 
@@ -104,10 +110,20 @@ def check_program(program: Program, config: StationConfig, file: str = "") -> Fi
     Timeline(program.grid, program.changes).check(config)
     if not of_arms(cell, program):
         stages_of_program(LeggedRobot(cell, program.robot), program, cell.config, file)
-        return Finding("ok", "program", f"{moves} moves can be done" if moves else "its cells can be reached")
+        return Finding(
+            "ok",
+            "program",
+            message("cli.moves_can_be_done", "{moves} moves can be done", moves=moves)
+            if moves
+            else message("cli.cells_can_be_reached", "its cells can be reached"),
+        )
     seen, time = cell.rehearse(program, file)
     if seen == moves:
-        return Finding("ok", "program", f"{moves} entries can be done, in {time:.4g} s")
+        return Finding(
+            "ok",
+            "program",
+            message("cli.entries_can_be_done", "{moves} entries can be done, in {time:.4g} s", moves=moves, time=time),
+        )
     text = message(
         "cli.program_depends_on_fall",
         "{seen} of {moves} entries can be done, in {time:.4g} s; {move} depends on where a piece falls",
@@ -159,7 +175,7 @@ def refuse_language(options: LanguageOptions) -> bool:
     defaults = LanguageOptions()
     chosen = {name: value for name, value in asdict(options).items() if value != getattr(defaults, name)}
     allow_losses = bool(chosen.pop("allow_losses", False))
-    refuse("it belongs to RAPID modules", **chosen)
+    refuse(message("cli.belongs_to_rapid", "it belongs to RAPID modules"), **chosen)
     return allow_losses
 
 
@@ -183,8 +199,15 @@ def language_program(
     _show_remarks(imported)
     losses = imported.losses
     if losses and not options.allow_losses:
-        more = f", and {len(losses) - 1} more" if len(losses) > 1 else ""
-        raise SimrobError(f"{losses[0]}{more}; nothing moved: --allow-losses runs it without")
+        more = message("cli.and_more_losses", ", and {count} more", count=len(losses) - 1) if len(losses) > 1 else ""
+        raise SimrobError(
+            message(
+                "cli.nothing_moved",
+                "{first}{more}; nothing moved: --allow-losses runs it without",
+                first=losses[0],
+                more=more,
+            )
+        )
     return imported.program, config, imported.lines
 
 
@@ -227,7 +250,9 @@ def _read_program(
     importer = program_importer(file)
     assert importer is not None  # the caller has looked
     if options.on is None and options.robot is None:
-        raise InvalidParameter("--robot", "missing", "who does it, as --robot irb120; or --on a station")
+        raise InvalidParameter(
+            "--robot", "missing", message("cli.who_does_it", "who does it, as --robot irb120; or --on a station")
+        )
     if options.on is not None:
         # The robot is one of the station's; None stands for its only one.
         config = station_from(options.on, set_)
@@ -237,7 +262,7 @@ def _read_program(
         config = bare_station(str(options.robot), changes_of(set_, "--set"))
         robot = None
     request = ProgramRequest(config=config, robot=robot, signals=options.io, cycles=options.cycles, check=options.check)
-    with code_of_extension(importer.owner, f"the importer of {file.suffix}"):
+    with code_of_extension(importer.owner, message("cli.the_importer", "the importer of {suffix}", suffix=file.suffix)):
         return importer.read_program(file, request), config
 
 

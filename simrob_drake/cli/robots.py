@@ -9,6 +9,7 @@ import typer
 from rich.text import Text
 
 from simrob_drake.base.folders import check_ending, check_new_file, written_at_once
+from simrob_drake.base.messages import message
 from simrob_drake.base.packages import package_root, resolved
 from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.cli import ExitCode
@@ -63,9 +64,9 @@ def import_file(
         simrob import Module.mod --robot irb120
     """
     if is_language_file(file):
-        refuse_import("this is a RAPID program; the option belongs to robots", options)
+        refuse_import(message("cli.is_rapid_program", "this is a RAPID program; the option belongs to robots"), options)
         importer_options.refuse_all_but([])
-        refuse("it belongs to Simulink models", set=set_)
+        refuse(message("cli.belongs_to_simulink", "it belongs to Simulink models"), set=set_)
         return import_program(file, out, language, force=force)
     allow_losses = refuse_language(language)
     importer = other_importer(file)
@@ -73,7 +74,7 @@ def import_file(
         request = importer_request(importer, "options_class", importer_options, options, set_, out=out, force=force)
         return import_with(importer, file, request, allow_losses=allow_losses)
     importer_options.refuse_all_but([])
-    refuse("it belongs to Simulink models", set=set_, allow_losses=allow_losses)
+    refuse(message("cli.belongs_to_simulink", "it belongs to Simulink models"), set=set_, allow_losses=allow_losses)
     folder = out or default_folder(file)
     with errors.status(Text(f"importing {file}")):
         imported = import_robot(file, folder, options, force=force)
@@ -115,7 +116,7 @@ def view(
         with errors.status(Text(f"reading {robot}")):
             window = RobotView(read_robot(robot, options))
     else:
-        refuse_import("this is no file of a robot, and nothing is imported", options)
+        refuse_import(message("cli.no_file_of_robot", "this is no file of a robot, and nothing is imported"), options)
         window = RobotView(read_robot(robot))
     say(f"{robot} is shown at {window.url}")
     console.print("collision geometry: Scene, collision in the page's menu; end with Stop there, or Ctrl+C here")

@@ -8,6 +8,7 @@ import typer
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.folders import check_new_file
+from simrob_drake.base.messages import message
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import refuse, station_from
 from simrob_drake.cli.options import (
@@ -79,7 +80,7 @@ def run(
     shown = _frames(frames)
     if is_language_file(station):
         refuse(
-            "a program has its own duration and names no code",
+            message("cli.program_has_duration", "a program has its own duration and names no code"),
             duration=duration,
             converge=converge,
             allow_code=allow_code,
@@ -89,7 +90,7 @@ def run(
     refuse_language(language)
     if is_program_file(station):
         refuse(
-            "a program has its own duration and names no code",
+            message("cli.program_has_duration", "a program has its own duration and names no code"),
             duration=duration,
             converge=converge,
             allow_code=allow_code,
@@ -99,7 +100,9 @@ def run(
     config = station_from(station, set_, allow_code=allow_code, duration=duration)
     if config.program is not None:
         refuse(
-            "the station has a program (--set program=null runs its reference)", duration=duration, converge=converge
+            message("cli.station_has_program", "the station has a program (--set program=null runs its reference)"),
+            duration=duration,
+            converge=converge,
         )
         return run_program(own_program(config), config, saving, shown)
     folder = prepared_folder(config, saving)
@@ -144,7 +147,7 @@ def _frames(text: str | None) -> Frames:
     if text is None or text == "events":
         return cast(Frames, text)
     if not text.isdecimal() or int(text) < 2:
-        raise InvalidParameter("--frames", text, 'a number of at least 2, or "events"')
+        raise InvalidParameter("--frames", text, message("cli.two_or_events", 'a number of at least 2, or "events"'))
     return int(text)
 
 

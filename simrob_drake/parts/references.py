@@ -352,7 +352,7 @@ class Table(ReferenceSection):
                 before=before,
                 shortest=SHORTEST,
             )
-            raise InvalidConfig(self.file, message("base.line", "line {lines}", lines=lines[close[0] + 1]), text)
+            raise InvalidConfig(self.file, message("base.line", "line {line}", line=lines[close[0] + 1]), text)
         return times, values[:, 1:]
 
     def _words(self, model: RobotModel) -> str:

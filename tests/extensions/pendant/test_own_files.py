@@ -115,34 +115,25 @@ def test_what_the_import_did_is_told(tmp_path):
     file = keep({source.name: source.read_bytes()}, tmp_path)
 
     session = Session.open(file, tmp_path, live=CountingRun)
-    lines = report_of(session.book.model.urdf_path).splitlines()
+    report = report_of(session.book.model.urdf_path)
     session.close()
-    assert lines[0].startswith("double_pendulum.urdf: ")
-    assert "1 dropped" in lines[0]
-    assert any("'base.obj' there is no such file" in line for line in lines)
-    assert report_of(source) == ""
-
-
-def test_what_the_import_did_is_told_in_spanish():
-    said = words("es").of_engine
-    report = "arm.urdf: 3 repaired, 2 defaulted, 1 dropped\n... 7 more in report.json"
-    assert said(report) == "arm.urdf: 3 reparados, 2 con valores supuestos, 1 descartados\n... otros 7 en report.json"
-    dropped = "dropped: link 'base' <visual> 1: mesh 'base.obj' there is no such file; it is not shown"
-    assert said(dropped) == (
-        "descartado: eslabón 'base' <visual> 1: malla 'base.obj': no existe ese fichero; no se muestra"
-    )
-    made = "defaulted: no link has a collision shape; 9 are made of the visuals"
-    assert said(made) == "supuesto: ningún eslabón tiene forma de colisión; se hacen 9 de las visibles"
-    effort = "defaulted: joint 'elbow' <limit>: has no effort; 12 N·m, by its weight"
-    assert said(effort) == "supuesto: articulación 'elbow' <limit>: sin esfuerzo; 12 N·m, by its weight"
+    assert str(report).startswith("double_pendulum.urdf was imported. Its file leaves these things open")
+    (lost,) = (remark for remark in report.remarks if "'base.obj' there is no such file" in remark.text)
+    assert lost.severity == "warning", "the base is not shown"
+    assert {remark.severity for remark in report.remarks} == {"note", "warning"}
+    assert report_of(source) is None
+    render = words("es").render
+    assert render(lost.text).startswith("descartado: eslabón 'base_link' <visual> 1: ")
+    assert "no existe ese fichero" in render(lost.text)
+    assert [remark.text for remark in report.remarks if render(remark.text) == remark.text] == []
 
 
 @pytest.mark.parametrize(
     ("content", "said"),
     [
         ("<robot name='a'/>", "a.urdf: no tiene ningún eslabón"),
-        ("<robot name='a'><link name='b'/></robot>", "a.urdf: ninguna articulación se mueve, así que ningún motor"),
-        ("<robot name='a'><link name='b'/><link name='c'/></robot>", "a.urdf: tiene 2 eslabones raíz (b, c); únalos"),
+        ("<robot name='a'><link name='b'/></robot>", "a.urdf: no tiene ninguna articulación que se mueva"),
+        ("<robot name='a'><link name='b'/><link name='c'/></robot>", "a.urdf: tiene 2 eslabones raíz (b, c); únelos"),
         ("nothing", "a.urdf: no es XML: syntax error"),
     ],
 )
@@ -150,4 +141,4 @@ def test_what_cannot_be_imported_is_told_in_spanish(tmp_path, content, said):
     file = keep({"a.urdf": content.encode()}, tmp_path)
     with pytest.raises(SimrobError) as refused:
         Session.open(file, tmp_path / "taught")
-    assert said in words("es").of_engine(str(refused.value))
+    assert said in words("es").render(str(refused.value))

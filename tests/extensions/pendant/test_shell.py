@@ -15,14 +15,15 @@ from nicegui.testing import user_simulation
 from nicegui.testing.user_interaction import UserInteraction
 
 from simrob_drake.base.errors import SimrobError, UnknownName
-from simrob_drake.base.yaml_files import read_yaml
+from simrob_drake.base.messages import message
+from simrob_drake.base.remarks import Remark, Remedy
 from simrob_drake.extensions import pendant
 from simrob_drake.extensions.pendant.pages import shell
 from simrob_drake.extensions.pendant.pages.elements import KEYS
 from simrob_drake.extensions.pendant.pages.words import languages, texts_of, words
 from simrob_drake.extensions.pendant.pendant import Pendant
 from simrob_drake.results.verdict.judge import CRITERIA
-from simrob_drake.results.verdict.verdict import Measure, MeasuredValue
+from simrob_drake.results.verdict.verdict import CriterionRow, Measure, MeasuredValue
 from simrob_drake.robots.catalog import robot_names
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.load import load_station
@@ -107,34 +108,26 @@ def test_the_languages_say_the_same_things():
         words("fr")
 
 
-def test_sentences_of_the_engine_keep_their_parts():
-    sentences = read_yaml(Path(pendant.__file__).parent / "pages" / "strings" / "engine" / "es.yaml")
-    for english, own in sentences.items():
-        assert sorted(BRACES.findall(english)) == sorted(BRACES.findall(own)), english
-    assert words("en").of_engine("ran to its end at 3 s") == "ran to its end at 3 s"
-
-
-def test_the_pendant_says_in_spanish_what_the_engine_says():
-    said = words("es").of_engine
-    assert said("ran to its end at 3 s\nof nobody knows what") == "llegó al final a los 3 s\nof nobody knows what"
-    fall = "stopped by fall: robot fell: it leans by more than 45 deg, at 2.561 s"
-    assert said(fall) == "la detuvo fall: robot se cayó: se inclina más de 45°, a los 2.561 s"
+def test_the_pendant_shows_messages_of_the_core_in_spanish():
+    render = words("es").render
+    assert render(message("results.ran_to_its_end", "ran to its end at {time:g} s", time=2.5)).endswith(" 2,5 s")
+    assert words("en").render("of nobody knows what") == render("of nobody knows what") == "of nobody knows what"
     stations = ("irb120_dynamic", "humanoid_fixed", "box_on_floor", "zjudancer_walking")
     found = [one for name in stations for one in check_station(load_station(name)) if "[" not in one.text]
     assert len(found) > 50
-    assert [one.text for one in found if said(one.text) == one.text] == []
-    assert [one.subject for one in found if said(one.subject) == one.subject and " of " in one.subject] == []
+    assert [one.text for one in found if render(one.text) == one.text] == []
+    assert [one.subject for one in found if render(one.subject) == one.subject and " of " in one.subject] == []
 
 
-def test_verdicts_are_said_in_spanish():
+def test_verdicts_are_shown_in_spanish():
     """Of all criteria, in their own words."""
-    said = words("es").of_engine
+    render = words("es").render
     for criterion in CRITERIA:
         value = MeasuredValue("joint_2", 2.0, criterion.unit, 1.0, 0.5, 194.0, "steps")
         measure = Measure(criterion, (value._replace(value=0.0, bound=1.0) if criterion.least else value,))
-        for text in (str(measure), measure.warning):
-            assert said(text) != text
-            assert not re.search(r"\b(was|were|of|the|its|bound|limit)\b", said(text)), said(text)
+        for text in (measure.row.criterion, measure.warning):
+            assert render(text) != text
+            assert not re.search(r"\b(was|were|of|the|its|bound|limit)\b", render(text)), render(text)
 
 
 def test_every_notice_of_a_session_has_its_words():
@@ -310,10 +303,83 @@ def test_a_message_is_told_in_the_page_s_language_and_what_is_wrong_stands_out()
         await heard(pendant.session, "message", message=Notice("exported", {"file": "a.csv"}))
         await user.should_see("Se ha escrito a.csv")
         await heard(pendant.session, "message", message=Notice(fills={"text": "kp is -1"}, wrong=True))
-        (line,) = elements(user, role="status")
-        assert (line.text, "pendant-wrong" in line.classes) == ("kp is -1", True)
+        (place,) = elements(user, role="status")
+        (line,) = place.default_slot.children
+        assert "pendant-failure" in line.classes
+        assert [one.text for one in line.default_slot.children if isinstance(one, ui.label)] == ["kp is -1"]
 
     visit(scenario, pendant)
+
+
+def severities(user):
+    """Severity and text of each line of the message, in order."""
+    (place,) = elements(user, role="status")
+    found = []
+    for line in place.default_slot.children:
+        severity = [name for name in ("success", "note", "warning", "failure") if f"pendant-{name}" in line.classes]
+        texts = [one.text for one in line.default_slot.children if isinstance(one, ui.label)]
+        if severity and texts:
+            found.append((*severity, *texts))
+    return found
+
+
+SAGS = Remedy("the servos sag under gravity: turn on gravity feedforward", "servo.feedforward", "gravity")
+ROWS = (
+    CriterionRow("warning", "final error", "1.2 deg", "1 deg", "joint_2"),
+    CriterionRow("success", "peak torque", "30 N·m", "200 N·m", "joint_2"),
+)
+
+
+def test_each_line_of_a_verdict_has_the_colour_of_its_severity():
+    """All lines were red and bold after a run that went to its end."""
+    beyond = Remark("warning", "joint_2 ended 1.2 deg off", SAGS)
+    verdict = [Remark("warning", "ran to its end at 3 s. One bound exceeded"), beyond]
+
+    async def scenario(user, pendant):
+        good = [Remark("success", "ran to its end at 3 s. All within bounds")]
+        await heard(pendant.session, "message", message=Notice.of_remarks(good, ROWS[1:]))
+        assert severities(user) == [("success", "Ran to its end at 3 s. All within bounds")]
+        (fold,) = (one for one in elements(user) if "pendant-criteria" in one.classes)
+        assert not fold.value
+        await heard(pendant.session, "message", message=Notice.of_remarks(verdict, ROWS))
+        assert severities(user) == [
+            ("warning", "Ran to its end at 3 s. One bound exceeded"),
+            ("warning", "joint_2 ended 1.2 deg off"),
+        ]
+        (fold,) = (one for one in elements(user) if "pendant-criteria" in one.classes)
+        assert fold.value, "unfolded, since a bound is exceeded"
+        rows = [one for one in elements(user) if one.tag == "tr"]
+        assert [len(row.default_slot.children) for row in rows] == [5, 5, 5]
+        assert [next(iter({"pendant-warning", "pendant-success"} & {*row.classes}), "") for row in rows] == [
+            *("", "pendant-warning", "pendant-success"),
+        ]
+        fell = Notice.of_remarks([Remark("failure", "stopped by fall")])
+        await heard(pendant.session, "message", message=fell)
+        assert severities(user) == [("failure", "stopped by fall")]
+
+    visit(scenario)
+
+
+def test_a_remedy_that_is_a_key_of_the_station_has_a_button_that_sets_it():
+    remarks = [
+        Remark("warning", "ran to its end"),
+        Remark("warning", "joint_2 ended 1.2 deg off", SAGS),
+        Remark("warning", "joint_3 is too weak", Remedy("carry less", "servo.torque_limit")),
+    ]
+
+    async def scenario(user, pendant):
+        await heard(pendant.session, "message", message=Notice.of_remarks(remarks, ROWS))
+        await user.should_see("The servos sag under gravity: turn on gravity feedforward")
+        await user.should_see("Carry less")
+        (apply,) = (one for one in elements(user) if isinstance(one, ui.button) and one.text.startswith("Apply"))
+        assert apply.text == "Apply: servo.feedforward = gravity"
+        await heard(pendant.session, "phase", phase="running")
+        assert not apply.enabled, "the station is loaded anew by it"
+        await heard(pendant.session, "phase", phase="idle")
+        press(user, apply)
+        assert ("set", "servo.feedforward", "gravity") in pendant.session.calls
+
+    visit(scenario)
 
 
 # The view

@@ -150,11 +150,9 @@ def _asked(phrases: Phrases, choices: Content, kind: type[Move], field: Field) -
     if field.kind == "switch":
         box = ui.checkbox(label, value=bool(value))
         return lambda: box.value
-    return (
-        _number(phrases.t, label, field, value, optional=optional)
-        if field.kind == "number"
-        else _text(phrases.t, label, field)
-    )
+    if field.kind == "number":
+        return _number(phrases.t, label, field, value, optional=optional)
+    return _text(phrases.t, label, field)
 
 
 def _chosen(phrases: Phrases, label: str, names: list[str], value: Any, *, optional: bool) -> _Get:
