@@ -123,26 +123,25 @@ def test_what_the_import_did_is_told(tmp_path):
     assert report_of(source) == ""
 
 
-def test_what_the_import_did_is_told_in_spanish():
-    said = words("es").of_engine
-    report = "arm.urdf: 3 repaired, 2 defaulted, 1 dropped\n... 7 more in report.json"
-    assert said(report) == "arm.urdf: 3 reparados, 2 con valores supuestos, 1 descartados\n... otros 7 en report.json"
-    dropped = "dropped: link 'base' <visual> 1: mesh 'base.obj' there is no such file; it is not shown"
-    assert said(dropped) == (
-        "descartado: eslabón 'base' <visual> 1: malla 'base.obj': no existe ese fichero; no se muestra"
-    )
-    made = "defaulted: no link has a collision shape; 9 are made of the visuals"
-    assert said(made) == "supuesto: ningún eslabón tiene forma de colisión; se hacen 9 de las visibles"
-    effort = "defaulted: joint 'elbow' <limit>: has no effort; 12 N·m, by its weight"
-    assert said(effort) == "supuesto: articulación 'elbow' <limit>: sin esfuerzo; 12 N·m, by its weight"
+def test_what_the_import_did_is_told_in_spanish(tmp_path):
+    """Also when the report is read from its file, as it is of a robot that was imported before."""
+    source = models_root() / "double_pendulum" / "double_pendulum.urdf"
+    file = keep({source.name: source.read_bytes()}, tmp_path)
+    session = Session.open(file, tmp_path, live=CountingRun)
+    told = words("es").render(report_of(session.book.model.urdf_path))
+    session.close()
+    assert told.splitlines()[0].startswith("double_pendulum.urdf: ")
+    assert "1 descartados" in told.splitlines()[0]
+    dropped = "descartado: eslabón 'base_link' <visual> 1: malla 'base.obj' no existe ese fichero; no se muestra"
+    assert dropped in told.splitlines()
 
 
 @pytest.mark.parametrize(
     ("content", "said"),
     [
         ("<robot name='a'/>", "a.urdf: no tiene ningún eslabón"),
-        ("<robot name='a'><link name='b'/></robot>", "a.urdf: ninguna articulación se mueve, así que ningún motor"),
-        ("<robot name='a'><link name='b'/><link name='c'/></robot>", "a.urdf: tiene 2 eslabones raíz (b, c); únalos"),
+        ("<robot name='a'><link name='b'/></robot>", "a.urdf: no tiene ninguna articulación que se mueva, así que"),
+        ("<robot name='a'><link name='b'/><link name='c'/></robot>", "a.urdf: tiene 2 eslabones raíz (b, c); únelos"),
         ("nothing", "a.urdf: no es XML: syntax error"),
     ],
 )
@@ -150,4 +149,4 @@ def test_what_cannot_be_imported_is_told_in_spanish(tmp_path, content, said):
     file = keep({"a.urdf": content.encode()}, tmp_path)
     with pytest.raises(SimrobError) as refused:
         Session.open(file, tmp_path / "taught")
-    assert said in words("es").of_engine(str(refused.value))
+    assert said in words("es").render(refused.value.message)
