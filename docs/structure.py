@@ -1,6 +1,7 @@
 """Draw the packages and what they import into both pages `architecture.md`: ``python -m docs.structure``."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -34,6 +35,7 @@ def package_of(module: str) -> str:
     return f"extensions/{parts[1]}" if parts[0] == "extensions" and len(parts) > 1 else parts[0]
 
 
+@cache
 def imports_by_package() -> dict[str, set[str]]:
     """Collect, for each package, the other packages that its modules import."""
     imports: dict[str, set[str]] = {}

@@ -4,7 +4,7 @@ import gc
 import signal
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +15,17 @@ from pydrake.multibody.tree import RevoluteJoint, RotationalInertia, SpatialIner
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.base.files import models_root
+from simrob_drake.base.messages import Message
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.urdf import with_absolute_meshes
 from tests import probing
+
+with suppress(ImportError):  # pytest-xdist, which runs tests in several processes, may be missing
+    from execnet.gateway_base import _Serializer
+
+    # Processes of tests send each other the texts of warnings and errors. execnet sends no subclasses of str by itself.
+    _Serializer._dispatch[Message] = _Serializer.save_str
 
 ONE_JOINT_URDF = """<robot name="arm">
   <link name="base">

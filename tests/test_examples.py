@@ -135,6 +135,7 @@ def test_the_rook_stands_on_its_square(mode):
     assert arm.cell.config.pieces["rook"].parent == "chess_board"
 
 
+@pytest.mark.long
 def test_the_dynamic_arm_strays_by_millimetres_unless_its_servos_know_its_weight():
     ways = example("irb120_same_program").run()
     off = np.linalg.norm(ways["dynamic"] - ways["kinematic"], axis=1)
@@ -262,6 +263,7 @@ def test_the_step_is_carried_by_the_large_areas_and_not_by_the_real_sole():
     assert 1.5 < results["B"].stop_time < 2.5
 
 
+@pytest.mark.long
 def test_each_foot_of_the_quadruped_is_up_in_turn():
     stand = example("yobotics_three_legs")
     results = stand.run(seconds=0.4)

@@ -68,6 +68,7 @@ def test_it_does_so_under_another_scheme_and_the_board_gives_way_as_its_stiffnes
     assert depths == pytest.approx([10 / 1e5, 10 / (2 / (1 / 1e5 + 1 / 1000))], rel=0.03)
 
 
+@pytest.mark.long
 def test_the_arm_gives_way_where_it_meets_a_box_and_stops_instead_of_pushing_for_ever():
     alone = protected(2.2, **{"controllers": {}})
     assert alone["tau.joint_2"][-1] == pytest.approx(150)  # at saturation, to the end

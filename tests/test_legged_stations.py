@@ -127,6 +127,7 @@ def test_the_step_is_the_same_ten_times_tighter(stepped: SimulationResult, tight
     assert np.abs(stepped.axes("q") - tight.axes("q")).max() < 0.01
 
 
+@pytest.mark.long
 def test_steps_of_one_length_do_it_as_well(tight: SimulationResult) -> None:
     fixed = simulate(
         load_station("humanoid_dynamic", {**STEPPING, "solver.error_control": False, "solver.max_step": 0.0125})
@@ -207,7 +208,10 @@ def pushed(name: str, force: list[float], overrides: dict[str, object] | None = 
     return simulate(load_station(name, {**(overrides or {}), "forces.push": push, "duration": 3.0}))
 
 
-@pytest.mark.parametrize("direction", [(1, 0), (-1, 0), (0, 1), (0, -1)])
+@pytest.mark.parametrize(
+    "direction",
+    [(1, 0), pytest.param((-1, 0), marks=pytest.mark.long), pytest.param((0, 1), marks=pytest.mark.long), (0, -1)],
+)
 @pytest.mark.parametrize(
     ("name", "force"),
     [("spheres_C", 10.0), ("spheres_B", 7.0), ("roid1", 4.0), ("yobotics", 80.0)],

@@ -17,6 +17,7 @@ def run(name, duration=None, **overrides):
     return simulate(load_station(name, overrides), duration=duration, progress=False)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("changed", "slowest"),
     [
@@ -83,6 +84,7 @@ def reaction(result, falls, rate):
     return late
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("height", "changed"),
     [
@@ -169,6 +171,7 @@ def test_a_push_that_does_not_tip_the_robot_over_leaves_the_guard_alone():
     assert tilt(result)[-1] < 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rate", [pytest.param(50, marks=long), 100])
 def test_a_guard_of_the_capture_point_sees_the_fall_before_the_tilt_does(rate):
     arms = {"right_shoulder_pitch": 110, "left_shoulder_pitch": 110}
@@ -181,6 +184,7 @@ def test_a_guard_of_the_capture_point_sees_the_fall_before_the_tilt_does(rate):
     assert not still["step.active"].any()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "changed",
     [
@@ -224,6 +228,7 @@ def test_a_leg_s_screws_are_those_of_the_plant():
             assert limb.rates(positions)[:, number] == pytest.approx(slope, abs=1e-8)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("robot", "force", "axis"),
     [

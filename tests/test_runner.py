@@ -57,7 +57,7 @@ def asked(config):
     return cases
 
 
-LONG = {"sine": pytest.mark.long}
+LONG = {"sine": pytest.mark.long, "humanoid": pytest.mark.long}
 """Whose signals and steps another test of this file compares as well."""
 
 

@@ -84,6 +84,7 @@ def test_a_heavy_load_is_too_much():
     assert np.abs(result["tau.joint_2"]).max() == pytest.approx(150)
 
 
+@pytest.mark.long
 def test_without_damping_joint_2_keeps_swinging():
     """With gripper and load 5.9 deg in the last second, bare 3.4 deg: both confirmed with explicit Runge-Kutta."""
     swings = {}

@@ -191,9 +191,13 @@ def nearest(name: object, known: Iterable[str]) -> str:
         known: the known names. If there are none, the text is empty.
     """
     names = sorted(set(known))
-    close = difflib.get_close_matches(shown(name), names, n=1, cutoff=0.6)
+    # Capitals do not count: "Kp" is "kp". Of names that differ in capitals alone, such as "A" and "a", each is known.
+    known_by_lower = {known_name.lower(): known_name for known_name in names}
+    written = shown(name)
+    close = difflib.get_close_matches(written, names, n=1, cutoff=0.6)
+    close = close or difflib.get_close_matches(written.lower(), known_by_lower, n=1, cutoff=0.6)
     if close:
-        return message("base.did_you_mean", "; did you mean '{name}'?", name=close[0])
+        return message("base.did_you_mean", "; did you mean '{name}'?", name=known_by_lower.get(close[0], close[0]))
     return message("base.known_names", "; known: {names}", names=", ".join(names)) if names else ""
 
 

@@ -24,6 +24,7 @@ _LAST_TITLE = "Extensions"
 _TITLES = {
     "listing": "Stations",
     "stations": "Stations",
+    "plotting": "Stations",
     "checking": "Stations",
     "legged": "Stations",
     "robots": "Robots",

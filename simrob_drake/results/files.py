@@ -27,6 +27,7 @@ from simrob_drake.stations.load import station_yaml
 
 RUNS = Path("runs")
 SUMMARY = "summary.json"
+SIGNALS = "signals.csv"
 START = "start.json"
 EVENTS, PROGRAM, COMMANDS = "events.csv", "program.yaml", "commands.yaml"
 
@@ -81,7 +82,7 @@ def save_result(
     with filled_at_once(folder, marker=SUMMARY, force=force) as work:
         summary = json.dumps(summary_of(result, verdict), indent=2, ensure_ascii=False)
         (work / SUMMARY).write_text(summary + "\n", encoding="utf-8")
-        write_table(work / "signals.csv", result.names, result.times, result.values)
+        write_table(work / SIGNALS, result.names, result.times, result.values)
         if result.runs:
             _write_program(result, work)
         if result.commanded:

@@ -42,6 +42,8 @@ from simrob_drake.stations.steps import apply_solver, step_findings
 
 _MOVE = 1.5  # duration of the first move [s]
 _DURATION = 3.0  # duration of the run [s]
+_FINGER_MOVE = 1.0  # duration of closing and of opening fingers [s]
+_FINGER_GAP = 0.1  # share of their travel at which closing fingers stop, so that they do not press on each other
 # Travel of each motor in the first move of a robot with closed loops.
 _LOOP_ANGLE = np.deg2rad(10.0)  # [rad]
 _LOOP_DISTANCE = 0.01  # [m]
@@ -59,6 +61,8 @@ _UNSHAPED = "The robot has no shapes that collide, so that nothing could carry i
 _CREEPS = "In discrete steps, since radau3 was tried and creeps: some links are too light for it."
 _COUPLED = "By the robot's file these axes follow others, see couplings: {followers}."
 _HOLDING = "Fingers ({fingers}) move together, as by one motor, and hold by friction: surfaces, and the solver lagged."
+_GRIPPING = "`grip: {force: 20}` [N] in the program takes a piece, and `open: {}` releases it; see docs/arms.md."
+_SLIDING = "These axes slide, so their values under target_deg and initial_deg are metres: {axes}."
 _REPEATED_OPTIONS = ("mesh_path", "xacro_arg")  # options of the command line that may be given several times
 _ORIGINS = ("urdf", "model", "import_options")  # keys of a station that say where its robot comes from
 
@@ -285,7 +289,35 @@ def _complete_fingers(robot: RobotModel, content: dict[str, Any]) -> list[str]:
         ratio = float(f"{-travels[index] / travels[leader]:.6g}")
         couplings[follower_key(finger)] = {"kind": "gear", "ratios": {finger: 1.0, axes[leader]: ratio}}
     content |= _WITH_FINGERS
-    return [_HOLDING.format(fingers=", ".join(axes[index] for index in robot.fingers))]
+    content["program"] = {"moves": _first_moves(robot, content.pop("reference"))}
+    content["reference"] = {"kind": "hold"}
+    remarks = [_HOLDING.format(fingers=", ".join(axes[index] for index in robot.fingers)), _GRIPPING]
+    if any(robot.prismatic):
+        remarks.append(_SLIDING.format(axes=", ".join(np.array(axes)[np.array(robot.prismatic)])))
+    return remarks
+
+
+def _first_moves(robot: RobotModel, reference: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Make the first program of a robot with fingers: its arm moves, then its fingers close and open.
+
+    Args:
+        robot: the robot.
+        reference: section of the first move, of which the targets of the arm's axes are used; the fingers stay open
+            during that move.
+    """
+    leader = next(iter(robot.fingers))
+    closed, opened = robot.fingers[leader]
+    almost_closed = closed + _FINGER_GAP * (opened - closed)
+    axes = list(robot.axes)
+    fingers = {axes[index] for index in robot.fingers}
+    arm_target = {axis: value for axis, value in reference.get("target_deg", {}).items() if axis not in fingers}
+    moves: list[dict[str, Any]] = []
+    if arm_target:
+        moves.append({"target_deg": arm_target, "duration": _MOVE})
+    for position in (almost_closed, opened):
+        in_user_units = float(f"{position / robot.user_units[leader]:.6g}")
+        moves.append({"target_deg": {axes[leader]: in_user_units}, "duration": _FINGER_MOVE})
+    return moves
 
 
 def _complete_on_feet(robot: RobotModel, content: dict[str, Any]) -> list[str]:

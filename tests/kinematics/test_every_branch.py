@@ -43,6 +43,7 @@ def test_a_thousand_poses_in_closed_form(name, dh_chain, random_postures, tables
     assert counts == {"ur5": {2, 4, 6, 8}, "kr6": {4, 8}}.get(name, {8})
 
 
+@pytest.mark.long
 def test_seven_axes_with_one_held_at_each_angle(dh_chain, random_postures, tables):
     chain = dh_chain(tables["iiwa"], limit=2.9)
     for held in (0, 2):  # the foot, or what swings the elbow

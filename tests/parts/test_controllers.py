@@ -38,6 +38,7 @@ def balance(**changed):
     return {"kind": "balance", "strategies": {"tip": strategy}}
 
 
+@pytest.mark.long
 def test_a_sequencer_lets_slow_servos_take_their_time_and_skips_no_cell():
     ends = {}
     for part in (1.0, 0.25):

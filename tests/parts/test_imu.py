@@ -146,6 +146,7 @@ class TestInTheLoop:
         for name in names:
             np.testing.assert_allclose(told[0][name][rows], told[1][name][rows], atol=1e-9)
 
+    @pytest.mark.long
     def test_it_tells_what_a_replay_tells_of_an_arm_that_is_stepped(self):
         figures = {**NOISY, "frame": "load"}
         told = [

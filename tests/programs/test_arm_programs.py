@@ -124,6 +124,7 @@ class TestWhatHappened:
         assert whole["piece.box.z"][-1] > 0.3  # in the hand again
         assert "box touches" in " ".join(text for _, text in all_events(whole))
 
+    @pytest.mark.long
     def test_a_recording_is_done_again_on_the_dynamic_station(self, kinematic):
         kinematic.record()
         kinematic.move_j([0, 0, 0.01, 0, 0, np.pi], wobj="weight", check=None)

@@ -146,6 +146,7 @@ def test_friction_holds_what_coulomb_says():
     assert slipped == pytest.approx(0.0, abs=1e-3)
 
 
+@pytest.mark.long
 def test_what_is_held_creeps_as_the_smoothed_friction_says():
     """F_t = mu N v / sqrt(v² + s²), with s the stiction_speed: v = s r / sqrt(1 - r²) where r = F_t / (mu N)."""
     cell = Workcell(load_station("irb120_gripper", {**ALONE, "pieces.cube_3.mass": 1.0, "monitors": {}}))
@@ -166,6 +167,7 @@ def test_fingers_that_close_on_nothing_end_the_run():
     assert run.message.startswith("the fingers of robot closed with nothing between them")
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("no_plots")
 def test_the_program_of_the_station_puts_a_cube_on_another(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

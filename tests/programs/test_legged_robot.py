@@ -327,6 +327,7 @@ class TestStep:
 
 
 class TestGaits:
+    @pytest.mark.long
     def test_it_marches_from_where_it_stands(self, standing):
         """As the march planned alone does: 4 steps of the thesis's manner go 0.12 to 0.25 m."""
         config = standing.cell.config
@@ -359,6 +360,7 @@ class TestGaits:
         ahead = [result.summary()["locomotion"]["ahead"] for result in (first, second)]
         assert ahead[1] == pytest.approx(ahead[0], rel=0.2)  # it walks as well
 
+    @pytest.mark.long
     def test_who_is_still_moving_settles_first(self, held):
         held.act("wave", rest=0.0)
         assert held.act("wave", rest=0.0).stop_time == pytest.approx(4.0)  # there already
@@ -376,6 +378,7 @@ class TestGaits:
         once, twice = (held.act("swim", repeat=count).stop_time for count in (1, 2))
         assert twice - once == pytest.approx(2.0)
 
+    @pytest.mark.long
     def test_the_quadruped_lifts_the_foot_that_is_asked_for(self):
         robot = LeggedRobot("yobotics_dynamic")
         result = robot.act("three_legs", foot="rear_right_foot", seconds=0.5, height=0.03)

@@ -93,6 +93,7 @@ class TestTheWay:
         check_free(beside.cell, result)
         np.testing.assert_allclose(beside.tool_pose().GetAsMatrix4(), as_transform(RIGHT).GetAsMatrix4(), atol=1e-6)
 
+    @pytest.mark.long
     def test_the_same_seed_finds_the_same(self, beside, to_right, monkeypatch):
         again = beside.plan.move_free(RIGHT, seed=0)
         np.testing.assert_array_equal(to_right.stretches[0].postures, again.stretches[0].postures)
@@ -116,6 +117,7 @@ class TestTheWay:
         low = Arm(station).joint([0.38, 0.2, 0.3, *AHEAD])
         check_free(loaded.cell, loaded.move_free(joints=low))
 
+    @pytest.mark.long
     def test_a_recording_shows_what_the_search_tried_where_that_is_asked_for(
         self, station, to_left, to_right, tmp_path
     ):
@@ -140,6 +142,7 @@ class TestTheWay:
     def test_a_move_to_where_it_is(self, arm):
         assert arm.move_free(joints=HOME).message
 
+    @pytest.mark.long
     @pytest.mark.usefixtures("optimised_briefly")
     def test_a_file_says_the_same(self, arm, station):
         arm.record()
@@ -219,6 +222,7 @@ class TestHeldByFingers:
 
 
 class TestShort:
+    @pytest.mark.long
     def test_what_is_optimised_takes_less_time_and_is_free(self, beside, monkeypatch):
         arm = beside
         short = arm.plan.move_free(RIGHT, profile="time_optimal")

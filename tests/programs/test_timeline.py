@@ -62,6 +62,7 @@ def test_changes_that_come_while_it_runs_give_what_the_program_says_afterwards()
     np.testing.assert_array_equal(robot.result().values, legged(CHANGES).values)
 
 
+@pytest.mark.long
 def test_a_walk_that_is_driven_goes_so_and_again_to_the_last_bit_by_its_program() -> None:
     """A page adds a command at a tick, the next ones in their time; from the kept program the walk is the same."""
     moves, rows = [{"go": {"duration": 2.5}}], [(0.0, 0.1, 0.0, 0.0), (0.6, 0.1, 0.0, 20.0)]

@@ -187,6 +187,7 @@ class TestSeveralArms:
 
 
 class TestRecording:
+    @pytest.mark.long
     def test_replay_gives_the_same_motion_sample_by_sample(self, dynamic):
         dynamic.wait(0.2)
         dynamic.record()

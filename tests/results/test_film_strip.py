@@ -33,6 +33,7 @@ def test_the_strip_shows_the_motion_from_left_to_right(result, tmp_path):
     assert all(captions[index * width : (index + 1) * width].any() for index in range(3))
 
 
+@pytest.mark.long
 def test_wide_frames_stand_in_two_rows(tmp_path):
     result = simulate(load_station("two_irb120"), duration=0.3, progress=False)
     studio = Studio(result, height=60, oversampling=2)

@@ -5,6 +5,7 @@ import pytest
 
 from simrob_drake.base.files import models_root
 from simrob_drake.base.folders import CACHE_VARIABLE
+from simrob_drake.programs.whole_program import run_whole
 from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.simulation import simulate
 from simrob_drake.stations.checks import check_station
@@ -33,6 +34,7 @@ def test_an_arm_follows_its_first_move(tmp_path):
     assert np.rad2deg(np.abs(result.axes("q_ref")[-1] - result.axes("q")[-1])).max() < 0.01
 
 
+@pytest.mark.long
 def test_a_floating_robot_stands_on_the_floor(tmp_path):
     config = drafted(tmp_path, models_root() / "irb120" / "irb120.urdf", ImportOptions(base="floating"))
     assert config.contact is not None
@@ -96,3 +98,18 @@ def test_joints_of_any_name_become_couplings(tmp_path, one_joint_urdf, write_urd
       </joint>"""
     config = drafted(tmp_path, write_urdf(one_joint_urdf.replace("</robot>", f"{jaw}</robot>")))
     assert list(config.couplings) == ["arm_2nd_jaw_follows"]
+
+
+def test_a_gripper_closes_and_opens_its_fingers(tmp_path):
+    """A first station shows what its fingers do, and names the moves that take a piece."""
+    file = tmp_path / "first.yaml"
+    file.write_text(draft_station(models_root() / "irb120_gripper" / "irb120_gripper.urdf", folder=tmp_path))
+    text = file.read_text()
+    assert "`grip: {force: 20}`" in text
+    assert "metres: left_finger, right_finger" in text
+    result = run_whole(load_station(file))
+    assert result.ending == "completed"
+    assert not result.verdict.warnings
+    finger = result["q.left_finger"]
+    assert finger[0] == pytest.approx(finger[-1], abs=1e-4)  # open, and open again
+    assert finger.min() < 0.3 * finger[0]  # closed in between

@@ -86,6 +86,8 @@ def test_fingers_stay_open_where_it_does_not_begin_at_home(tmp_path):
     content = yaml.safe_load(draft_station(tmp_path / "gantry.urdf"))
     begin = content["robot"]["initial_deg"]
     assert begin["lift"] < 0
-    for posture in (begin, content["reference"]["target_deg"]):
+    arm_move, *finger_moves = content["program"]["moves"]
+    for posture in (begin, finger_moves[-1]["target_deg"]):
         assert posture["left_slide"] == 0.04  # the right one follows it
         assert "right_slide" not in posture
+    assert not {"left_slide", "right_slide"} & arm_move["target_deg"].keys()

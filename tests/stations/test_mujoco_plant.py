@@ -68,6 +68,7 @@ def test_a_force_sensor_feels_the_weight_that_rests_on_it():
         np.testing.assert_allclose(result.vector("force.sole")[-1], [0, 0, weight], rtol=1e-3, atol=0.01)
 
 
+@pytest.mark.long
 def test_a_loop_balances_and_walks_as_in_drake():
     drake, mujoco = in_both("yobotics_walking", {}, duration=3.0)
     assert drake.ending == mujoco.ending == "completed"

@@ -74,6 +74,7 @@ def test_a_table_beyond_the_legs_is_told_before_and_after_the_run_or_refused():
     assert "the command sideways of -0.5 m/s is beyond the -0.1 m/s that the legs can follow" in strict.message
 
 
+@pytest.mark.long
 def test_a_run_that_was_commanded_by_hand_is_repeated_to_the_last_bit(tmp_path, monkeypatch):
     def hand(time):
         return None if time < 0.4 else (0.2, 0.01, 0.3) if time < 0.8 else (0.1, 0, -1 / 7)

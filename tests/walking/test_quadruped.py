@@ -79,6 +79,7 @@ def test_a_push_of_200_newtons_is_answered_by_feedback_alone(changes: dict[str, 
     assert result["base.x"][np.searchsorted(result.times, 2.0)] > 0.25  # it was on its way
 
 
+@pytest.mark.long
 def test_feet_that_feel_the_floor_trot_as_by_heights() -> None:
     for told in ({}, FELT):
         run = simulate(load_station(STATION, {**told, "duration": 3.5}), progress=False)
@@ -143,6 +144,7 @@ def test_a_first_step_takes_its_time_however_long_it_stood(loop: WalkingLoop) ->
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("way", [0, 90, 180])
 def test_it_walks_level_on_a_slope_of_six_degrees(way: int) -> None:
     told = {
@@ -165,6 +167,7 @@ def test_a_quarter_turn_is_one() -> None:
     assert yaw == pytest.approx(90, abs=2)
 
 
+@pytest.mark.long
 def test_it_crosses_steps_of_forty_millimetres_by_its_feet() -> None:
     gait = {
         "lift": 0.14,

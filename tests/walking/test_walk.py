@@ -190,6 +190,7 @@ def test_it_starts_walks_and_stops_by_commands() -> None:
     assert np.abs(speeds).max() < 0.2
 
 
+@pytest.mark.long
 def test_a_push_that_fells_a_planned_walk_is_answered() -> None:
     push = {"kind": "push", "start": 2.1, "force": [10.0, 17.3, 0]}  # N, ahead and to the right
     settings = {"forces.push": push, "duration": 4.5}
@@ -198,6 +199,7 @@ def test_a_push_that_fells_a_planned_walk_is_answered() -> None:
     assert simulate(load_station("zjudancer_walking", blind)).stopped_by == "fall"
 
 
+@pytest.mark.long
 def test_who_cannot_step_aside_stops_on_both_feet_and_walks_on() -> None:
     push = {"kind": "push", "start": 2.1 + 0.5 * 5 / 8, "force": [20.0, 0, 0]}  # N, to the left: it looks along -y
     settings = {"forces.push": push, "duration": 5.0}

@@ -15,7 +15,7 @@ from typing import IO, Any, Literal, cast
 
 from pydantic import Field
 
-from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName, shortened
+from simrob_drake.base.errors import InvalidConfig, OutputError, SimrobError, UnknownName, shortened
 from simrob_drake.base.files import EXERCISE_FILE, NotRead, content_of, exercise_files, text_of
 from simrob_drake.base.folders import written_at_once
 from simrob_drake.base.messages import compound, message
@@ -74,15 +74,30 @@ class ExerciseFolder:
         return self.folder / CHECKS_FILE
 
     def start(self, target: Path, language: Language, *, force: bool) -> Path:
-        """Copy an answer's template to a folder, return it; raises InvalidParameter: one is there; OutputError."""
+        """Copy the template of an answer to a folder.
+
+        Args:
+            target: the folder.
+            language: language of the template's comments.
+            force: whether an answer that is there may be replaced.
+
+        Returns:
+            the new file.
+
+        Raises:
+            OutputError: the folder has an answer already, or cannot be written.
+        """
         answer = target / ANSWER_FILE
         if answer.exists() and not force:
-            raise InvalidParameter(
-                "--out",
-                str(target),
+            proposal = target.parent / f"exercise-{self.exercise.number}"
+            raise OutputError(
                 message(
-                    "course.folder_without_answer", "without an {file}, or say --force to replace it", file=ANSWER_FILE
-                ),
+                    "course.answer_exists",
+                    "{file} exists already; choose another folder, such as --out {proposal},"
+                    " or replace the answer with --force",
+                    file=answer,
+                    proposal=proposal,
+                )
             )
         written_at_once(answer, text_of(self.folder / f"template_{language}.py"))
         return answer
@@ -123,18 +138,35 @@ class AnswerStopped(SimrobError):
     """An answer that could not be measured to its end: it cannot be loaded, or passed a limit."""
 
 
+PointState = Literal["ok", "fails", "missing", "error"]
+"""State of a point: it holds; its value is out of bounds; its function is not written yet; or it cannot be measured."""
+
+
 @dataclass(frozen=True)
 class CheckedPoint:
-    """What became of one point."""
+    """A point of an exercise, measured on an answer.
 
-    name: str  # of the point
-    reading: Reading | None  # what was measured; None where measuring failed
-    problem: str = ""  # why it failed; empty where the answer is not written yet
+    Attributes:
+        name: name of the point.
+        reading: the measured value with its bounds. None if it could not be measured.
+        problem: why it could not be measured; empty if it was, or if its function is not written yet.
+    """
+
+    name: str
+    reading: Reading | None
+    problem: str = ""
 
     @property
     def ok(self) -> bool:
         """Whether the point holds."""
-        return self.reading is not None and self.reading.ok
+        return self.state == "ok"
+
+    @property
+    def state(self) -> PointState:
+        """State of the point."""
+        if self.reading is not None:
+            return "ok" if self.reading.ok else "fails"
+        return "error" if self.problem else "missing"
 
 
 def checked_points(

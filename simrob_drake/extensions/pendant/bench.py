@@ -7,17 +7,17 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TextIO
 
 import numpy as np
 
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import compound, message
+from simrob_drake.base.messages import compound, message, message_of
 from simrob_drake.base.sections import validated
 from simrob_drake.extensions.pendant import arm_questions
 from simrob_drake.extensions.pendant.describe import description
-from simrob_drake.extensions.pendant.handles import handles, reached
+from simrob_drake.extensions.pendant.handles import NO_HANDLES, handles, reached
 from simrob_drake.extensions.pendant.run_pacer import Inbox, Rewound, RunPacer
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.program import Program
@@ -85,6 +85,7 @@ class Bench:
     ) -> dict[str, Any]:
         """Take a station, by name or file, with settings, and tell what it is."""
         config = load_station(station, settings, allow_code=allow_code)
+        self._tell_view("handles", [NO_HANDLES])  # those of the station before are not where the new ones will be
         self._cell = cell = Workcell(config)
         self._robot = "" if not config.robots else cell.robot_name(robot or next(iter(config.robots)))
         self._start = config
@@ -321,6 +322,20 @@ class Bench:
     def _tell_view(self, subject: str, commands: Sequence[Command]) -> None:
         self._inbox.tell("view", subject=subject, commands=list(commands))
 
+    def _tell_warning(
+        self,
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        file: TextIO | None = None,
+        line: str | None = None,
+    ) -> None:
+        """Tell the page of a warning. The arguments are those of :func:`warnings.showwarning`, which it replaces."""
+        del category, filename, lineno, file, line
+        text = message_of(message) if isinstance(message, Warning) else message
+        self._inbox.tell("warned", text=text)
+
     def _fits(self, positions: Vector) -> bool:
         """Tell whether positions are of this plant: what stands in the station may have been changed since."""
         scene = self._view.scene
@@ -354,7 +369,7 @@ class Bench:
             self.pacer.begin(line, until=until, one=one)
             try:
                 with warnings.catch_warnings():
-                    warnings.showwarning = lambda message, *_, **__: self._inbox.tell("warned", text=str(message))
+                    warnings.showwarning = self._tell_warning
                     result = perform(cell, program)
                 break
             except Rewound as asked:
@@ -374,8 +389,8 @@ class Bench:
             "ending": "stopped" if result.stopped_by == USER else result.ending,
             "message": result.message,
             "stopped_by": result.stopped_by,
-            "verdict": str(result.verdict),
-            "warnings": result.warnings,
+            "remarks": result.remarks,
+            "criteria": result.verdict.table,
             "goes_on": not self._fell,
             "begun": begun,
             "time": line.now,

@@ -15,7 +15,7 @@ from simrob_drake.cli.screen import say
 def teach(
     subject: Annotated[
         str, typer.Argument(metavar="ROBOT|STATION|FILE", help="A name of `simrob list`, a station's YAML, or a URDF.")
-    ] = "humanoid",
+    ] = "irb120_teach",
     port: Annotated[
         int | None, typer.Option(min=0, max=65535, help="Where the page listens; the first free one from 8100.")
     ] = None,
@@ -32,6 +32,7 @@ def teach(
 
     For example:
 
+        simrob teach
         simrob teach humanoid
     """
     with needed(message("pendant.teach_pendant", "the teach pendant"), "gui"):

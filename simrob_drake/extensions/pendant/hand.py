@@ -32,6 +32,7 @@ class Hand:
             "target": self._put_target,
         }
         client.listen(lambda _: self._show(), "phase", "program", "description")
+        client.listen(lambda _: self._lean_again(), "description")
 
     def open(self) -> None:
         """Have the view know from now on what can be taken."""
@@ -60,7 +61,13 @@ class Hand:
         postures = [self._leaning] if axes else []
         self._client.ask("ghosts", lambda _: self._show(), postures=postures, good=[True] * len(postures))
 
+    def _lean_again(self) -> None:
+        """Show the ghost again in a station that was built anew: its view began without one."""
+        axes, self._leaning = self._leaning, {}
+        self.lean(axes)
+
     def _show(self) -> None:
+        """Let the view know what can be taken, and where it is now."""
         if self._on and self._client.phase == "idle":
             targets = {name: {"pose": one.pose, "frame": one.frame} for name, one in self._targets.items()}
             self._client.ask("handles", targets=targets, near=self._leaning)

@@ -32,6 +32,9 @@ _BENT = 0.1  # rad or m
 _NEAR = 1e-8  # m² that the square of a radian counts for: of postures that reach a pose the nearest is taken
 _CLOSE, _STEPS = np.array([1e-6, 1e-6]), 100
 
+NO_HANDLES: dict[str, Any] = {"type": "handles", "handles": {}, "links": {}}
+"""Command for a view in which nothing can be taken."""
+
 
 def handles(
     cell: Workcell, robot: str, targets: Mapping[str, Mapping[str, Any]], near: Mapping[str, float]

@@ -25,12 +25,14 @@ class Jogging:
 
     Attributes:
         ghosts: the branches that :meth:`branches` found last.
+        shown_ghost: index of the one of them that the view shows; None if it shows none.
     """
 
     def __init__(self, client: RunClient, book: ProgramBook, runner: MoveRunner) -> None:
         """Begin without ghosts; those of a station go when another one is there."""
         self._client, self._book, self._runner = client, book, runner
         self.ghosts: Sequence[dict[str, Any]] = ()
+        self.shown_ghost: int | None = None
         client.listen(lambda _: self.hide_ghosts() if self.ghosts else None, "description")
 
     def where(self, frame: str = "base") -> Future[Any]:
@@ -128,22 +130,35 @@ class Jogging:
         return done(None) if move is None else self._runner.when_idle(lambda: self._runner.run_free([move]))
 
     def branches(self, target: str | None = None) -> Future[Any]:
-        """Find every posture for a taught target, or for where the tool is, into ``ghosts`` and into the view."""
+        """Find every posture for a taught target into ``ghosts``. The view shows the first.
+
+        Without a target, the postures are those for where the tool is.
+        """
 
         def found(branches: list[dict[str, Any]]) -> Any:
             self.ghosts = branches
-            self._client.tell("program")
-            return self.mark_branch(None)
+            return self.show_branch(0 if branches else None)
 
         known = self._book.history.present.targets
         goal = known.get(target or "")
         of: dict[str, Any] = {"pose": list(goal.pose), "frame": goal.frame, "tool": goal.tool} if goal else {}
         return self._client.ask("branches", found, **of)
 
-    def mark_branch(self, number: int | None) -> Future[Any]:
-        """Let the view show one of ``ghosts`` less faint than the others, or none."""
-        postures, good = ([one[key] for one in self.ghosts] for key in ("axes", "usable"))
-        return self._client.ask("ghosts", lambda _: self.ghosts, postures=postures, good=good, marked=number)
+    def show_branch(self, number: int | None) -> Future[Any]:
+        """Let the view show one of ``ghosts``.
+
+        Only one is shown at a time: several in one place could not be told apart.
+
+        Args:
+            number: index of the one to show; one beyond the first or the last stands for that. None shows none.
+        """
+        if number is not None:
+            number = min(max(number, 0), len(self.ghosts) - 1)
+        self.shown_ghost = number
+        self._client.tell("program")
+        shown = [] if number is None else [self.ghosts[number]]
+        postures, good = ([one[key] for one in shown] for key in ("axes", "usable"))
+        return self._client.ask("ghosts", lambda _: self.ghosts, postures=postures, good=good, marked=0)
 
     def choose_branch(self, number: int) -> Future[Any]:
         """Go to one of ``ghosts``, and hide them."""
@@ -154,10 +169,9 @@ class Jogging:
         return self.jog_axes(ghost["axes"])
 
     def hide_ghosts(self) -> Future[Any]:
-        """Hide the ghosts."""
+        """Forget the ghosts, and hide the one that is shown."""
         self.ghosts = []
-        self._client.tell("program")
-        return self.mark_branch(None)
+        return self.show_branch(None)
 
     def _lines(
         self, program: Program, place: int, kind: str, goal: Target, via: str | None, how: Mapping[str, Any]

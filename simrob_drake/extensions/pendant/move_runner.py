@@ -8,7 +8,8 @@ from concurrent.futures import CancelledError, Future
 from functools import partial
 from typing import Any, NamedTuple
 
-from simrob_drake.base.messages import join_texts, message
+from simrob_drake.base.messages import message
+from simrob_drake.base.remarks import Remark
 from simrob_drake.base.sections import validated
 from simrob_drake.extensions.pendant.pages.words import Notice
 from simrob_drake.extensions.pendant.program_book import ProgramBook
@@ -362,11 +363,7 @@ class MoveRunner:
             return
         if not news["goes_on"]:
             fell()
-        warnings, well = news["warnings"], ending == "completed"
-        judged = [] if jogged else [news["verdict"], *warnings]
-        text = join_texts([news["message"], *judged], "\n")
-        wrong = not well or bool(judged and warnings)
-        self._client.say(Notice() if well and jogged else Notice(fills={"text": text}, wrong=wrong))
+        self._client.say(_notice_of(news, judged=not jogged))
 
     def _noted(self, change: dict[str, Any]) -> None:
         """Put a change of the run into the program, or to what is tried, if its time is theirs."""
@@ -381,6 +378,21 @@ class MoveRunner:
             book.record(now.with_program(changes=with_change(now.program.changes, made)), label)
         elif not of_program and made not in now.changes:
             book.record(now.replaced(changes=with_change(now.changes, made)), label)
+
+
+def _notice_of(ended: News, *, judged: bool) -> Notice:
+    """Make the notice of how a run ended.
+
+    Args:
+        ended: the news of its end.
+        judged: whether its verdict counts. The sentence of a run that is not judged, as of a jog, is left out if the
+            run went to its end.
+    """
+    if judged:
+        return Notice.of_remarks(ended["remarks"], ended["criteria"])
+    if ended["ending"] == "completed":
+        return Notice()
+    return Notice.of_remarks([Remark(ended["remarks"][0].severity, ended["message"])])
 
 
 def _pass_on(answer: Future[Any], done: Future[Any]) -> None:

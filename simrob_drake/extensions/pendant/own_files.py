@@ -12,10 +12,12 @@ from pathlib import Path, PurePosixPath
 
 from simrob_drake.base.errors import InvalidParameter, SimrobError, shown
 from simrob_drake.base.folders import writing
-from simrob_drake.base.messages import compound, join_texts, message
+from simrob_drake.base.messages import Message, compound, join_texts, message
+from simrob_drake.base.remarks import Remark, Severity
 from simrob_drake.base.yaml_files import YAML_SUFFIXES
+from simrob_drake.extensions.pendant.pages.words import Notice
 from simrob_drake.importer.robot_files import robot_suffixes
-from simrob_drake.robots.imports import CHANGE, REPORT_FILE, read_report
+from simrob_drake.robots.imports import CHANGE, REPORT_FILE, Entry, read_report
 
 FOLDER = "own"  # of what is taught, for these files; each set of them has a folder there
 MOST = 200_000_000  # bytes of a set of files, unpacked
@@ -176,17 +178,33 @@ def _subject(paths: Sequence[Path]) -> Path:
     return min(can, key=lambda path: (len(path.parts), order.index(path.suffix.lower()), path.as_posix()))
 
 
-def report_of(urdf: Path) -> str:
-    """Describe in lines what the import that made a robot's file ``urdf`` did. Empty if it was not imported."""
+def report_of(urdf: Path) -> Notice | None:
+    """Make the notice that says what an import did to a robot: each default, repair and loss.
+
+    Args:
+        urdf: the robot's file, which the import has made.
+
+    Returns:
+        the notice; None if the robot was not imported.
+    """
     report = read_report(urdf.parent)
     if report is None:
-        return ""
-    entries = [entry for entry in report.entries if entry.kind != "read"]
-    lines = [
-        join_texts([part for part in (CHANGE[entry.kind], entry.element, entry.text) if part], ": ")
-        for entry in entries[:_LINES]
-    ]
-    hidden = len(entries) - _LINES
-    if hidden > 0:
-        lines.append(message("pendant.more_entries", "... {count} more in {file}", count=hidden, file=REPORT_FILE))
-    return join_texts([compound("{name}: {summary}", name=report.source.name, summary=report.summary()), *lines], "\n")
+        return None
+    changes = [entry for entry in report.entries if entry.kind != "read"]
+    remarks = [Remark(_severity_of(entry), _text_of(entry)) for entry in changes[:_LINES]]
+    if len(changes) > _LINES:
+        hidden = len(changes) - _LINES
+        further = message("pendant.more_entries", "... {count} more in {file}", count=hidden, file=REPORT_FILE)
+        remarks.append(Remark("note", further))
+    file = {"file": report.source.name}
+    return Notice("imported_with_changes", file, remarks=tuple(remarks)) if changes else Notice("imported", file)
+
+
+def _severity_of(entry: Entry) -> Severity:
+    """Severity of what an import did: a warning if the robot lacks something then."""
+    return "warning" if entry.kind in ("dropped", "open", "lost", "refused") else "note"
+
+
+def _text_of(entry: Entry) -> Message:
+    """What an import did, the element to which it did that, and the details."""
+    return join_texts([text for text in (CHANGE[entry.kind], entry.element, entry.text) if text], ": ")

@@ -7,7 +7,7 @@ from typing import Any, cast
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.messages import message
 from simrob_drake.extensions.pendant.own_files import keep, report_of
-from simrob_drake.extensions.pendant.pages.words import Notice, languages
+from simrob_drake.extensions.pendant.pages.words import languages
 from simrob_drake.extensions.pendant.session import Session
 from simrob_drake.extensions.pendant.tours import TourProgress, tours
 from simrob_drake.results.animation.window import Board
@@ -59,6 +59,8 @@ class Pendant:
         if not same:
             self.session.close()
         self.session = following
+        if self.tour is not None and self.tour.subject not in (following.subject, following.book.station):
+            self.tour = None  # a lesson is about another robot or station
         self._begin()
         return True
 
@@ -70,7 +72,7 @@ class Pendant:
         self.load(keep(files, self.session.folder.parent))
         book = self.session.book
         if book.robot and (report := report_of(book.model.urdf_path)):
-            self.session.client.say(Notice(fills={"text": report}))
+            self.session.client.say(report)
         return True
 
     def close(self) -> None:

@@ -9,6 +9,7 @@ from time import monotonic
 from typing import Any, Literal, Protocol, TypeVar
 
 from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.remarks import Remark
 from simrob_drake.extensions.pendant.pages.words import Notice
 from simrob_drake.extensions.pendant.run import TaughtRun
 from simrob_drake.extensions.pendant.run_pacer import News, RunLost
@@ -59,7 +60,7 @@ class RunClient:
         self.takes: dict[str, Callable[[News], object]] = {
             "view": self._viewed,
             "tick": self._ticked,
-            "warned": lambda news: self.wrong(news["text"]),
+            "warned": lambda news: self.say(Notice.of_remarks([Remark("warning", news["text"])])),
         }
         self.description: dict[str, Any] = {}
         self.phase, self.run = "opening", TaughtRun()

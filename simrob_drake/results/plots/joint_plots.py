@@ -29,7 +29,8 @@ from simrob_drake.results.record.walks import headings, tilts
 _SIDES = {"right": (COLOURS[0], 1.5), "left": (COLOURS[2], 0.8), "middle": (COLOURS[7], 1.0)}
 """Colours and weights of lines, so that both sides are seen where they are equal."""
 _NEAR = 1.3  # a limit up to so many times the largest torque is drawn; one further away would flatten the curve
-_QUANTITIES = {"deg": "position", "N·m": "torque", "N": "force", "m": "position"}
+QUANTITIES = {"deg": "position", "N·m": "torque", "N": "force", "m": "position"}
+"""Quantities of joints by the unit in which they are shown."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +82,7 @@ def position_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
         unit = robot.model.unit_names[group.first]
         curves = group.curves(reached, "position", VALUE)
         curves += [dashed(reference[:, place], "reference", REFERENCE) for place in group.places.values()]
-        plots = [Plot(f"{_QUANTITIES[unit]} [{unit}]", curves)]
+        plots = [Plot(f"{QUANTITIES[unit]} [{unit}]", curves)]
         if result.config.engine.moves_by_forces:
             errors = group.curves(error, "error: reference - position", ERROR)
             plots.append(Plot(f"error [{unit}]", errors, ERROR_HEIGHT))
@@ -102,7 +103,7 @@ def torque_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
                 curves.append(dashed(np.full(len(torques), bound), "torque limit", RED))
         shown = " / ".join(f"±{limit:g} {unit}" if np.isfinite(limit) else "none" for limit in own)
         note = f"limit {shown}" if np.isfinite(own).any() else "no limit"
-        stacks.append(Stack(group.name, [Plot(f"{_QUANTITIES[unit]} [{unit}]", curves, note=note)]))
+        stacks.append(Stack(group.name, [Plot(f"{QUANTITIES[unit]} [{unit}]", curves, note=note)]))
     return stacks
 
 

@@ -24,6 +24,7 @@ from simrob_drake.results.plots.grid import grid_figure, is_dense, style
 from simrob_drake.results.plots.joint_plots import base_figure, position_stacks, tcp_stacks, torque_stacks
 from simrob_drake.results.plots.panel_plots import Sheet, panel_sheets
 from simrob_drake.results.record.run import RecordedRun
+from simrob_drake.results.record.servos import servo_in_words, servos_of
 from simrob_drake.results.record.walks import legged_robots
 
 DPI = 110  # pixels an inch of pictures that are made of pixels
@@ -180,8 +181,10 @@ def _figures(result: RecordedRun) -> Iterator[tuple[str, Figure]]:
 
 
 def _robot_figures(result: RecordedRun, robot: StationRobot, whose: str) -> Iterator[tuple[str, Figure]]:
+    servo = servos_of(result).get(robot.name)
+    how = {"remark": f"servos: {servo_in_words(servo)}"} if servo else {}
     for name, stacks_of in {"position": position_stacks, "torque": torque_stacks}.items():
-        yield from _with_detail(result, Sheet(name, f"joint {name}s{whose}", stacks_of(result, robot)))
+        yield from _with_detail(result, Sheet(name, f"joint {name}s{whose}", stacks_of(result, robot), how))
     if robot.tcp:
         title = f"tool '{robot.tcp}' in the world{whose}"
         yield "tcp", grid_figure(result, title, tcp_stacks(result, robot), columns=3)

@@ -86,7 +86,8 @@ class AskedMove:
     search: Vector = field(default_factory=lambda: np.zeros((0, 2, 3)))
 
 
-class MoveSpan(NamedTuple):
+@dataclass(frozen=True)
+class MoveSpan:
     """The time that a move of a program took.
 
     Attributes:

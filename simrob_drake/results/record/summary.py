@@ -11,6 +11,7 @@ import numpy as np
 from simrob_drake.base.frames import Vector, pose_from_transform, transform_from_xyz_quaternion
 from simrob_drake.base.messages import join_texts, message
 from simrob_drake.results.record.run import DIVERGED, RecordedRun
+from simrob_drake.results.record.servos import servos_of
 from simrob_drake.results.record.walks import legged_robots, locomotion
 from simrob_drake.results.verdict.verdict import Verdict
 
@@ -105,6 +106,7 @@ def summary_of(run: RecordedRun, verdict: Verdict) -> dict[str, Any]:
             "force": _peak_forces(run),
         },
         "motors": _motors(run),
+        "servos": servos_of(run),
         "locomotion": _locomotion(run),
         "cells": run.cells,
         "sensors": {name: run.notes[name] for name in run.config.sensors},

@@ -1,6 +1,7 @@
 """The course: each template fails, each solution passes, and what an answer may not do is told in one line."""
 
 import ast
+import csv
 import json
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -110,7 +111,7 @@ def test_lines_say_what_was_asked_and_measured(tmp_path, capsys):
     run_command(["course", "check", str(tmp_path / "own"), str(tmp_path / "a.py"), "--allow-code", "--language", "es"])
     assert capsys.readouterr().out.splitlines() == [
         "bien    punto 0: medido 1.5 N; se pide como mucho 2 N",
-        "falta   punto 1: medido 1.5; se pide de 2.5 a 3.5",
+        "falla   punto 1: medido 1.5; se pide de 2.5 a 3.5",
         "se cumplen 1 de 2 puntos",
     ]
 
@@ -232,3 +233,86 @@ made = lambda: object()
 def test_sets_in_sets_pass_between_the_processes():
     value = {"groups": {frozenset({1, 2}), frozenset()}, frozenset({3}): ({4},)}
     assert decode(json.loads(json.dumps(encode(value)))) == value
+
+
+def test_a_second_exercise_in_the_same_folder_gets_a_folder_proposed(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    run_command(["course", "start", "1"])
+    assert run_command(["course", "start", "2"]) == ExitCode.BAD_INPUT
+    assert "answer.py exists already; choose another folder, such as --out exercise-2" in capsys.readouterr().err
+    assert "Exercise 1" in Path("answer.py").read_text()
+
+
+def test_a_point_is_ok_or_fails_or_is_missing_or_has_an_error(tmp_path):
+    entry = own_exercise(
+        tmp_path / "own",
+        "return at_least(answer.f(), 1)",
+        "return at_least(answer.f(), 3)",
+        "return at_least(answer.g(), 0)",
+        "return at_least(answer.h(), 0)",
+    )
+    text = "def f():\n  return 2\ndef g():\n  raise NotImplementedError\ndef h():\n  return 1 / 0\n"
+    assert [point.state for point in checked(entry, tmp_path, text)] == ["ok", "fails", "missing", "error"]
+
+
+class TestSubmissions:
+    """A folder of answers, as a learning platform packs them."""
+
+    @pytest.fixture
+    def submissions(self, tmp_path):
+        """Five submissions in both shapes, and files that are none."""
+        folder = tmp_path / "handed_in"
+        files = {
+            "ana.py": "def f():\n  return 2\n",
+            "bo.py": "def f():\n  return 0\n",
+            "=cmd.py": "import sys\nsys.exit(3)\n",
+            "Eva_123_file_/work/solution.py": "def f():\n  raise NotImplementedError\n",
+            "Dan_124_file_/a.py": "",
+            "Dan_124_file_/b.py": "",
+            "__pycache__/x.py": "",
+            ".hidden.py": "",
+            "notes.txt": "",
+        }
+        for name, text in files.items():
+            file = folder / name
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(text)
+        return folder
+
+    def test_all_are_measured_into_one_table(self, submissions, tmp_path, monkeypatch, capsys):
+        monkeypatch.chdir(tmp_path)
+        own_exercise(tmp_path / "own", "return at_least(answer.f(), 1, 'N')")
+        arguments = ["course", "check", str(tmp_path / "own"), str(submissions), "--allow-code", "--csv", "points.csv"]
+        assert run_command(arguments) == ExitCode.DONE
+        rows = list(csv.DictReader(Path("points.csv").read_text().splitlines()))
+        states = {row["submission"]: (row["passed"], row["point_0"], row["point_0.value"]) for row in rows}
+        assert states == {
+            "'=cmd": ("0", "", ""),
+            "Dan_124_file_": ("0", "", ""),
+            "Eva_123_file_": ("0", "missing", ""),
+            "ana": ("1", "ok", "2"),
+            "bo": ("0", "fails", "0"),
+        }
+        problems = {row["submission"]: row["problem"] for row in rows if row["problem"]}
+        assert "SystemExit: 3" in problems["'=cmd"]
+        assert problems["Dan_124_file_"] == "it contains no answer.py, nor a single Python file"
+        shown = capsys.readouterr().out
+        assert "1/1     ana" in shown
+        assert run_command(arguments) == ExitCode.BAD_INPUT
+        assert "points.csv exists already" in capsys.readouterr().err
+
+    def test_no_code_runs_and_nothing_is_written_unless_allowed(self, submissions, tmp_path, monkeypatch, capsys):
+        monkeypatch.chdir(tmp_path)
+        assert run_command(["course", "check", "1", str(submissions)]) == ExitCode.BAD_INPUT
+        assert "--allow-code" in capsys.readouterr().err
+        assert not list(tmp_path.glob("*.csv"))
+
+    def test_bad_input_is_refused(self, submissions, tmp_path, capsys):
+        (tmp_path / "empty").mkdir()
+        command = ["course", "check", "1", "--allow-code", "--csv"]
+        assert run_command([*command, str(tmp_path / "a.csv"), str(tmp_path / "empty")]) == ExitCode.BAD_INPUT
+        assert "a folder of submissions" in capsys.readouterr().err
+        assert run_command([*command, str(tmp_path / "a.txt"), str(submissions)]) == ExitCode.BAD_INPUT
+        assert "--csv" in capsys.readouterr().err
+        assert run_command([*command, str(tmp_path / "a.csv"), str(submissions / "ana.py")]) == ExitCode.BAD_INPUT
+        assert "it is for a folder of submissions" in capsys.readouterr().err

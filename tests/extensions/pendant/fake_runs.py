@@ -3,6 +3,7 @@
 from concurrent.futures import Future
 
 from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.remarks import Remark
 from simrob_drake.base.yaml_files import parse_yaml
 from simrob_drake.extensions.pendant.bench import ALONE, Bench
 from simrob_drake.extensions.pendant.run_pacer import RunLost
@@ -54,7 +55,8 @@ class CountingRun:
         """End the run."""
         if not self.back:  # else it stands where it was gone back to
             self.time = self.end if time is None else time
-        how = {"ending": ending, "goes_on": goes_on, "message": ending, "verdict": "as asked", "warnings": []}
+        remark = Remark("success" if ending == "completed" else "failure", ending)
+        how = {"ending": ending, "goes_on": goes_on, "message": ending, "remarks": [remark], "criteria": []}
         where = {"begun": self.begun, "time": self.time, "reached": self.time if reached is None else reached}
         self.tell({"news": "ended", **how, **where, "moves": [], "signals": {}})
         self.tell({"news": "phase", "phase": "idle"})

@@ -44,8 +44,9 @@ class ArmSession(StubSession):
             {"name": name, "aliases": [], "unit": "deg", "low": low, "high": high, "now": 0.0}
             for name, low, high in zip(self.real.axes, lower, upper, strict=True)
         ]
-        self.description = {"robots": {"robot": {"model": "irb120", "kind": "arm", "axes": axes}}}
-        self.targets, self.ghosts, self.pending = {}, [], ()
+        moves = {key: list(kind.model_fields) for key, kind in KINDS.items()}
+        self.description = {"robots": {"robot": {"model": "irb120", "kind": "arm", "axes": axes, "moves": moves}}}
+        self.targets, self.ghosts, self.pending, self.shown_ghost = {}, [], (), None
 
     def watch(self, signals, viewer):
         assert signals == []  # of which it has none
@@ -111,8 +112,9 @@ class ArmSession(StubSession):
         self.hide_ghosts()
         return self.jog_axes(axes)
 
-    def mark_branch(self, number):
-        self.calls.append(("mark_branch", number))
+    def show_branch(self, number):
+        self.calls.append(("show_branch", number))
+        self.told("program", shown_ghost=number)
         return given(True)
 
     def hide_ghosts(self):
@@ -347,7 +349,10 @@ async def test_a_branch_is_chosen_among_those_that_can_be_taken():
         assert len(buttons) == len(session.arm.ghosts)
         assert sum(b.enabled for b in buttons) == len(usable) > 1
         wanted = session.arm.ghosts[usable[1]]["axes"]
-        await user.should_see(t("arm.not_usable", number=len(session.arm.ghosts)))
+        await user.should_see("impossible: ")
+        reasons = [label.text for label in user.find(ui.label).elements if label.text.startswith("impossible: ")]
+        assert len(reasons) == len(session.arm.ghosts) - len(usable)
+        assert all(len(text) > len("impossible: ") for text in reasons)
         await press(user, t("arm.choose_branch", number=usable[1] + 1))
         assert arm_questions.where(session.real)["axes"] == pytest.approx(wanted, abs=1e-6)
         assert arm_questions.tool_pose(session.real)[:3] == pytest.approx(pose[:3], abs=1e-8)

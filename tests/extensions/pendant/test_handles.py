@@ -260,3 +260,28 @@ def test_a_limb_sets_joints_of_which_a_ghost_is_shown(teach):
     session.hand.lean({})
     session.hear()
     assert [command["type"] for command in told["ghosts"]] == ["delete"]
+    session.hand.lean(heard[0])
+    session.hear()
+    told["ghosts"] = []
+    assert session.setup.set("gravity", 3.7)
+    session.hear()
+    assert {command["type"] for command in told["ghosts"]} == {"delete", "copy", "set_transform"}, "as before"
+
+
+def test_handles_of_a_station_that_is_built_anew_are_where_it_begins(teach):
+    """The gizmo stayed where the tool was before."""
+    session = teach("irb120_dynamic")
+    seen = []
+    session.listen_to_view(lambda subject, commands: seen.append(commands[0]) if subject == "handles" else None)
+    session.hand.open()
+    session.hear()
+    begin = seen[-1]["handles"]["tool:"]["pose"]
+    session.arm.jog_axes({"joint_1": 30.0})
+    session.hear()
+    jogged = seen[-1]["handles"]["tool:"]["pose"]
+    assert np.abs(np.subtract(jogged, begin)).max() > 0.1
+    seen.clear()
+    assert session.setup.set("servo.kp", 1200.0)
+    session.hear()
+    assert {} in [command["handles"] for command in seen], "nothing to be taken while the station is built"
+    np.testing.assert_allclose(seen[-1]["handles"]["tool:"]["pose"], begin, atol=1e-9)

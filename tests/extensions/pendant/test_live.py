@@ -277,6 +277,7 @@ def test_answers_are_taken_while_something_long_is_sent(monkeypatch: pytest.Monk
         live.close()
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
 def test_who_asks_is_answered_though_the_news_cannot_be_taken() -> None:
     def refuse(news: dict[str, Any]) -> None:

@@ -14,9 +14,9 @@ from simrob_drake.extensions.pendant.describe import description
 from simrob_drake.extensions.pendant.form import move_fields
 from simrob_drake.extensions.pendant.move_labels import labels_of
 from simrob_drake.extensions.pendant.pages import gallery, legs
-from simrob_drake.extensions.pendant.pages.elements import KEYS, page_keys, set_keys
+from simrob_drake.extensions.pendant.pages.elements import KEYS, NumberField, limit_text, page_keys, set_keys
 from simrob_drake.extensions.pendant.pages.move_forms import offers
-from simrob_drake.extensions.pendant.pages.words import Phrases, languages, texts_of, words
+from simrob_drake.extensions.pendant.pages.words import MINUS, Phrases, languages, texts_of, words
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.moves.kinds import KINDS
 from simrob_drake.stations.load import load_station
@@ -144,3 +144,47 @@ def test_each_icon_of_the_page_has_one_meaning():
     meanings = on_page(build)
     assert {"undo", "redo", "keyboard_tab"} <= meanings.keys()
     assert {icon: texts for icon, texts in meanings.items() if len(texts - same.get(icon, set())) > 1} == {}
+
+
+# Limits
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "is_upper", "text"),
+    [
+        (171.88733853924697, "°", True, "171.8°"),
+        (-171.88733853924697, "°", False, f"{MINUS}171.8°"),
+        (29.999999999999996, "°", True, "30°"),
+        (164.99981, "°", True, "165°"),
+        (-90.00000000000001, "°", False, f"{MINUS}90°"),
+        (0.7504, " m", True, "0.75 m"),
+        (float("inf"), "°", True, ""),
+    ],
+)
+def test_limits_are_rounded_inward_and_have_no_more_digits_than_are_read(value, unit, is_upper, text):
+    """An arm's limits had three digits behind the point."""
+    assert limit_text(value, unit, is_upper=is_upper) == text
+
+
+def test_a_limit_as_it_is_shown_can_be_entered():
+    def build():
+        field = NumberField(words("en"), "Joint 1", 0.0, low=-171.88733853924697, high=171.88733853924697, unit="°")
+        return [field.problem(value) for value in (171.8, -171.8, 172.0)]
+
+    assert on_page(build) == [None, None, f"from {MINUS}171.8° to 171.8°"]
+
+
+def test_a_round_number_that_stands_for_a_limit_is_the_limit():
+    def build():
+        field = NumberField(words("en"), "Joint 1", 165.0, low=-164.99981, high=164.99981, unit="°")
+        return field.problem(165.0), field.value
+
+    assert on_page(build) == (None, 164.99981)
+
+
+def test_a_number_without_an_upper_limit_names_the_lower_one_alone():
+    def build():
+        field = NumberField(words("en"), "Force", 1.0, low=0.0, unit=" N")
+        return field.problem(-1.0)
+
+    assert on_page(build) == "at least 0 N"

@@ -135,6 +135,7 @@ def test_the_script_of_a_station_with_a_block_of_ones_own_takes_its_file_along(t
     assert load_station(file, allow_code=True).controllers["mine"].block("mine").get_output_port().size() == 1
 
 
+@pytest.mark.long
 def test_a_walk_is_driven_added_and_repeated_without_a_hand(teach, monkeypatch):
     monkeypatch.setattr(run_pacer, "PATIENCE", 60.0)
     session, run = teach("roid1")
@@ -173,9 +174,10 @@ def test_while_it_runs_it_is_told_what_holds_a_run_up_and_then_what_became_of_it
     assert during == "running"
     assert re.match(r"irb120_dynamic makes .* real time.* with .* s left: ", slow)
     lines = ended.splitlines()
-    assert lines[0].startswith("ran to its end at 0.5 s")
-    assert lines[1].startswith("final error ")
-    assert len(lines) == 2 + len(session.run.ending["warnings"])
+    assert lines[0].startswith("Ran to its end at 0.5 s")
+    assert len(lines) == len(session.run.ending["remarks"])
+    assert {row.severity for row in session.message.criteria} <= {"success", "note", "warning"}
+    assert "final error" in [row.criterion for row in session.message.criteria]
 
 
 def test_a_push_of_a_test_that_was_discarded_is_forgotten(teach):
@@ -227,8 +229,18 @@ def test_an_arm_is_jogged_taught_and_plays(teach):
     assert kinds == ["move_abs_j", "move_l", "tool", "move_j"]
     assert heard(session, session.arm.jog_tool([0, 0, 5, 0, 0, 0])) is None
     assert "out of reach" in str(session.message)
+    shown = []
+    forget = session.listen_to_view(lambda subject, commands: shown.append(commands) if subject == "ghosts" else None)
     assert heard(session, session.arm.branches())
     assert session.arm.ghosts
+    for step in (0, 1, -1):  # one ghost at a time, and none before the first
+        heard(session, session.arm.show_branch((session.arm.shown_ghost or 0) + step))
+        paths = {command["path"].split("/")[3] for command in shown[-1] if command["type"] == "copy"}
+        assert paths == {"0"}
+    assert session.arm.shown_ghost == 0
+    heard(session, session.arm.show_branch(-1))
+    assert session.arm.shown_ghost == 0
+    forget()
     assert session.setup.set("gravity", 3.7)
     while session.phase != "idle":
         session.hear(0.1)
@@ -380,6 +392,7 @@ def test_a_fall_is_scrubbed_with_its_signals_and_gone_back_from(teach):
     assert shown(session, run)[2] > lying[2] + 0.05
 
 
+@pytest.mark.long
 def test_a_run_that_diverges_is_scrubbed(teach):
     session, _ = teach("irb120_dynamic")
     for key, value in {"solver.scheme": "explicit_euler", "solver.max_step": 0.01, "servo.torque_limit": 1e12}.items():

@@ -16,13 +16,14 @@ from nicegui.testing.user_interaction import UserInteraction
 
 from simrob_drake.base.errors import SimrobError, UnknownName
 from simrob_drake.base.messages import message
+from simrob_drake.base.remarks import Remark, Remedy
 from simrob_drake.extensions import pendant
 from simrob_drake.extensions.pendant.pages import shell
 from simrob_drake.extensions.pendant.pages.elements import KEYS
 from simrob_drake.extensions.pendant.pages.words import languages, texts_of, words
 from simrob_drake.extensions.pendant.pendant import Pendant
 from simrob_drake.results.verdict.judge import CRITERIA
-from simrob_drake.results.verdict.verdict import Measure, MeasuredValue
+from simrob_drake.results.verdict.verdict import CriterionRow, Measure, MeasuredValue
 from simrob_drake.robots.catalog import robot_names
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.load import load_station
@@ -128,15 +129,15 @@ def test_checks_of_a_station_are_told_in_spanish(name):
     assert [text for text in told if english.search(text)] == []
 
 
-def test_verdicts_are_told_in_spanish():
+def test_verdicts_are_shown_in_spanish():
     """Of all criteria, in their own words."""
     render = words("es").render
     for criterion in CRITERIA:
         value = MeasuredValue("joint_2", 2.0, criterion.unit, 1.0, 0.5, 194.0, "steps")
         measure = Measure(criterion, (value._replace(value=0.0, bound=1.0) if criterion.least else value,))
-        told = render(measure.warning)
-        assert told != measure.warning
-        assert not re.search(r"\b(was|were|of|the|its|bound|limit)\b", told), told
+        for text in (measure.row.criterion, measure.warning):
+            assert render(text) != text
+            assert not re.search(r"\b(was|were|of|the|its|bound|limit)\b", render(text)), render(text)
 
 
 def test_every_notice_of_a_session_has_its_words():
@@ -312,10 +313,83 @@ def test_a_message_is_told_in_the_page_s_language_and_what_is_wrong_stands_out()
         await heard(pendant.session, "message", message=Notice("exported", {"file": "a.csv"}))
         await user.should_see("Se ha escrito a.csv")
         await heard(pendant.session, "message", message=Notice(fills={"text": "kp is -1"}, wrong=True))
-        (line,) = elements(user, role="status")
-        assert (line.text, "pendant-wrong" in line.classes) == ("kp is -1", True)
+        (place,) = elements(user, role="status")
+        (line,) = place.default_slot.children
+        assert "pendant-failure" in line.classes
+        assert [one.text for one in line.default_slot.children if isinstance(one, ui.label)] == ["kp is -1"]
 
     visit(scenario, pendant)
+
+
+def severities(user):
+    """Severity and text of each line of the message, in order."""
+    (place,) = elements(user, role="status")
+    found = []
+    for line in place.default_slot.children:
+        severity = [name for name in ("success", "note", "warning", "failure") if f"pendant-{name}" in line.classes]
+        texts = [one.text for one in line.default_slot.children if isinstance(one, ui.label)]
+        if severity and texts:
+            found.append((*severity, *texts))
+    return found
+
+
+SAGS = Remedy("the servos sag under gravity: turn on gravity feedforward", "servo.feedforward", "gravity")
+ROWS = (
+    CriterionRow("warning", "final error", "1.2 deg", "1 deg", "joint_2"),
+    CriterionRow("success", "peak torque", "30 N·m", "200 N·m", "joint_2"),
+)
+
+
+def test_each_line_of_a_verdict_has_the_colour_of_its_severity():
+    """All lines were red and bold after a run that went to its end."""
+    beyond = Remark("warning", "joint_2 ended 1.2 deg off", SAGS)
+    verdict = [Remark("warning", "ran to its end at 3 s. One bound exceeded"), beyond]
+
+    async def scenario(user, pendant):
+        good = [Remark("success", "ran to its end at 3 s. All within bounds")]
+        await heard(pendant.session, "message", message=Notice.of_remarks(good, ROWS[1:]))
+        assert severities(user) == [("success", "Ran to its end at 3 s. All within bounds")]
+        (fold,) = (one for one in elements(user) if "pendant-criteria" in one.classes)
+        assert not fold.value
+        await heard(pendant.session, "message", message=Notice.of_remarks(verdict, ROWS))
+        assert severities(user) == [
+            ("warning", "Ran to its end at 3 s. One bound exceeded"),
+            ("warning", "joint_2 ended 1.2 deg off"),
+        ]
+        (fold,) = (one for one in elements(user) if "pendant-criteria" in one.classes)
+        assert fold.value, "unfolded, since a bound is exceeded"
+        rows = [one for one in elements(user) if one.tag == "tr"]
+        assert [len(row.default_slot.children) for row in rows] == [5, 5, 5]
+        assert [next(iter({"pendant-warning", "pendant-success"} & {*row.classes}), "") for row in rows] == [
+            *("", "pendant-warning", "pendant-success"),
+        ]
+        fell = Notice.of_remarks([Remark("failure", "stopped by fall")])
+        await heard(pendant.session, "message", message=fell)
+        assert severities(user) == [("failure", "stopped by fall")]
+
+    visit(scenario)
+
+
+def test_a_remedy_that_is_a_key_of_the_station_has_a_button_that_sets_it():
+    remarks = [
+        Remark("warning", "ran to its end"),
+        Remark("warning", "joint_2 ended 1.2 deg off", SAGS),
+        Remark("warning", "joint_3 is too weak", Remedy("carry less", "servo.torque_limit")),
+    ]
+
+    async def scenario(user, pendant):
+        await heard(pendant.session, "message", message=Notice.of_remarks(remarks, ROWS))
+        await user.should_see("The servos sag under gravity: turn on gravity feedforward")
+        await user.should_see("Carry less")
+        (apply,) = (one for one in elements(user) if isinstance(one, ui.button) and one.text.startswith("Apply"))
+        assert apply.text == "Apply: servo.feedforward = gravity"
+        await heard(pendant.session, "phase", phase="running")
+        assert not apply.enabled, "the station is loaded anew by it"
+        await heard(pendant.session, "phase", phase="idle")
+        press(user, apply)
+        assert ("set", "servo.feedforward", "gravity") in pendant.session.calls
+
+    visit(scenario)
 
 
 # The view

@@ -146,3 +146,19 @@ def test_a_lesson_is_shown_step_by_step(tmp_path):
             await user.should_not_see("That was it.")
 
     asyncio.run(run())
+
+
+def test_a_lesson_ends_when_its_user_opens_something_else():
+    """Lesson 4, of a humanoid, stayed on after an arm was loaded."""
+
+    def opened(subject, robot=None):
+        return StubSession(subject)
+
+    pendant = Pendant(opened, "humanoid")
+    lesson = next(tour for tour in LESSONS if tour.subject == "humanoid")
+    pendant.tour = TourProgress(lesson)
+    assert pendant.load("irb120")
+    assert pendant.tour is None
+    pendant.tour = TourProgress(lesson)
+    assert pendant.load("humanoid"), "which the lesson asks for"
+    assert pendant.tour is not None

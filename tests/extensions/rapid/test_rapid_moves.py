@@ -109,6 +109,7 @@ def test_what_axes_cannot_do_is_slower_and_told(done):
     assert Workcell(STATION).perform(moved.program).ending == "completed"
 
 
+@pytest.mark.long
 def test_configurations_tell_all_postures_for_a_pose_apart():
     chain, chance = Chain.of_robot(load_robot("irb120")), np.random.default_rng(0)
     assert has_configuration(chain)

@@ -549,7 +549,13 @@ PART = {"ExtGeomFileName": "part.stl", "ExtGeomFileUnits": "cm"}
     [
         (BRICK, {"BrickDimensions": "[0.2 0.3 0.1]"}, "in its corners", None),
         (BRICK.replace("Brick", "Cylindrical"), CYLINDER, "on its rims", None),
-        (BRICK.replace("Brick", "File"), PART, "its convex hull", trimesh.creation.box((20, 30, 10))),
+        pytest.param(
+            BRICK.replace("Brick", "File"),
+            PART,
+            "its convex hull",
+            trimesh.creation.box((20, 30, 10)),
+            marks=pytest.mark.long,
+        ),
         (BRICK.replace("Brick", "File"), PART, "nearly a ball", trimesh.creation.icosphere(3, 5)),
     ],
 )

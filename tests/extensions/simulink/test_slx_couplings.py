@@ -115,6 +115,7 @@ def test_a_lead_screw_in_a_loop_starts_whole_turns_away(tmp_path):
     assert abs(result["q.Nut_Rz"][0]) == pytest.approx(5.2 * 2 * np.pi, abs=0.1)
 
 
+@pytest.mark.long
 def test_a_loop_that_does_not_close_is_told_of_where_it_is_open(tmp_path):
     shop = Shop()
     base = shop.body("Base", shop.placed("Stand", **UP))
@@ -352,6 +353,7 @@ def test_couplings_too_soft_for_what_they_hold_become_constraints(tmp_path, slop
     np.testing.assert_allclose(result["q.Slider"], exact, atol=2e-3)
 
 
+@pytest.mark.long
 def test_couplings_that_short_steps_do_not_hold_get_shorter_ones(tmp_path):
     """At 3000 rad/s a crank turns by 0.3 rad within 0.1 ms; by steps of a tenth the slider stays within 20 mm."""
     station = import_simulink(write_model(tmp_path / "a.slx", driven_crank("3000")), tmp_path / "out").station

@@ -139,7 +139,8 @@ def test_links_and_masks_of_libraries(tmp_path):
     assert gain.number("Gain") == 12.0
 
 
-def test_500_damaged_files_give_no_traceback(tmp_path):
+@pytest.mark.parametrize("count", [100, pytest.param(500, marks=pytest.mark.long)])
+def test_damaged_files_give_no_traceback(tmp_path, count):
     """Bytes changed in a zip, and parts changed and packed again: each is read, or refused in words."""
     original = pendulum(tmp_path / "good.slx")
     whole = original.read_bytes()
@@ -147,7 +148,7 @@ def test_500_damaged_files_give_no_traceback(tmp_path):
         parts = {name: archive.read(name) for name in archive.namelist()}
     chance = random.Random(17)
     read = 0
-    for number in range(500):
+    for number in range(count):
         file = tmp_path / "damaged.slx"
         if number % 5 == 0:
             content = bytearray(whole[: chance.randrange(1, len(whole))] if number % 2 else whole)
@@ -164,7 +165,7 @@ def test_500_damaged_files_give_no_traceback(tmp_path):
         with contextlib.suppress(SimrobError):
             import_simulink(file, tmp_path / "out", force=True, assume=True)
             read += 1
-    assert 50 < read < 400  # both happen
+    assert 0.1 * count < read < 0.8 * count  # both happen
 
 
 def damaged(content, chance):

@@ -137,12 +137,14 @@ def test_a_study_that_cannot_be_is_told_before_any_run(changed, told, tmp_path):
 
 
 STUDIES = sorted((Path(__file__).parents[3] / "examples" / "studies").glob("*.yaml"))
+QUICK_STUDIES = {"irb120_gains", "zjudancer_walk"}
+"""One of an arm and one of a walk; the others are checked in the long tests."""
 
 
 @pytest.mark.parametrize(
     "file",
     [
-        pytest.param(file, id=file.stem, marks=[pytest.mark.long] if file.stem == "roid1_reacting" else [])
+        pytest.param(file, id=file.stem, marks=[] if file.stem in QUICK_STUDIES else [pytest.mark.long])
         for file in STUDIES
     ],
 )

@@ -102,6 +102,7 @@ def test_measures_are_those_of_the_signals():
 
 
 class TestFolder:
+    @pytest.mark.long
     @pytest.mark.usefixtures("processes")
     def test_a_sweep_ends_as_table_and_plots_and_each_run_is_that_of_simulate(self, tmp_path):
         rows = SweepFolder(tmp_path / "sweep", PENDULUM).run(workers=2, progress=False)

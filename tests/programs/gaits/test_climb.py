@@ -229,6 +229,7 @@ def test_a_robot_on_four_legs_crosses_gaps():
     assert result["base.z"].min() > 0.28
 
 
+@pytest.mark.long
 def test_a_robot_climbs_a_step_and_comes_down_again():
     robot = LeggedRobot(load_station("zjudancer_walking", {**SOLES, "floor.terrain": STAIRS}))
     result = robot.do({"climb": {"distance": 0.55}})

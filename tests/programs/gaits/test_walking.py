@@ -93,6 +93,7 @@ def test_a_foot_stays_up_for_as_long_as_asked():
     assert (np.array(heights) > 0.02).sum() * 0.05 >= 2.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["crouch", "bow", "wave"])
 def test_the_humanoid_keeps_its_balance_in_postures(name):
     _, found = walked(posing("humanoid", name))

@@ -34,6 +34,7 @@ def test_a_humanoid_gets_up_by_contact_alone(name):
     assert again.times[-1] == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("friction", [0.6, 1.2])
 def test_zjudancer_gets_off_its_belly_on_its_motors_whether_hands_and_feet_slide_or_stick(friction):
     surface = {"static": friction, "dynamic": friction}
@@ -41,6 +42,7 @@ def test_zjudancer_gets_off_its_belly_on_its_motors_whether_hands_and_feet_slide
     assert "it got up at attempt 1" in LeggedRobot(load_station("zjudancer_walking", changes)).get_up().message
 
 
+@pytest.mark.long
 def test_a_walk_that_fell_gets_up_and_goes_on():
     push = {"kind": "push", "start": 0.6, "force": [50.0, 0.0, 0.0]}
     changes = {**read_yaml("examples/loops/get_up.yaml"), "forces.push": push, "duration": 15.0}

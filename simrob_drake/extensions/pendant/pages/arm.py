@@ -8,7 +8,15 @@ from nicegui import ui
 
 from simrob_drake.extensions.pendant.move_labels import labels_of
 from simrob_drake.extensions.pendant.pages.arm_jogging import ArmState, Jogging
-from simrob_drake.extensions.pendant.pages.elements import card, follow, icon_button, rebuild, set_keys
+from simrob_drake.extensions.pendant.pages.elements import (
+    card,
+    follow,
+    icon_button,
+    own_tab_panels,
+    rebuild,
+    set_keys,
+    set_label,
+)
 from simrob_drake.extensions.pendant.pages.move_forms import choices_of, offers, speed_field
 from simrob_drake.extensions.pendant.pages.move_list import MoveList
 from simrob_drake.extensions.pendant.pages.words import (
@@ -29,6 +37,14 @@ from simrob_drake.programs.moves.move import Move
 from simrob_drake.programs.moves.move_j import MoveJ
 
 _PIECES, _TOOLS = "pieces", "tools"  # what the forms of moves ask for that change what is in the arm's hand
+_TAB = "arm"  # name of the tab
+_ARROW_KEYS = """(event) => {
+  const by = { ArrowDown: 1, ArrowUp: -1 }[event.key];
+  if (!by) return;
+  event.preventDefault(); // else the list scrolls
+  emit(by);
+}"""
+"""Emits 1 or -1 for the arrow keys down and up, in the browser."""
 _IN_ORDER = 2  # parts of the page that are used one after the other
 
 
@@ -46,7 +62,14 @@ def build(session: Session, t: Words) -> None:
         if robot().get("kind") == "arm":
             _build(session, t, robot())
 
+    def forget_postures(value: str) -> None:
+        if value != _TAB and session.arm.ghosts:
+            session.arm.hide_ghosts()
+
     rebuild(session, state, show, "description")
+    panels = own_tab_panels()
+    if panels is not None:
+        panels.on_value_change(lambda event: forget_postures(event.value))
 
 
 def _build(session: Session, t: Words, robot: Mapping[str, Any]) -> None:
@@ -205,39 +228,79 @@ def _target(session: Session, t: Words, name: str, taught: Mapping[str, Any]) ->
 
 
 def build_branches(session: Session, phrases: Phrases) -> None:
-    """Build the list of the branches that the session found last."""
+    """Build the list of the branches that the session found last. Arrow keys go through it; the view shows one."""
     t = phrases.t
     with ui.row().classes("w-full items-center gap-2"):
         ui.button(t("arm.branches"), icon="call_split", on_click=partial(session.arm.branches, None)).props("no-caps")
         hide = ui.button(t("arm.hide"), on_click=session.arm.hide_ghosts).props("flat no-caps")
 
+    entries: list[ui.element] = []
+
+    def step(by: int) -> None:
+        session.arm.show_branch((session.arm.shown_ghost or 0) + by)
+
     def show() -> None:
+        entries.clear()
         hide.set_visibility(bool(session.arm.ghosts))
-        with ui.element("ol").classes("w-full p-0 m-0").style("list-style: none; max-height: 22rem; overflow-y: auto"):
+        hint.set_visibility(len(session.arm.ghosts) > 1)
+        if not session.arm.ghosts:
+            return
+        with ui.element("ol").classes("w-full p-0 m-0").props("tabindex=0") as places:
+            places.style("list-style: none; max-height: 22rem; overflow-y: auto")
+            set_label(places, t("arm.postures"))
+            places.on("keydown", lambda event: step(event.args), js_handler=_ARROW_KEYS)
             for number, branch in enumerate(session.arm.ghosts):
-                _branch(session, phrases, number, branch)
+                entries.append(_branch(session, phrases, number, branch))
 
+    def mark() -> None:
+        for number, entry in enumerate(entries):
+            is_shown = number == session.arm.shown_ghost
+            entry.classes(add="pendant-shown" if is_shown else "", remove="" if is_shown else "pendant-shown")
+            entry.props["aria-current"] = "true" if is_shown else None
+            entry.update()
+            if is_shown:
+                entry.client.run_javascript(f"getHtmlElement({entry.id})?.scrollIntoView({{block: 'nearest'}})")
+
+    hint = ui.label(t("arm.step_postures")).classes("text-sm opacity-70")
     rebuild(session, lambda: list(session.arm.ghosts), show, "program")
+    follow(session, mark, "program")
 
 
-def _branch(session: Session, phrases: Phrases, number: int, branch: Mapping[str, Any]) -> None:
-    """Build the entry of one."""
+def _branch(session: Session, phrases: Phrases, number: int, branch: Mapping[str, Any]) -> ui.element:
+    """Build the entry of one, with the reason why it is impossible if it is, and return it."""
     t, usable = phrases.t, branch["usable"]
-    icon, colour, text = ("check", "positive", "usable") if usable else ("block", "negative", "not_usable")
-    with ui.element("li").classes("w-full py-1").style("border-top: 1px solid var(--line)") as entry:
-        for event in ("mouseenter", "focusin"):
-            entry.on(event, partial(session.arm.mark_branch, number))
-        entry.on("mouseleave", partial(session.arm.mark_branch, None))
+    icon, colour = ("check", "positive") if usable else ("block", "negative")
+    with ui.element("li").classes("w-full py-1 px-1").style("border-top: 1px solid var(--line)") as entry:
+        for event in ("mouseenter", "click"):
+            entry.on(event, partial(session.arm.show_branch, number))
         with ui.row().classes("w-full items-center gap-2 no-wrap"):
             ui.icon(icon, color=colour, size="1.4rem").props("aria-hidden=true")
-            ui.label(t(f"arm.{text}", number=number + 1)).classes("font-medium")
+            ui.label(f"{number + 1}").classes("font-medium")
             axes = "  ".join(_position(phrases, axis, value) for axis, value in branch["axes"].items())
             ui.label(axes).classes("grow tabular-nums")
             button = ui.button(t("arm.choose"), on_click=partial(session.arm.choose_branch, number))
             button.props(f'outline dense no-caps aria-label="{t("arm.choose_branch", number=number + 1)}"')
             button.set_enabled(usable)
+        if not usable:
+            reasons = "; ".join(_reasons(phrases, branch))
+            ui.label(t("arm.not_usable", why=reasons)).classes("text-sm pendant-off red")
         parts = (_load(phrases, branch), _room(phrases, branch), _gap(phrases, branch))
         ui.label(" · ".join(parts)).classes("text-sm")
+    return entry
+
+
+def _reasons(phrases: Phrases, branch: Mapping[str, Any]) -> list[str]:
+    """List why an arm cannot stand in a posture: a limit that it exceeds, a torque that it lacks, a collision."""
+    reasons = []
+    if branch["room"]["left"] < 0:
+        reasons.append(_room(phrases, branch))
+    if branch["load"]["share"] > 1:
+        reasons.append(phrases.t("arm.too_heavy", axis=joint_words(phrases, branch["load"]["axis"])))
+    if branch["collision"]:
+        first, _, other = branch["collision"].partition(" in ")
+        things = {"first": first.replace("_", " "), "other": other.replace("_", " ")}
+        reasons.append(phrases.t("arm.collides", **things))
+    return reasons
 
 
 def _load(phrases: Phrases, branch: Mapping[str, Any]) -> str:

@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
-from math import inf, isfinite
+from math import ceil, floor, inf, isfinite
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -11,9 +11,39 @@ from nicegui import Client, ElementFilter, context, core, ui
 from simrob_drake.extensions.pendant.pages.words import Words, figure
 
 _DIGITS = 3  # behind the point
-_SLACK, _SAME = 0.5 * 10**-_DIGITS, 1e-6
-"""How far beyond a limit a number may be shown, which stands for the limit then; and how far it is the same."""
+_DIGITS_OF_ANGLES = 1  # behind the point of a limit in degrees
+_SLACK = 0.5 * 10**-_DIGITS
+"""How far beyond a limit a number may be entered that is no angle; it stands for the limit then."""
+_SLACK_OF_ANGLES = 0.01
+"""The same of angles [deg]: limits are often round numbers of degrees that a file has as rounded radians."""
+_SAME = 1e-6
+"""Numbers that differ by less are the same."""
 _DEBOUNCE = 600  # after the last key until a typed number counts, unless the user ends it with Enter [ms]
+
+
+def limit_text(value: float, unit: str, *, is_upper: bool) -> str:
+    """Write a limit with its unit, so that the value that is read can be entered.
+
+    A limit of an angle has one digit behind the point. It is rounded to the nearest number if that is accepted (165°
+    for a limit of 2.87979 rad, which is 164.9998°), otherwise towards the inside.
+
+    Args:
+        value: the limit.
+        unit: unit behind the number, as :class:`Phrases` has it.
+        is_upper: whether it is an upper limit.
+    """
+    if not isfinite(value):
+        return ""
+    scale = 10.0 ** (_DIGITS_OF_ANGLES if unit == "°" else _DIGITS)
+    nearest = round(value * scale) / scale
+    inside = (floor if is_upper else ceil)(value * scale) / scale
+    shown = nearest if abs(nearest - value) <= slack_of(unit) else inside
+    return f"{figure(shown)}{unit}"
+
+
+def slack_of(unit: str) -> float:
+    """How far beyond a limit a number of a unit may be entered. It stands for the limit then."""
+    return _SLACK_OF_ANGLES if unit == "°" else _SLACK
 
 
 def step_of(unit: str) -> float:
@@ -68,11 +98,15 @@ class NumberField:
 
     def problem(self, value: Any) -> str | None:
         """Return what is wrong with a value, if anything is."""
-        within = value is None or self.low - _SLACK <= value <= self.high + _SLACK
+        slack = slack_of(self._unit)
+        within = value is None or self.low - slack <= value <= self.high + slack
         if within and not (self._whole and value is not None and value % 1):
             return None
-        low, high = (f"{figure(limit)}{self._unit}" for limit in (self.low, self.high))
-        return self._t("legs.whole_limits" if self._whole else "legs.limits", low=low, high=high)
+        low, high = (limit_text(limit, self._unit, is_upper=limit == self.high) for limit in (self.low, self.high))
+        kind = "whole_limits" if self._whole else "limits"
+        if low and high:
+            return self._t(f"legs.{kind}", low=low, high=high)
+        return self._t(f"legs.{kind}_low", low=low) if low else self._t(f"legs.{kind}_high", high=high)
 
 
 class Slider(ui.slider):
@@ -140,8 +174,9 @@ class Dial:
         ends = max(low, -self._side), min(high, self._side)
         self._slider.props["min"], self._slider.props["max"] = (round(end, _DIGITS) for end in ends)
         self._slider.update()
-        for label, limit in zip(self._ends, (low, high), strict=True):
-            label.text = f"{figure(limit)}{self._unit}" if isfinite(limit) else ""
+        low_label, high_label = self._ends
+        low_label.text = limit_text(low, self._unit, is_upper=False)
+        high_label.text = limit_text(high, self._unit, is_upper=True)
 
     def show(self, value: float) -> None:
         """Show a value, without moving anything."""
@@ -324,6 +359,12 @@ def rebuild(session: Any, state: Callable[[], Any], build: Callable[[], object],
 
     follow(session, show, *topics)
     return show
+
+
+def own_tab_panels() -> ui.tab_panels | None:
+    """Find the tab panels of which the present place is a part. Returns None on a page without tabs."""
+    parents = context.slot.parent.ancestors(include_self=True)
+    return next((parent for parent in parents if isinstance(parent, ui.tab_panels)), None)
 
 
 def card(title: str, number: int = 0, about: str = "") -> ui.column:

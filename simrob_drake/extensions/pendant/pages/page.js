@@ -23,6 +23,18 @@
     const answer = await fetch(location.href, { cache: "no-store" }).catch(() => null);
     if (answer?.status === 403) location.reload();
   }, 2000);
+  // The view is as high as what the header and the strip of a lesson leave of the window, so that its buttons are seen.
+  const measure = () => {
+    const high = (name) => document.querySelector(name)?.offsetHeight ?? 0;
+    const style = document.documentElement.style;
+    style.setProperty("--strip", `${high(".pendant-tour")}px`);
+    style.setProperty("--above", `${high(".pendant-bar") + high(".pendant-conflict") + high(".pendant-tour")}px`);
+  };
+  window.addEventListener("load", () => {
+    const sizes = new ResizeObserver(measure);
+    document.querySelectorAll(".pendant-bar, .pendant-conflict, .pendant-tour").forEach((place) => sizes.observe(place));
+    measure();
+  });
   window.hasWebGL = () => !!document.createElement("canvas").getContext("webgl2");
   const dropped = (event) => { // files of the user's own
     if (!event.dataTransfer?.types.includes("Files")) return;

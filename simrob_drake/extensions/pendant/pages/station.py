@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from nicegui import background_tasks, context, ui
+from nicegui import background_tasks, ui
 
 from simrob_drake.extensions.pendant.describe import (
     ALL_AXES,
@@ -17,7 +17,7 @@ from simrob_drake.extensions.pendant.describe import (
 )
 from simrob_drake.extensions.pendant.form import Field, as_text, form_fields
 from simrob_drake.extensions.pendant.pages.block_picture import BlockPicture
-from simrob_drake.extensions.pendant.pages.elements import card, follow
+from simrob_drake.extensions.pendant.pages.elements import card, follow, own_tab_panels
 from simrob_drake.extensions.pendant.pages.form_view import FormView, Tuning, build_tuner, is_tuned, tunings
 from simrob_drake.extensions.pendant.pages.plots import AS_SHOWN, POSE, as_list, at, scope, watch
 from simrob_drake.extensions.pendant.pages.words import Phrases, Words
@@ -49,7 +49,7 @@ class _Page:
         self._endings: list[str] = []
         self._heard = session.run.ending
         self._sections: dict[str, Callable[[list[Field]], None]] = {}
-        self._panels = next((one for one in context.slot.parent.ancestors() if isinstance(one, ui.tab_panels)), None)
+        self._panels = own_tab_panels()
         self._asked = True
         self._wires, self._shown_values = dict[str, BlockMeaning](), dict[str, str]()
         with card(t("station.blocks"), about=t("station.blocks_help")):

@@ -8,6 +8,7 @@ from nicegui import background_tasks, ui
 
 from simrob_drake.extensions.pendant.pages import drive, hand
 from simrob_drake.extensions.pendant.pages.elements import NumberField, allow, follow, icon_button, set_label
+from simrob_drake.extensions.pendant.pages.messages import Messages
 from simrob_drake.extensions.pendant.pages.words import Words
 from simrob_drake.extensions.pendant.session import Session
 from simrob_drake.programs.timeline import GRID
@@ -115,7 +116,7 @@ _FASTEST = "max"
 
 
 def build_bar(session: Session, t: Words) -> None:
-    """Build the bar, and the line of messages below it."""
+    """Build the bar, and the messages below it."""
     with ui.element("div").classes("pendant-run").props("role=toolbar") as bar:
         set_label(bar, t("run.bar"))
         start = icon_button("skip_previous", t("run.start"), lambda: session.rewind(0.0), keys="Home")
@@ -128,7 +129,7 @@ def build_bar(session: Session, t: Words) -> None:
         state = ui.label().classes("pendant-state")
         clock = ui.label().classes("pendant-time")
         _pace(session, t)
-    message = ui.label().classes("pendant-message").props("role=status aria-live=polite")
+    Messages(session, t)
 
     def phase() -> None:
         running = session.phase == "running"
@@ -154,14 +155,8 @@ def build_bar(session: Session, t: Words) -> None:
             f"  {t('run.ratio', ratio=f'{session.run.ratio:.1f}')}" if running else ""
         )
 
-    def tell() -> None:
-        notice = session.message
-        message.text = t(f"notice.{notice.key}", **notice.fills) if notice.key else t.render(str(notice))
-        message.classes(add="pendant-wrong" if notice.wrong else "", remove="" if notice.wrong else "pendant-wrong")
-
     follow(session, phase, "phase", "program", "description")
     follow(session, time, "tick")
-    follow(session, tell, "message")
 
 
 _RUNS = "running", "paused"

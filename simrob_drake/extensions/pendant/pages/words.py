@@ -1,15 +1,16 @@
 """The words of the pages, in each language one file beside; and axes, moves, poses and changes of a program in them."""
 
 import unicodedata
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from math import degrees
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.messages import in_language, message
+from simrob_drake.base.remarks import Remark, Severity, worst_severity
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.extensions.pendant.form import as_text
 from simrob_drake.extensions.pendant.move_labels import labels_of
@@ -17,6 +18,8 @@ from simrob_drake.programs.moves.kinds import KINDS, check_move
 from simrob_drake.programs.moves.motion import ArmMotion
 from simrob_drake.programs.moves.move import Move, content_of, kind_of
 from simrob_drake.programs.timeline import Change
+from simrob_drake.results.verdict.verdict import CriterionRow
+from simrob_drake.results.verdict.words import capitalised
 
 _FOLDER = Path(__file__).parent / "strings"
 _BETWEEN = "."
@@ -67,15 +70,53 @@ def texts_of(language: str) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Notice:
-    """What is to be told."""
+    """A message of a session for its pages: one text, or the remarks of a verdict.
 
-    key: str = ""  # of the section ``notice`` of the words; empty for an error, which has words of its own
-    fills: dict[str, Any] = field(default_factory=dict)  # what is filled in; ``text`` alone for an error
-    wrong: bool = False  # whether something went wrong
+    Attributes:
+        key: key of the text in the section ``notice`` of the words; empty for a text that is in ``fills``.
+        fills: values that are filled into the text; ``text`` alone for an error, which has words of its own.
+        wrong: whether something went wrong.
+        remarks: remarks about a run, the first of which sums it up; or further lines below the text.
+        criteria: the table of criteria of the run's verdict.
+    """
+
+    key: str = ""
+    fills: dict[str, Any] = field(default_factory=dict)
+    wrong: bool = False
+    remarks: tuple[Remark, ...] = ()
+    criteria: tuple[CriterionRow, ...] = ()
+
+    @classmethod
+    def of_remarks(cls, remarks: Sequence[Remark], criteria: Sequence[CriterionRow] = ()) -> Self:
+        """Create the notice of remarks about a run. It is wrong if one of them is a warning or a failure."""
+        wrong = worst_severity(list(remarks)) in ("warning", "failure")
+        return cls(wrong=wrong, remarks=tuple(remarks), criteria=tuple(criteria))
+
+    @property
+    def severity(self) -> Severity:
+        """Severity of the worst remark; of a notice without remarks, a failure if something went wrong."""
+        if self.remarks:
+            return worst_severity(list(self.remarks))
+        return "failure" if self.wrong else "note"
+
+    def lines(self, render: Callable[[str], str]) -> list[str]:
+        """List the texts of the remarks. The sentence that sums up a verdict begins with a capital letter.
+
+        Args:
+            render: renders a text in the language of a page.
+        """
+        texts = [render(remark.text) for remark in self.remarks]
+        if self.criteria:
+            texts[0] = capitalised(texts[0])
+        return texts
 
     def __str__(self) -> str:
-        """Return it in English."""
-        return words("en")(f"notice.{self.key}", **self.fills) if self.key else str(self.fills.get("text", ""))
+        """Return the notice in English."""
+        if self.key:
+            return "\n".join([words("en")(f"notice.{self.key}", **self.fills), *self.lines(str)])
+        if self.remarks:
+            return "\n".join(self.lines(str))
+        return str(self.fills.get("text", ""))
 
 
 Content = Mapping[str, Any]  # a move as a program's file has it, an axis as a description has it

@@ -133,5 +133,5 @@ def test_a_limb_of_a_humanoid_sets_joints_to_be_tested(page, tmp_path):
         hand.drag(tip, np.add(tip, [0, 0, 0.08]))
         expect(page.get_by_text(re.compile("To be tested: .*left elbow"))).to_be_visible()
         page.get_by_role("button", name=re.compile("Test$")).click()
-        expect(page.get_by_role("status")).to_contain_text("ran to its end")
+        expect(page.get_by_role("status")).to_contain_text("Ran to its end")
         expect(page.get_by_text("Tested and not added yet")).to_be_visible()

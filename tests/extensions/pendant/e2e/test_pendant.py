@@ -31,7 +31,7 @@ def button(page, name):
 
 def ran(page):
     """Wait until a run has ended that was begun."""
-    expect(page.get_by_role("status")).to_contain_text("ran to its end")
+    expect(page.get_by_role("status")).to_contain_text("Ran to its end")
     expect(button(page, "Stop")).to_be_disabled()
 
 

@@ -1,0 +1,47 @@
+"""The command that draws saved results over each other: plot."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from simrob_drake.base.folders import check_new_file
+from simrob_drake.cli import ExitCode
+from simrob_drake.cli.options import Force
+from simrob_drake.cli.screen import say_place
+
+
+def plot(
+    results: Annotated[list[Path], typer.Argument(metavar="RESULT...", help="Folders that `simrob run` made.")],
+    signal: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="A column of signals.csv, such as q.joint_2 or 'tau.*'; may be given several times. By default "
+            "positions and torques of the joints that move.",
+        ),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="FILE.png, .svg or .pdf.")] = Path("plot.png"),
+    force: Force = False,
+) -> ExitCode:
+    """Draw signals of one or more results over each other, with a legend, to compare runs.
+
+    For example:
+
+        simrob run irb120_dynamic --out runs/a
+
+        simrob run irb120_dynamic --set servo.kp=300 --out runs/b
+
+        simrob plot runs/a runs/b --signal q.joint_2 --signal tau.joint_2
+    """
+    from simrob_drake.results.plots.overlay import overlay_figure, read_signals  # they load matplotlib
+    from simrob_drake.results.plots.own import save_figure
+
+    check_new_file(out, force=force)
+    figure = overlay_figure([read_signals(folder) for folder in results], signal or ())
+    say_place("plot", save_figure(figure, out))
+    return ExitCode.DONE
+
+
+COMMANDS: dict[str, Callable[..., Any]] = {"plot": plot}

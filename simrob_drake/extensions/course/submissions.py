@@ -1,0 +1,149 @@
+"""Submissions of a class: the answers in a folder, and the table of points that a teacher gets for them."""
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.extensions.course.exercise import (
+    ANSWER_FILE,
+    AnswerStopped,
+    CheckedPoint,
+    ExerciseFolder,
+    checked_points,
+)
+
+_FORMULA_SIGNS = ("=", "+", "-", "@", "\t")
+"""First characters that make a spreadsheet take a cell as a formula. Names of submissions are chosen by students."""
+
+
+@dataclass(frozen=True)
+class Submission:
+    """The answer of one student, or of one group.
+
+    Attributes:
+        name: name of the file without its ending, or of the folder.
+        answer: the Python file with the answer. None if the folder has none, or several and none called ``answer.py``.
+    """
+
+    name: str
+    answer: Path | None
+
+
+@dataclass(frozen=True)
+class CheckedSubmission:
+    """A submission and its points.
+
+    Attributes:
+        name: name of the submission.
+        points: the points in the order of the exercise; empty if the answer could not be measured.
+        problem: why the answer could not be measured; empty if it was.
+    """
+
+    name: str
+    points: Sequence[CheckedPoint]
+    problem: str = ""
+
+    @property
+    def passed(self) -> int:
+        """Number of points that hold."""
+        return sum(point.ok for point in self.points)
+
+
+def find_submissions(folder: Path) -> list[Submission]:
+    """Find the submissions in a folder, ordered by name.
+
+    A Python file is a submission. So is a folder, as learning platforms pack them: its answer is its ``answer.py``, or
+    its only Python file, at any depth. Files and folders whose names begin with a dot or an underscore are ignored.
+
+    Raises:
+        InvalidParameter: the folder contains no submission.
+    """
+    submissions = []
+    for entry in sorted(folder.iterdir()):
+        if _is_ignored(entry):
+            continue
+        if entry.is_dir():
+            submissions.append(Submission(entry.name, _find_answer(entry)))
+        elif entry.suffix == ".py":
+            submissions.append(Submission(entry.stem, entry))
+    if not submissions:
+        raise InvalidParameter(
+            "ANSWER", str(folder), "a Python file, or a folder of submissions: files or folders of students"
+        )
+    return submissions
+
+
+def check_submission(
+    exercise: ExerciseFolder, submission: Submission, *, seconds: float, memory: float
+) -> CheckedSubmission:
+    """Measure a submission. An answer that cannot be measured is reported in the result, so that the others go on.
+
+    Args:
+        exercise: the exercise.
+        submission: the submission. Its code is run.
+        seconds: time limit of all points of the submission [s].
+        memory: memory limit of the submission [GB].
+    """
+    if submission.answer is None:
+        return CheckedSubmission(submission.name, (), f"it contains no {ANSWER_FILE}, nor a single Python file")
+    try:
+        points = list(checked_points(exercise, submission.answer, allow_code=True, seconds=seconds, memory=memory))
+    except AnswerStopped as problem:
+        return CheckedSubmission(submission.name, (), str(problem))
+    return CheckedSubmission(submission.name, points)
+
+
+def points_table(exercise: ExerciseFolder, submissions: Sequence[CheckedSubmission]) -> str:
+    """Write the points of all submissions as CSV, one line for each submission.
+
+    The columns are the submission, the number of points that hold, the number of points of the exercise, then for each
+    point its state (``ok``, ``fails``, ``missing`` or ``error``) and its measured value, and last the problem that kept
+    the submission or its points from being measured.
+    """
+    names = list(exercise.exercise.points)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    point_columns = [column for name in names for column in (name, f"{name}.value")]
+    writer.writerow(["submission", "passed", "points", *point_columns, "problem"])
+    for submission in submissions:
+        by_name = {point.name: point for point in submission.points}
+        cells: list[str] = []
+        problems = [submission.problem] if submission.problem else []
+        for name in names:
+            point = by_name.get(name)
+            cells += ["", ""] if point is None else [point.state, _value_cell(point)]
+            if point is not None and point.problem:
+                problems.append(f"{name}: {point.problem}")
+        first_cells = [_text_cell(submission.name), str(submission.passed), str(len(names))]
+        writer.writerow([*first_cells, *cells, _text_cell("; ".join(problems))])
+    return text.getvalue()
+
+
+def _is_ignored(entry: Path) -> bool:
+    """Whether a file or folder is no submission: hidden, or made by Python or by an operating system."""
+    return entry.name.startswith((".", "_"))
+
+
+def _find_answer(folder: Path) -> Path | None:
+    """Find the Python file with the answer in a student's folder. Returns None if it is not clear which it is."""
+    files = [
+        file
+        for file in sorted(folder.rglob("*.py"))
+        if not any(_is_ignored(folder / part) for part in file.relative_to(folder).parts)
+    ]
+    named = [file for file in files if file.name == ANSWER_FILE]
+    candidates = named or files
+    return candidates[0] if len(candidates) == 1 else None
+
+
+def _value_cell(point: CheckedPoint) -> str:
+    """Measured value of a point, without its unit; empty if it could not be measured."""
+    return "" if point.reading is None else f"{point.reading.value:.6g}"
+
+
+def _text_cell(text: str) -> str:
+    """Cell with a text that a student can choose. A spreadsheet must not evaluate it as a formula."""
+    return f"'{text}" if text.startswith(_FORMULA_SIGNS) else text

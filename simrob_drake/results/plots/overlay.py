@@ -1,0 +1,152 @@
+"""Signals of several saved results in one figure, as ``hold on`` of MATLAB draws them over each other."""
+
+import csv
+import fnmatch
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from simrob_drake.base.errors import InvalidConfig, InvalidParameter, UnknownName
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
+from simrob_drake.parts.references import TIME_COLUMN
+from simrob_drake.results.colours import looks
+from simrob_drake.results.files import SIGNALS, SUMMARY
+from simrob_drake.results.plots.joint_plots import QUANTITIES
+from simrob_drake.results.plots.own import panels
+from simrob_drake.results.record.servos import servo_in_words
+
+_OF_JOINTS = re.compile(r"(?:[^.]+\.)?(q|tau)\.[^.]+")
+"""Columns that are drawn unless the user names others: positions and torques of joints, of any robot."""
+
+_USER_UNITS = {"rad": ("deg", 180.0 / np.pi), "rad/s": ("deg/s", 180.0 / np.pi)}
+"""By unit of a column, the unit that is shown, and the factor."""
+
+_STILL = 1e-3
+"""A joint that moves by less than this in all results is left out [rad or m]."""
+
+_MOST = 48
+"""Most frames of a figure. More would be too small to read."""
+
+_FRAME = (4.6, 1.7)
+"""Width and height of a frame [inches]."""
+
+
+@dataclass(frozen=True)
+class SavedSignals:
+    """Signals of a result that was saved to a folder.
+
+    Attributes:
+        name: name in the legend: the folder, and the gains of its servos.
+        times: times of the samples, shape (m,) [s].
+        columns: the signals by name, shape (m,) each.
+        units: units of the signals by name.
+    """
+
+    name: str
+    times: Vector
+    columns: dict[str, Vector]
+    units: dict[str, str]
+
+
+def read_signals(folder: Path) -> SavedSignals:
+    """Read the signals of a result from its folder.
+
+    Raises:
+        InvalidConfig: the folder holds no result, or a damaged one.
+    """
+    table = folder / SIGNALS
+    try:
+        summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+        with table.open(encoding="utf-8", newline="") as lines:
+            header, *rows = csv.reader(lines)
+        values = np.array(rows, dtype=float).reshape(len(rows), len(header))
+        units = dict(summary["units"])
+    except (OSError, ValueError, KeyError, TypeError) as problem:
+        expected = message(
+            "results.no_result_folder",
+            "must be the folder of a result, with {signals} and {summary} ({problem})",
+            signals=SIGNALS,
+            summary=SUMMARY,
+            problem=problem,
+        )
+        raise InvalidConfig(folder, "", expected) from problem
+    columns = {name: values[:, index] for index, name in enumerate(header)}
+    times = columns.pop(TIME_COLUMN)
+    # Results of before have no gains in their summary.
+    gains = [servo_in_words(servo) for servo in summary.get("servos", {}).values()]
+    name = ": ".join([str(folder), *list(dict.fromkeys(gains))[:1]])
+    return SavedSignals(name, times, columns, units)
+
+
+def overlay_figure(results: Sequence[SavedSignals], patterns: Sequence[str] = ()) -> Figure:
+    """Draw signals of several results over each other: a frame for each signal, a curve for each result.
+
+    Args:
+        results: the results.
+        patterns: names of signals, with ``*`` for any part. If there are none, positions and torques of all joints that
+            move in one of the results are drawn.
+
+    Raises:
+        UnknownName: a pattern is the name of no signal.
+        InvalidParameter: nothing is left to draw, or there are too many signals.
+    """
+    names = _named_signals(results, patterns) if patterns else _signals_of_moving_joints(results)
+    if not 0 < len(names) <= _MOST:
+        expected = message("results.count_of_plots", "1 to {most}: name fewer, such as q.joint_2", most=_MOST)
+        raise InvalidParameter("--signal", len(names), expected)
+    count = 1 if len(names) == 1 else 2
+    rows = -(-len(names) // count)
+    width, height = _FRAME
+    figure, frames = panels(
+        "results over each other", rows, count, size=(count * width, rows * height + 0.9), titles=names, sharex=True
+    )
+    styles = looks(len(results))
+    for axes, name in zip(frames.flat, names, strict=False):
+        unit = next(result.units[name] for result in results if name in result.units)
+        shown_unit, factor = _USER_UNITS.get(unit, (unit, 1.0))
+        for result, (colour, line) in zip(results, styles, strict=True):
+            if name in result.columns:
+                how: dict[str, Any] = {"color": colour, "linestyle": line, "linewidth": 1.4, "label": result.name}
+                axes.plot(result.times, factor * result.columns[name], **how)
+        quantity = QUANTITIES.get(shown_unit, "") if _OF_JOINTS.fullmatch(name) else ""
+        axes.set_ylabel(f"{quantity} [{shown_unit}]".lstrip(), fontsize=9)
+    for axes in frames[-1]:
+        axes.set_xlabel("time [s]")
+    for axes in frames.flat[len(names) :]:
+        axes.set_visible(False)
+    return figure
+
+
+def _named_signals(results: Sequence[SavedSignals], patterns: Sequence[str]) -> list[str]:
+    """Names of the signals that patterns match, in the order of the patterns."""
+    known = list(dict.fromkeys(name for result in results for name in result.columns))
+    found = dict[str, None]()
+    for pattern in patterns:
+        matching = fnmatch.filter(known, pattern)
+        if not matching:
+            raise UnknownName(message("results.signal", "signal"), pattern, known)
+        found.update(dict.fromkeys(matching))
+    return list(found)
+
+
+def _signals_of_moving_joints(results: Sequence[SavedSignals]) -> list[str]:
+    """Names of positions and torques of the joints that move in one of the results: both of a joint, then the next."""
+    names = list(dict.fromkeys(name for result in results for name in result.columns))
+    positions = [name for name in names if (kind := _OF_JOINTS.fullmatch(name)) and kind[1] == "q"]
+    moving = [
+        name
+        for name in positions
+        if any(name in result.columns and np.ptp(result.columns[name]) > _STILL for result in results)
+    ]
+    found = list[str]()
+    for name in moving or positions:
+        torque = re.sub(r"(^|\.)q\.", r"\1tau.", name, count=1)
+        found += [one for one in (name, torque) if one in names]
+    return found or names[:_MOST]

@@ -1,0 +1,46 @@
+"""Servo gains of a run, as its summary and the subtitles of its plots show them."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from simrob_drake.results.record.run import RecordedRun
+
+_NAMES = ("kp", "ki", "kd")
+"""Names of the gains, in the order in which they are shown."""
+
+
+def servos_of(run: RecordedRun) -> dict[str, dict[str, Any]]:
+    """Gains of the servos by robot: ``kp``, ``ki`` and ``kd`` by axis, and ``feedforward``.
+
+    Empty for a kinematic station, whose joints are prescribed.
+    """
+    if not run.config.engine.moves_by_forces:
+        return {}
+    found = dict[str, dict[str, Any]]()
+    for name, robot in run.plant.robots.items():
+        gains = {gain: dict(zip(robot.axes, getattr(robot.gains, gain).tolist(), strict=True)) for gain in _NAMES}
+        found[name] = {**gains, "feedforward": run.config.servo_of(name).feedforward}
+    return found
+
+
+def servo_in_words(servo: Mapping[str, Any]) -> str:
+    """Write the gains of one robot, such as ``kp 1000, kd 10, feedforward gravity``. Gains that are zero are left out.
+
+    Args:
+        servo: an entry of :func:`servos_of`.
+    """
+    parts = []
+    for name in _NAMES:
+        values = list(servo[name].values())
+        if any(values):
+            parts.append(f"{name} {_range(values)}")
+    if servo["feedforward"] != "none":
+        parts.append(f"feedforward {servo['feedforward'].replace('_', ' ')}")
+    return ", ".join(parts)
+
+
+def _range(values: Sequence[float]) -> str:
+    """Write the smallest and the largest of some values, or the only value if all are equal."""
+    least = min(values)
+    largest = max(values)
+    return f"{least:g}" if least == largest else f"{least:g} to {largest:g}"

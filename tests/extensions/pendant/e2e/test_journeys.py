@@ -1,0 +1,236 @@
+"""Journeys through the page in both languages, each from what a user wants to what they see, at two sizes of screen."""
+
+import re
+
+import pytest
+import yaml
+from playwright.sync_api import expect
+from running import running
+
+from simrob_drake.extensions.pendant.pages.words import texts_of
+
+pytestmark = pytest.mark.long
+
+SCREENS = {"en": (1366, 768), "es": (1920, 1080)}  # width and height [px]
+URDF = """
+<robot name="myarm">
+  <link name="base"/>
+  <link name="upper">
+    <visual><origin xyz="0 0 0.2"/><geometry><cylinder radius="0.04" length="0.4"/></geometry></visual>
+    <inertial><origin xyz="0 0 0.2"/><mass value="2"/><inertia ixx="0.03" iyy="0.03" izz="0.003" ixy="0" ixz="0" iyz="0"/></inertial>
+  </link>
+  <link name="fore">
+    <visual><origin xyz="0 0 0.15"/><geometry><cylinder radius="0.03" length="0.3"/></geometry></visual>
+    <inertial><origin xyz="0 0 0.15"/><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial>
+  </link>
+  <joint name="shoulder" type="revolute">
+    <parent link="base"/><child link="upper"/><origin xyz="0 0 0.1"/><axis xyz="0 1 0"/>
+    <limit lower="-2" upper="2" effort="60" velocity="3"/>
+  </joint>
+  <joint name="elbow" type="revolute">
+    <parent link="upper"/><child link="fore"/><origin xyz="0 0 0.4"/><axis xyz="0 1 0"/>
+    <limit lower="-2.5" upper="2.5" effort="30" velocity="3"/>
+  </joint>
+</robot>
+"""  # noqa: E501
+DROP = """([name, text]) => {
+    const data = new DataTransfer();
+    data.items.add(new File([text], name));
+    document.body.dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true, cancelable: true }));
+}"""
+
+
+class Visit:
+    """A page in one language: what a user presses and sees there, by the keys of its texts."""
+
+    def __init__(self, page, pendant, language):
+        self.page, self.texts = page, texts_of(language)
+        width, height = SCREENS[language]
+        page.set_viewport_size({"width": width, "height": height})
+        page.goto(pendant.url)
+        self.idle()
+        self.choose_pace()
+
+    def choose_pace(self):
+        """Let runs go as fast as they can."""
+        bar = self.page.locator(".pendant-run")
+        bar.get_by_role("combobox").click()
+        self.page.get_by_role("option", name=self.texts["run.fastest"], exact=True).click()
+        expect(bar.get_by_text(self.texts["run.fastest"], exact=True)).to_be_visible()
+
+    def button(self, key):
+        return self.page.get_by_role("button", name=self.texts[key], exact=True)
+
+    def press(self, key):
+        expect(self.button(key).first).to_be_enabled()
+        self.button(key).first.click()
+
+    def idle(self):
+        expect(self.page.locator(".pendant-state")).to_have_text(self.texts["phase.idle"])
+        expect(self.button("run.play")).to_be_enabled()
+
+    def lines(self, severity):
+        """Lines of the message that have a severity."""
+        return self.page.locator(f".pendant-message > .pendant-{severity}")
+
+    def open_station(self):
+        self.page.get_by_role("tab", name=self.texts["shell.station_tab"]).click()
+
+    def set_key(self, key, text):
+        """Give a key of the station another value, and wait until it is changed."""
+        self.page.get_by_label(self.texts["station.search"]).fill(key)
+        field = self.page.get_by_role("textbox", name=key, exact=True)
+        field.fill(text)
+        field.press("Enter")
+        expect(self.page.locator(".q-chip").get_by_text(re.compile(f"^{re.escape(key)}: "))).to_be_visible()
+        self.idle()
+
+    def scrub(self, key, times):
+        """Go through the run by a key of the slider of its moments."""
+        handle = self.page.get_by_role("slider", name=self.texts["run.scrub"]).locator("[tabindex='0']")
+        for _ in range(times):
+            handle.press(key)
+
+    def is_in_sight(self, locator):
+        box, size = locator.bounding_box(), self.page.viewport_size
+        return box["x"] + box["width"] <= size["width"] and box["y"] + box["height"] <= size["height"]
+
+
+each_language = pytest.mark.parametrize("language", list(SCREENS))
+
+
+@each_language
+def test_two_moves_are_taught_and_played(page, tmp_path, language):
+    with running("humanoid", tmp_path, "--language", language) as pendant:
+        visit = Visit(page, pendant, language)
+        elbow = page.get_by_role("spinbutton", name=visit.texts["axes.left_elbow"])
+        for count, angle in enumerate(("30", "0"), 1):
+            elbow.fill(angle)
+            elbow.press("Enter")
+            expect(page.get_by_text(visit.texts["legs.tested"].partition("{")[0])).to_be_visible()
+            expect(visit.button("run.stop")).to_be_disabled()
+            page.keyboard.press("Alt+A")
+            expect(page.locator(".pendant-block")).to_have_count(count)
+        page.keyboard.press("Alt+S")
+        expect(page.locator(".pendant-time")).to_have_text(re.compile(r"^2\.00 \w+ 2\.00 s$"))
+        visit.idle()
+        blocks = page.locator(".pendant-block")
+        for number in (0, 1):
+            expect(blocks.nth(number)).to_contain_text(re.compile(r"· 1 s$"))
+        page.keyboard.press("Home")
+        expect(page.locator(".pendant-time")).to_have_text(re.compile("^0.00 "))
+        expect(blocks.nth(0)).to_have_class(re.compile(r"\bnow\b"))
+        visit.scrub("ArrowRight", 28)  # steps of 0.05 s, to 1.4 s
+        expect(blocks.nth(1)).to_have_class(re.compile(r"\bnow\b"))
+        assert [move["duration"] for move in stored(pendant)["moves"]] == [1.0, 1.0]
+
+
+@each_language
+def test_a_fall_is_produced_explained_and_scrubbed(page, tmp_path, language):
+    with running("humanoid", tmp_path, "--language", language) as pendant:
+        visit = Visit(page, pendant, language)
+        page.get_by_text(visit.texts["push.title"], exact=True).click()
+        page.get_by_role("spinbutton", name=visit.texts["push.force"], exact=True).fill("60")
+        page.get_by_role("spinbutton", name=visit.texts["push.duration"], exact=True).fill("0.5")
+        visit.press("run.tick")
+        expect(page.locator(".pendant-state")).to_have_text(visit.texts["phase.paused"])
+        page.get_by_role("button", name=visit.texts["push.along"].format(side="+x"), exact=True).click()
+        visit.press("run.play")
+        expect(visit.lines("failure")).to_contain_text("robot")
+        expect(visit.lines("failure")).to_have_count(1)
+        expect(visit.lines("warning")).to_have_count(0)
+        visit.idle()
+        (push,) = (change["push"] for change in stored(pendant)["changes"] if "push" in change)
+        assert push["force"] == [60.0, 0.0, 0.0]
+        end = page.locator(".pendant-time").inner_text()
+        visit.scrub("PageDown", 2)
+        expect(page.locator(".pendant-time")).not_to_have_text(end)
+
+
+@each_language
+def test_a_robot_of_ones_own_is_dropped_and_its_import_explained(page, tmp_path, language):
+    with running("irb120", tmp_path, "--language", language) as pendant:
+        visit = Visit(page, pendant, language)
+        page.evaluate(DROP, ["myarm.urdf", URDF])
+        told = visit.texts["notice.imported_with_changes"].format(file="myarm.urdf")
+        expect(page.get_by_role("status")).to_contain_text(told)
+        expect(visit.lines("note")).to_have_count(4)  # and three things that the file leaves open
+        expect(visit.lines("failure")).to_have_count(0)
+        expect(page.get_by_role("tab", name=visit.texts["shell.arm_tab"])).to_be_visible()
+        expect(page.get_by_role("button", name=visit.texts["moves.grip"])).to_have_count(0)
+
+
+@each_language
+def test_a_gain_is_changed_on_one_joint_and_compared_with_the_run_before(page, tmp_path, language):
+    with running("irb120_dynamic", tmp_path, "--language", language) as pendant:
+        visit = Visit(page, pendant, language)
+        visit.open_station()
+        page.locator('[data-block="joint_2.pd"]').click()
+        slider = page.get_by_role("slider", name="servo.kp.joint_2")
+        expect(page.get_by_text(visit.texts["station.tunes_one"].format(axis="joint_2"))).to_be_visible()
+        visit.press("run.play")
+        expect(page.locator(".pendant-time")).to_have_text(re.compile(r"^3\.00 \w+ 3\.00 s$"))
+        visit.idle()
+        plot = page.locator(".simrob-plot").first
+        expect(plot.locator("svg path[stroke-dasharray]").first).to_be_attached()  # the reference
+        for _ in range(5):
+            slider.locator("[tabindex='0']").press("ArrowRight")
+        chip = page.locator(".q-chip").get_by_text(re.compile("^servo.kp.joint_2: 1[01]"))
+        expect(chip).to_be_visible()
+        visit.idle()
+        expect(page.locator('[data-block="joint_2.pd"]')).to_contain_text(re.compile("kp 1[01]"))
+        expect(page.locator('[data-block="joint_3.pd"]')).to_contain_text("kp 1000")
+        expect(plot.locator("svg path").first).to_be_attached()  # the run before stays
+
+
+@each_language
+def test_a_remedy_is_applied_by_its_button_and_undone(page, tmp_path, language):
+    with running("irb120_dynamic", tmp_path, "--language", language) as pendant:
+        visit = Visit(page, pendant, language)
+        visit.open_station()
+        visit.set_key("verdict.final_error_deg", "1")
+        visit.press("run.play")
+        setting = "servo.feedforward = gravity"
+        apply = page.get_by_role("button", name=visit.texts["run.apply"].format(setting=setting))
+        expect(apply).to_be_enabled()
+        expect(visit.lines("warning")).to_have_count(2)  # the sentence, and the joint that sags
+        apply.click()
+        expect(page.locator(".q-chip").get_by_text("servo.feedforward: gravity")).to_be_visible()
+        visit.idle()
+        visit.press("run.play")
+        expect(visit.lines("success")).to_have_count(1)
+        expect(visit.lines("warning")).to_have_count(0)
+        visit.idle()
+        visit.press("shell.undo")
+        expect(page.locator(".q-chip").get_by_text("servo.feedforward: gravity")).to_be_hidden()
+
+
+@each_language
+def test_a_lesson_is_done_from_begin_to_end_with_its_buttons_in_sight(page, tmp_path, language):
+    title = {"en": "1. An arm moves", "es": "1. Un brazo se mueve"}[language]
+    with running("irb120_dynamic", tmp_path, "--language", language) as pendant:
+        visit = Visit(page, pendant, language)
+        page.keyboard.press("Alt+L")
+        page.get_by_text(title, exact=True).click()
+        strip = page.locator(".pendant-tour")
+        expect(strip).to_be_visible()
+        for number, settings in enumerate([{}, {"pieces.load.mass": "5"}, {}, {"servo.torque_limit": "10"}], 1):
+            expect(strip).to_contain_text(visit.texts["tour.step"].format(number=number, count=4))
+            for key, value in settings.items():
+                visit.open_station()
+                visit.set_key(key, value)
+            if number != 2:
+                assert visit.is_in_sight(visit.button("run.play")), "the strip had cut it off"
+                visit.press("run.play")
+            expect(strip).to_contain_text(visit.texts["tour.done"])
+            visit.idle()
+            if number < 4:
+                strip.get_by_role("button", name=visit.texts["tour.next"], exact=True).click()
+        strip.get_by_role("button", name=visit.texts["tour.end"]).last.click()
+        expect(strip).to_be_hidden()
+
+
+def stored(pendant):
+    """Content of the program that is taught."""
+    (file,) = pendant.folder.glob("*/program.yaml")
+    return yaml.safe_load(file.read_text())
