@@ -10,10 +10,10 @@ from simrob_drake.base.errors import SimrobError, nearest
 from simrob_drake.base.messages import message
 from simrob_drake.extensions.rapid.syntax import (
     Datum,
+    LineRemark,
     Module,
     Node,
     RapidError,
-    LineRemark,
     Routine,
     Scope,
     declared,

@@ -16,10 +16,10 @@ from simrob_drake.extensions.rapid.instructions import FUNCTIONS_OF_CONTROLLER, 
 from simrob_drake.extensions.rapid.signals import Signals
 from simrob_drake.extensions.rapid.syntax import (
     Datum,
+    LineRemark,
     Module,
     Node,
     RapidError,
-    LineRemark,
     Routine,
     RoutineParameter,
     neighbours,
