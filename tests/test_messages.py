@@ -143,3 +143,10 @@ def test_a_catalogue_that_is_none_is_a_warning_and_english(spanish, content):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert in_language(message("kit.stands", "stands"), "es") == "stands"  # it is said once
+
+
+def test_a_sentence_begins_with_a_capital_letter_in_each_language():
+    sentence = message("kit.stands", "stands").as_sentence()
+    assert sentence == "Stands"
+    assert in_language(pickle.loads(pickle.dumps(sentence)), "es") == "Está de pie"
+    assert in_language(from_data(as_data(sentence)), "es") == "Está de pie"

@@ -49,15 +49,22 @@ class Message(str):
         fields: values of the template's fields: numbers, texts and other messages.
         longest: largest length of the text, in any language. A longer one is cut at its end, see :func:`one_line`. None
             if it is not limited.
+        is_sentence: whether the text begins with a capital letter, in any language.
     """
 
     id: str
     template: str
     fields: Mapping[str, Any]
     longest: int | None
+    is_sentence: bool
 
     def __new__(
-        cls, message_id: str, template: str, fields: Mapping[str, Any], longest: int | None = None
+        cls,
+        message_id: str,
+        template: str,
+        fields: Mapping[str, Any],
+        longest: int | None = None,
+        is_sentence: bool = False,
     ) -> "Message":
         """Create the message, and fill its template in English. The arguments are the attributes.
 
@@ -65,11 +72,12 @@ class Message(str):
             KeyError: the template has a field without a value.
         """
         text = _filled(template, fields, SOURCE_LANGUAGE)
-        created = super().__new__(cls, _cut(text, longest))
+        created = super().__new__(cls, _finished(text, longest, is_sentence=is_sentence))
         created.id = message_id
         created.template = template
         created.fields = dict(fields)
         created.longest = longest
+        created.is_sentence = is_sentence
         return created
 
     def __str__(self) -> str:
@@ -86,12 +94,16 @@ class Message(str):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle and copy the message with its id and its fields."""
-        return Message, (self.id, self.template, self.fields, self.longest)
+        return Message, (self.id, self.template, self.fields, self.longest, self.is_sentence)
 
     def limited_to(self, length: int) -> "Message":
         """Return this message with a largest length in any language. A smaller one than before stays."""
         shorter = length if self.longest is None else min(length, self.longest)
-        return Message(self.id, self.template, self.fields, shorter)
+        return Message(self.id, self.template, self.fields, shorter, self.is_sentence)
+
+    def as_sentence(self) -> "Message":
+        """Return this message with a capital letter at its beginning, in any language."""
+        return Message(self.id, self.template, self.fields, self.longest, is_sentence=True)
 
 
 for _dumper in (yaml.SafeDumper, yaml.CSafeDumper):
@@ -154,12 +166,13 @@ def in_language(text: str, language: str) -> str:
     template = _template(text.id, language)
     if template is not None:
         try:
-            return _cut(_filled(template, text.fields, language), text.longest)
+            filled = _filled(template, text.fields, language)
+            return _finished(filled, text.longest, is_sentence=text.is_sentence)
         except (KeyError, IndexError, ValueError) as problem:
             reason = f"{type(problem).__name__}: {problem}"
             sentence = f"the template of {text.id} in '{language}' cannot be filled ({reason}); English is shown"
             warnings.warn(sentence, MessageWarning, stacklevel=2)
-    return _cut(_filled(text.template, text.fields, language), text.longest)
+    return _finished(_filled(text.template, text.fields, language), text.longest, is_sentence=text.is_sentence)
 
 
 def as_data(text: str) -> Any:
@@ -167,7 +180,13 @@ def as_data(text: str) -> Any:
     if not isinstance(text, Message):
         return text
     fields = {name: as_data(value) if isinstance(value, str) else _plain(value) for name, value in text.fields.items()}
-    return {"id": text.id, "template": text.template, "fields": fields, "longest": text.longest}
+    return {
+        "id": text.id,
+        "template": text.template,
+        "fields": fields,
+        "longest": text.longest,
+        "is_sentence": text.is_sentence,
+    }
 
 
 def from_data(data: Any) -> Any:
@@ -175,7 +194,7 @@ def from_data(data: Any) -> Any:
     if not (isinstance(data, Mapping) and {"id", "template", "fields"} <= data.keys()):
         return data
     fields = {name: from_data(value) for name, value in data["fields"].items()}
-    return Message(data["id"], data["template"], fields, data.get("longest"))
+    return Message(data["id"], data["template"], fields, data.get("longest"), data.get("is_sentence", False))
 
 
 def catalogue(package: str, language: str) -> Mapping[str, str]:
@@ -237,9 +256,11 @@ def one_line(text: str, length: int) -> str:
     return shown if is_whole else shown[: length - 1] + "…"
 
 
-def _cut(text: str, longest: int | None) -> str:
-    """Write a text on one line and cut its end, if there is a largest length."""
-    return text if longest is None else one_line(text, longest)
+def _finished(text: str, longest: int | None, *, is_sentence: bool) -> str:
+    """Apply the attributes ``longest`` and ``is_sentence`` of a message to its filled template."""
+    if longest is not None:
+        text = one_line(text, longest)
+    return text[:1].upper() + text[1:] if is_sentence else text
 
 
 def _filled(template: str, fields: Mapping[str, Any], language: str) -> str:

@@ -84,5 +84,7 @@ def text_table(rows: Sequence[Sequence[str]], width: int = 80) -> list[str]:
 
 
 def capitalised(text: str) -> str:
-    """Begin a text with a capital letter. The result is plain text, without the id of a message."""
+    """Begin a text with a capital letter. A message does so in each language."""
+    if isinstance(text, Message):
+        return text.as_sentence()
     return text[:1].upper() + text[1:]

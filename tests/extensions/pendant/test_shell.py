@@ -108,15 +108,25 @@ def test_the_languages_say_the_same_things():
         words("fr")
 
 
-def test_the_pendant_shows_messages_of_the_core_in_spanish():
+def test_a_fall_is_told_in_spanish():
     render = words("es").render
-    assert render(message("results.ran_to_its_end", "ran to its end at {time:g} s", time=2.5)).endswith(" 2,5 s")
-    assert words("en").render("of nobody knows what") == render("of nobody knows what") == "of nobody knows what"
-    stations = ("irb120_dynamic", "humanoid_fixed", "box_on_floor", "zjudancer_walking")
-    found = [one for name in stations for one in check_station(load_station(name)) if "[" not in one.text]
-    assert len(found) > 50
+    fall = message("parts.fell_leaning", "{who} fell: it leans by more than {tilt:g} deg", who="robot", tilt=45)
+    at_time = message("mujoco.reason_at_time", "{why}, at {time:.4g} s", why=fall, time=2.561)
+    stop = message("results.stopped_by", "stopped by {monitor}: {reason}", monitor="fall", reason=at_time)
+    assert render(stop) == "la detuvo fall: robot se cayó: se inclina más de 45°, a los 2,561 s"
+    assert words("en").render(stop) == str(stop)
+
+
+@pytest.mark.parametrize("name", ["irb120_dynamic", "humanoid_fixed", "box_on_floor", "zjudancer_walking"])
+def test_checks_of_a_station_are_told_in_spanish(name):
+    render = words("es").render
+    found = [one for one in check_station(load_station(name)) if "[" not in one.text]
+    assert len(found) > 2
     assert [one.text for one in found if render(one.text) == one.text] == []
     assert [one.subject for one in found if render(one.subject) == one.subject and " of " in one.subject] == []
+    english = re.compile(r"\b(the|of|at|is|are|and|not|its|by)\b")
+    told = [re.sub(r"\(.*\)", "", render(one.text)) for one in found]  # the source of a motor's values is a name
+    assert [text for text in told if english.search(text)] == []
 
 
 def test_verdicts_are_shown_in_spanish():
