@@ -10,6 +10,7 @@ from rich.text import Text
 
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter
 from simrob_drake.base.folders import check_ending, check_new_file, written_at_once
+from simrob_drake.base.messages import message
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.options import Force
@@ -108,7 +109,11 @@ def check(
         _check_folder(entry, answer, csv, language, allow_code=allow_code, seconds=seconds, memory=memory, force=force)
         return ExitCode.DONE
     if csv is not None:
-        raise InvalidParameter("--csv", str(csv), "left out for a single answer; it is for a folder of submissions")
+        raise InvalidParameter(
+            "--csv",
+            str(csv),
+            message("course.csv_for_folders", "left out for a single answer; it is for a folder of submissions"),
+        )
     words = _words(language)
     texts = entry.exercise.points
     passed = 0
@@ -144,7 +149,11 @@ def _check_folder(
     """
     words = _words(language)
     if not allow_code:
-        raise InvalidConfig(folder, "", "contains code that would be run; if you trust it, say --allow-code")
+        raise InvalidConfig(
+            folder,
+            "",
+            message("course.folder_with_code", "contains code that would be run; if you trust it, say --allow-code"),
+        )
     file = Path(f"exercise-{entry.exercise.number}.csv") if csv is None else csv
     check_ending(file, (".csv",), "--csv")
     check_new_file(file, force=force)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.course.exercise import (
     ANSWER_FILE,
     AnswerStopped,
@@ -71,7 +72,11 @@ def find_submissions(folder: Path) -> list[Submission]:
             submissions.append(Submission(entry.stem, entry))
     if not submissions:
         raise InvalidParameter(
-            "ANSWER", str(folder), "a Python file, or a folder of submissions: files or folders of students"
+            "ANSWER",
+            str(folder),
+            message(
+                "course.file_or_submissions", "a Python file, or a folder of submissions: files or folders of students"
+            ),
         )
     return submissions
 
