@@ -77,9 +77,8 @@ def test_modules_that_lie_around_are_never_run(raw, tmp_path, monkeypatch):
 def test_the_drafted_station_runs_at_once(raw, tmp_path, capsys):
     assert run_command(["station", str(raw)]) == 0
     said = capsys.readouterr().out.splitlines()
-    assert any(
-        f"# {line}" in (tmp_path / "work" / "arm.yaml").read_text() for line in said if "its motors hold it" in line
-    )
+    remarks = [line for line in (tmp_path / "work" / "arm.yaml").read_text().splitlines() if "motors hold it" in line]
+    assert [line.removeprefix("# ") in " ".join(said) for line in remarks] == [True]
     proposed = said[-1].strip().removeprefix("simrob ")
     assert proposed == f"run arm.yaml --mesh-path {raw.parent}"  # the robot lies in another folder than the station
     assert run_command([*shlex.split(proposed), "--duration", "0.2", "--out", "r", "--no-recording"]) == 0

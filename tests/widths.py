@@ -5,5 +5,6 @@ COLUMNS = 80
 
 
 def too_wide(text: str) -> list[str]:
-    """Find lines that are wider than a screen. A path or an address alone on its line is not broken, and may be so."""
-    return [line for line in text.splitlines() if len(line) > COLUMNS and len(line.split()) > 1]
+    """Find lines that are wider than a screen. A path, an address or a command alone on its line is never broken."""
+    wide = [line for line in text.splitlines() if len(line) > COLUMNS]
+    return [line for line in wide if len(line.split()) > 1 and not line.startswith("simrob ")]

@@ -23,7 +23,7 @@ from simrob_drake.cli.options import (
     with_mesh_path,
 )
 from simrob_drake.cli.programs import program_from
-from simrob_drake.cli.screen import say
+from simrob_drake.cli.screen import say_place, say_text
 from simrob_drake.programs.exporter import (
     Exporter,
     ProgramExporter,
@@ -163,7 +163,7 @@ def _export_station(
         with code_of_extension(exporter.owner, message("cli.the_exporter", "the exporter {name}", name=name)):
             written = exporter.export_station(config, targets[name], options.of(exporter.options_class), force=force)
         for path in written:
-            say(f"written {path}")
+            say_place("written", path)
 
 
 def _known_formats() -> str:
@@ -219,9 +219,9 @@ def _export_program(
         check_new_file(file, force=force)
     for file, text in texts.items():
         written_at_once(file, text)
-        say(f"written {file}")
+        say_place("written", file)
     for remark in remarks:
-        say(remark)
+        say_text(remark)
 
 
 COMMANDS: dict[str, Callable[..., Any]] = {"export": export}

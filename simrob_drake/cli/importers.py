@@ -14,7 +14,7 @@ from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import refuse_import
 from simrob_drake.cli.options import ChosenOptions, OptionGroup, with_groups
-from simrob_drake.cli.screen import console, errors, say, table
+from simrob_drake.cli.screen import console, errors, say_text, table
 from simrob_drake.cli.tables import report_table
 from simrob_drake.importer.importer import FileImporter, ImportOutcome, ImportRequest, find_importer
 from simrob_drake.robots.imports import REPORT_FILE, ImportOptions
@@ -124,11 +124,11 @@ def import_with(importer: FileImporter, file: Path, request: ImportRequest, *, a
         outcome = importer.import_file(file, request)
     _show(outcome)
     for loss in outcome.losses[:_SHOWN_LOSSES]:
-        errors.print(Text(f"lost: {loss}"), soft_wrap=True)
+        say_text(f"lost: {loss}", target=errors)
     if outcome.losses and not allow_losses:
         hidden = len(outcome.losses) - _SHOWN_LOSSES
         more = f"{hidden} more in {REPORT_FILE}; " if hidden > 0 else ""
-        errors.print(f"{more}the station moves otherwise; --allow-losses takes it as it is", highlight=False)
+        say_text(f"{more}the station moves otherwise; --allow-losses takes it as it is", target=errors)
         return ExitCode.BEYOND
     return ExitCode.DONE
 
@@ -164,7 +164,7 @@ def _show(outcome: ImportOutcome) -> None:
     Losses and the problem are shown by the callers.
     """
     if outcome.headline:
-        say(outcome.headline)
+        say_text(outcome.headline)
     if outcome.unknowns:
         rows = []
         for name, places in outcome.unknowns.items():
@@ -174,4 +174,4 @@ def _show(outcome: ImportOutcome) -> None:
     if outcome.report is not None:
         console.print(report_table(outcome.report))
     for line in outcome.lines:
-        say(line)
+        say_text(line)

@@ -11,7 +11,7 @@ from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import station_from
 from simrob_drake.cli.options import Saving, Settings, StationArgument, with_mesh_path, with_saving
 from simrob_drake.cli.saving import done_in_workcell, way_of
-from simrob_drake.cli.screen import say, say_text
+from simrob_drake.cli.screen import say_place, say_text
 from simrob_drake.results.result import SimulationResult
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ def _list_acts(station: str, settings: list[str] | None, robot: str | None) -> E
         raise Unsuitable(station, problem)
     names = ", ".join(acts)
     say_text(message("cli.acts_of_robot", "acts of {robot}: {names}", robot=model.name, names=names))
-    say(f"next    simrob act {station} {acts[0]}")
+    say_place("next   ", f"simrob act {station} {acts[0]}")
     return ExitCode.DONE
 
 

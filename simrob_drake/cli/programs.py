@@ -17,7 +17,7 @@ from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import changes_of, refuse, station_from
 from simrob_drake.cli.options import LanguageOptions, Saving
 from simrob_drake.cli.saving import Frames, done_in_workcell, way_of
-from simrob_drake.cli.screen import errors, say
+from simrob_drake.cli.screen import errors, say_place, say_text
 from simrob_drake.importer.importer import CORE_SUFFIXES, load_importer
 from simrob_drake.results.record.run import move_title
 from simrob_drake.results.result import SimulationResult
@@ -223,8 +223,8 @@ def import_program(file: Path, out: Path | None, options: LanguageOptions, *, fo
     if options.on is None:
         written_at_once(station, station_yaml(config))
     _show_remarks(imported)
-    say(f"program {target}: {imported.duration:.3f} s")
-    say(f"next    simrob run {target}")
+    say_place("program", f"{target}: {imported.duration:.3f} s")
+    say_place("next   ", f"simrob run {target}")
     losses = imported.losses
     if losses and not options.allow_losses:
         errors.print(f"lost: {len(losses)} lines; --allow-losses takes the program as it is", highlight=False)
@@ -270,4 +270,4 @@ def _show_remarks(imported: ImportedProgram) -> None:
     """Show the remarks about lines of an imported program. Lines that are lost begin with "lost"."""
     for remark in imported.remarks:
         mark = "lost " if remark.is_lost else ""
-        say(f"{mark}{remark.text}")
+        say_text(f"{mark}{remark.text}")

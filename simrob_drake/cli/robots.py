@@ -24,7 +24,7 @@ from simrob_drake.cli.options import (
     with_language,
 )
 from simrob_drake.cli.programs import import_program, is_language_file, refuse_language
-from simrob_drake.cli.screen import console, errors, say
+from simrob_drake.cli.screen import console, errors, say, say_place, say_text
 from simrob_drake.cli.tables import payload_lines, report_table, robot_table
 from simrob_drake.importer.importing import ImportedRobot, default_folder, examine_robot, import_robot
 from simrob_drake.importer.named_robots import read_robot
@@ -79,9 +79,9 @@ def import_file(
     with errors.status(Text(f"importing {file}")):
         imported = import_robot(file, folder, options, force=force)
     _tell(imported)
-    say(f"robot   {imported.model.urdf_path}")
-    say(f"next    simrob view {imported.model.urdf_path}")
-    say(f"        simrob station {imported.model.urdf_path}")
+    say_place("robot  ", imported.model.urdf_path)
+    say_place("next   ", f"simrob view {imported.model.urdf_path}")
+    say_place("       ", f"simrob station {imported.model.urdf_path}")
     return ExitCode.DONE
 
 
@@ -92,7 +92,7 @@ def examine_file(file: Path, options: ImportOptions | None) -> None:
     show_robot(imported.model)
     _tell(imported)
     weightless = ", ".join(imported.model.links_without_inertia) or "none"
-    console.print(f"moving links without inertia: {weightless}", highlight=False)
+    say_text(f"moving links without inertia: {weightless}")
 
 
 def show_robot(robot: RobotModel) -> None:
@@ -100,7 +100,7 @@ def show_robot(robot: RobotModel) -> None:
     console.print(robot_table(robot))
     if robot.is_arm and not robot.links_without_inertia:
         for line in payload_lines(robot):
-            console.print(line, highlight=False)
+            say_text(line)
 
 
 @with_import_options("mesh_path", "collision", "xacro_arg", "drop_loops")
@@ -142,11 +142,11 @@ def station(
         text = draft_station(file, options, folder=target.absolute().parent)
     written_at_once(target, text)
     for remark in [line for line in text.splitlines() if line.startswith("# ")][1:]:  # the first says what the file is
-        say(remark.removeprefix("# "))
-    say(f"station {target}")
+        say_text(remark.removeprefix("# "))
+    say_place("station", target)
     leave = _leave_to_read(target, [file, *(options.mesh_path if options else ())])
-    say(f"next    simrob check {target}{leave}")
-    say(f"        simrob run {target}{leave}")
+    say_place("next   ", f"simrob check {target}{leave}")
+    say_place("       ", f"simrob run {target}{leave}")
 
 
 def _leave_to_read(station: Path, places: Iterable[Path]) -> str:
@@ -158,7 +158,7 @@ def _leave_to_read(station: Path, places: Iterable[Path]) -> str:
 
 def _tell(imported: ImportedRobot) -> None:
     console.print(report_table(imported.report))
-    say(f"{imported.report.source.name}: {imported.report.summary()}")
+    say_text(f"{imported.report.source.name}: {imported.report.summary()}")
 
 
 COMMANDS: dict[str, Callable[..., Any]] = {"import": import_file, "view": view, "station": station}

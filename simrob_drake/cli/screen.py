@@ -43,15 +43,16 @@ def say(text: str | Text) -> None:
     console.print(text, soft_wrap=True)
 
 
-def say_text(text: str, style: str = "") -> None:
+def say_text(text: str, style: str = "", target: Console = console) -> None:
     """Write a text, wrapped at words. A word that is longer than a line, such as a path, is not broken.
 
     Args:
         text: the text.
         style: style of rich, such as ``green``; empty for the usual one.
+        target: where it is written.
     """
-    for line in _wrapped(text, console.width) or [""]:
-        console.print(Text(line, style), soft_wrap=True)
+    for line in _wrapped(text, target.width) or [""]:
+        target.print(Text(line, style), soft_wrap=True)
 
 
 def _wrapped(text: str, width: int) -> list[str]:
@@ -60,16 +61,17 @@ def _wrapped(text: str, width: int) -> list[str]:
 
 
 def say_place(label: str, place: object) -> None:
-    """Write a label and a path or an address. One that does not fit beside its label has a line of its own.
+    """Write a label and a path, an address or a command. One that does not fit next to its label has its own line.
 
     It is never broken, so that a user can copy it.
     """
     line = f"{label} {place}"
     if len(line) <= console.width:
         say(line)
-    else:
+        return
+    if label.strip():
         say(label.rstrip())
-        say(str(place))
+    say(str(place))
 
 
 def say_warning(text: str, word: str = "warning") -> None:

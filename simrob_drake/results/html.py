@@ -2,13 +2,9 @@
 
 from collections.abc import Sequence
 from html import escape
-from typing import TYPE_CHECKING
 
-from simrob_drake.base.remarks import Severity
+from simrob_drake.base.remarks import Remark, Severity
 from simrob_drake.results.verdict.words import capitalised
-
-if TYPE_CHECKING:  # this import would be circular: a verdict shows itself in a notebook
-    from simrob_drake.results.verdict.verdict import Verdict
 
 SEVERITY_COLOURS: dict[Severity, str] = {
     "success": "#0b7a6b",
@@ -26,26 +22,24 @@ def html_table(rows: Sequence[Sequence[str]]) -> str:
     return f"<table>{''.join(lines)}</table>"
 
 
-def html_of_verdict(verdict: "Verdict", *, with_end: bool = True) -> str:
-    """Write a verdict: its sentence, the warnings with their remedies, and the table of criteria if one is violated.
+def html_of_remarks(sentence: str, remarks: Sequence[Remark], rows: Sequence[Sequence[str]]) -> str:
+    """Write a verdict: a sentence, the warnings with their remedies, and, if there are any, the table of criteria.
 
     Args:
-        verdict: the verdict.
-        with_end: whether the sentence says how the run ended.
+        sentence: the sentence that sums the run up.
+        remarks: remarks of the verdict: the one of the sentence, then the warnings.
+        rows: headings and rows of the table of criteria.
     """
-    summary, *further = verdict.remarks
-    sentence = verdict.sentence if with_end else verdict.judgement
+    summary, *warnings = remarks
     lines = [_coloured(capitalised(sentence), summary.severity)]
-    for remark in further:
-        text = f"{remark.severity}: {remark.text}"
-        if remark.remedy is not None:
-            text += f". {capitalised(remark.remedy.text)}"
-            text += f" ({remark.remedy.setting})" if remark.remedy.setting else ""
-        lines.append(_coloured(text, remark.severity))
+    for warning in warnings:
+        text = f"{warning.severity}: {warning.text}"
+        if warning.remedy is not None:
+            text += f". {capitalised(warning.remedy.text)}"
+            text += f" ({warning.remedy.setting})" if warning.remedy.setting else ""
+        lines.append(_coloured(text, warning.severity))
     page = f"<p>{'<br>'.join(line for line in lines if line)}</p>"
-    if not further:
-        return page
-    return page + html_table([verdict.headings, *verdict.cells])
+    return page + html_table(rows) if warnings else page
 
 
 def _table_row(cells: Sequence[str], tag: str) -> str:

@@ -20,7 +20,7 @@ from simrob_drake.base.errors import InvalidParameter, VerdictError, shortened
 from simrob_drake.base.folders import check_ending
 from simrob_drake.base.remarks import Remark
 from simrob_drake.results.files import default_folder, save_result
-from simrob_drake.results.html import html_of_verdict, html_table
+from simrob_drake.results.html import html_of_remarks, html_table
 from simrob_drake.results.plots.formats import PlotFormat
 from simrob_drake.results.record.run import DIVERGED, FAILED, RecordedRun
 from simrob_drake.results.record.summary import summary_of
@@ -130,9 +130,11 @@ class SimulationResult(RecordedRun):
 
         strip = b64encode(film_strip(self)).decode()
         end_and_size = repr(self).splitlines()[:2]
+        verdict = self.verdict
+        rows = [verdict.headings, *verdict.cells]
         return (
             f"<p>{'<br>'.join(map(escape, end_and_size))}</p>"
-            f"{html_of_verdict(self.verdict, with_end=False)}"
+            f"{html_of_remarks(verdict.judgement, verdict.remarks, rows)}"
             f'<img alt="film strip" style="max-width: 100%" src="data:image/png;base64,{strip}">'
             f"{html_table(table_of(self))}"
         )

@@ -11,7 +11,7 @@ from simrob_drake.base.folders import check_folder
 from simrob_drake.base.messages import message
 from simrob_drake.cli.arguments import refuse, station_from
 from simrob_drake.cli.options import Force, Settings, StationArgument, with_mesh_path
-from simrob_drake.cli.screen import console, errors, say, table
+from simrob_drake.cli.screen import console, errors, say_place, say_text, table
 from simrob_drake.cli.tables import in_units
 from simrob_drake.stations.config import StationConfig
 
@@ -68,14 +68,14 @@ def _compare_engines(config: StationConfig, out: Path | None, *, force: bool) ->
         within = "yes" if one.within else f"no, {one.largest / one.error:.2g} ×" if one.error > 0 else "no"
         rows.append((one.account, one.quantity.name, largest, f"{one.at:.3f}", error, within))
     for account in found_by.accounts:
-        say(f"{account.name}: {account.ended}")
+        say_text(f"{account.name}: {account.ended}")
     headings = ("engine", "quantity", f"from {first.name} at most", "at [s]", "error bars", "within")
     console.print(table(headings, *rows, numbers=False))
     for name, why in found_by.missing.items():
-        say(f"{name}: {why}")
+        say_text(f"{name}: {why}")
     if out is not None:
         save_comparison(found_by.accounts, found, out, station=config.name, force=force)
-        say(f"result   {out}")
+        say_place("result  ", out)
 
 
 def _compare_with_log(config: StationConfig, log: Path, map_: list[str], out: Path | None, *, force: bool) -> None:
@@ -116,7 +116,7 @@ def _compare_with_log(config: StationConfig, log: Path, map_: list[str], out: Pa
     console.print(table(("signal", "largest difference", "at [s]", "root mean square"), *rows, numbers=False))
     unknown = sorted(logged.keys() - {found.signal for found in differences})
     if unknown:
-        say(f"not among the station's signals: {', '.join(unknown)}")
+        say_text(f"not among the station's signals: {', '.join(unknown)}")
     if out is not None:
         save_differences(differences, out, force=force)
-        say(f"result   {out}")
+        say_place("result  ", out)

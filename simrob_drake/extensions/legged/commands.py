@@ -11,7 +11,7 @@ from simrob_drake.base.extension import needed_extension
 from simrob_drake.base.messages import message
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.options import FileArgument, Force, with_import_options
-from simrob_drake.cli.screen import errors, say
+from simrob_drake.cli.screen import errors, say_place, say_text
 from simrob_drake.robots.imports import ImportOptions
 
 
@@ -48,10 +48,10 @@ def legged(
     with errors.status(Text(f"making and trying {file}")):
         made = make_legged(file, folder, options, force=force)
     for line in (*made.found, *made.assumed):
-        say(line)
+        say_text(line)
     for attempt in made.attempts:
-        say(f"{attempt.trial}: {attempt.outcome}")
-    say(f"report  {folder / REPORT}")
+        say_text(f"{attempt.trial}: {attempt.outcome}")
+    say_place("report ", folder / REPORT)
     if made.problem:
         raise SimrobError(
             message(
@@ -61,8 +61,8 @@ def legged(
                 folder=folder,
             )
         )
-    say(f"next    simrob run {folder / WALK}")
+    say_place("next   ", f"simrob run {folder / WALK}")
     if tune:
         for sentence in tune_walk(folder, tune):
-            say(sentence)
+            say_text(sentence)
     return ExitCode.DONE

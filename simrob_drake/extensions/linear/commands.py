@@ -14,7 +14,7 @@ from simrob_drake.base.messages import message
 from simrob_drake.base.yaml_files import parse_yaml
 from simrob_drake.cli.arguments import station_from
 from simrob_drake.cli.options import AllowCode, Force, Settings, StationArgument, with_mesh_path
-from simrob_drake.cli.screen import console, say, table
+from simrob_drake.cli.screen import console, say_place, table
 from simrob_drake.extensions.linear import LinearModel, linearize
 from simrob_drake.extensions.linear.model import MODEL_FILE
 from simrob_drake.results.files import default_folder
@@ -53,7 +53,7 @@ def linearize_station(
     console.print(f"{model.name}: {'stable' if model.is_stable else 'not stable'}", highlight=False)
     for note in model.notes:
         console.print(f"left out: {note}", highlight=False)
-    say(f"result    {folder}")
+    say_place("result   ", folder)
 
 
 def _postures(config: StationConfig, content: Any) -> dict[str, Vector]:

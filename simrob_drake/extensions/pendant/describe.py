@@ -96,7 +96,7 @@ def _possible_moves(config: StationConfig, name: str, model: RobotModel) -> dict
 
 
 def _drives(model: RobotModel) -> dict[str, float]:
-    """Return how fast a robot that walks by commands can be driven [m/s, deg/s], and where it looks [deg]."""
+    """Largest speeds of a robot that walks by commands [m/s, deg/s], and the direction in which it looks [deg]."""
     return {**load_walking(model).max_speed.model_dump(), "facing_deg": gaits_file(model).facing_deg}
 
 

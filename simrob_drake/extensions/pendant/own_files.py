@@ -179,7 +179,7 @@ def _subject(paths: Sequence[Path]) -> Path:
 
 
 def report_of(urdf: Path) -> Notice | None:
-    """Make the notice that says what an import did to a robot: each default, repair and loss.
+    """Make the notice that lists the changes of an import: each default, repair and loss.
 
     Args:
         urdf: the robot's file, which the import has made.
@@ -206,5 +206,5 @@ def _severity_of(entry: Entry) -> Severity:
 
 
 def _text_of(entry: Entry) -> Message:
-    """What an import did, the element to which it did that, and the details."""
+    """Text of an entry of a report: the change, the element that is changed, and the details."""
     return join_texts([text for text in (CHANGE[entry.kind], entry.element, entry.text) if text], ": ")

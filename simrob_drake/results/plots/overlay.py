@@ -1,8 +1,6 @@
 """Signals of several saved results in one figure, as ``hold on`` of MATLAB draws them over each other."""
 
-import csv
 import fnmatch
-import json
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,8 +11,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter, UnknownName
+from simrob_drake.base.files import column_names, read_columns, text_of
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
+from simrob_drake.base.yaml_files import parse_json
 from simrob_drake.parts.references import TIME_COLUMN
 from simrob_drake.results.colours import looks
 from simrob_drake.results.files import SIGNALS, SUMMARY
@@ -62,27 +62,18 @@ def read_signals(folder: Path) -> SavedSignals:
         InvalidConfig: the folder holds no result, or a damaged one.
     """
     table = folder / SIGNALS
-    try:
-        summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-        with table.open(encoding="utf-8", newline="") as lines:
-            header, *rows = csv.reader(lines)
-        values = np.array(rows, dtype=float).reshape(len(rows), len(header))
-        units = dict(summary["units"])
-    except (OSError, ValueError, KeyError, TypeError) as problem:
-        expected = message(
-            "results.no_result_folder",
-            "must be the folder of a result, with {signals} and {summary} ({problem})",
-            signals=SIGNALS,
-            summary=SUMMARY,
-            problem=problem,
-        )
-        raise InvalidConfig(folder, "", expected) from problem
-    columns = {name: values[:, index] for index, name in enumerate(header)}
+    if not table.is_file():
+        problem = message("results.no_result_folder", "must be the folder of a result, with {signals}", signals=SIGNALS)
+        raise InvalidConfig(folder, "", problem)
+    summary = parse_json(text_of(folder / SUMMARY), folder / SUMMARY)
+    names = column_names(table)
+    values, _ = read_columns(table, names)
+    columns = {name: values[:, index] for index, name in enumerate(names)}
     times = columns.pop(TIME_COLUMN)
     # Results of before have no gains in their summary.
     gains = [servo_in_words(servo) for servo in summary.get("servos", {}).values()]
     name = ": ".join([str(folder), *list(dict.fromkeys(gains))[:1]])
-    return SavedSignals(name, times, columns, units)
+    return SavedSignals(name, times, columns, units=summary.get("units", {}))
 
 
 def overlay_figure(results: Sequence[SavedSignals], patterns: Sequence[str] = ()) -> Figure:
@@ -109,7 +100,7 @@ def overlay_figure(results: Sequence[SavedSignals], patterns: Sequence[str] = ()
     )
     styles = looks(len(results))
     for axes, name in zip(frames.flat, names, strict=False):
-        unit = next(result.units[name] for result in results if name in result.units)
+        unit = next((result.units[name] for result in results if name in result.units), "1")
         shown_unit, factor = _USER_UNITS.get(unit, (unit, 1.0))
         for result, (colour, line) in zip(results, styles, strict=True):
             if name in result.columns:

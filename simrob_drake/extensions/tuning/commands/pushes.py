@@ -12,7 +12,7 @@ from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import changes_of, refuse
 from simrob_drake.cli.options import AllowCode, Force, Scheduler, Settings, StationArgument, Workers, with_mesh_path
-from simrob_drake.cli.screen import console, say, table
+from simrob_drake.cli.screen import console, say_place, table
 from simrob_drake.results.files import default_folder
 
 _SIDES = {0.0: "forward", 90.0: "left", 180.0: "backward", 270.0: "right"}
@@ -97,7 +97,7 @@ def pushes(
     place = WalkingFolder(folder, walking, force=force, allow_code=allow_code)
     rows = place.run(workers=workers, scheduler=scheduler)
     console.print(_table(walking.summary(rows)))
-    say(f"table {folder / f'{walking.name}.csv'}")
+    say_place("table", folder / f"{walking.name}.csv")
     return ExitCode.DONE
 
 

@@ -13,7 +13,7 @@ from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import changes_of, refuse, texts_by_key
 from simrob_drake.cli.options import AllowCode, Force, NoRecording, Saving, Scheduler, Settings, Workers, with_mesh_path
 from simrob_drake.cli.saving import prepared_folder, saved
-from simrob_drake.cli.screen import console, say, table
+from simrob_drake.cli.screen import console, say_place, table
 from simrob_drake.results.files import default_folder
 from simrob_drake.stations.located import located_changes
 
@@ -102,8 +102,8 @@ def sweep(
         )
     rows = place.run(workers=workers, scheduler=scheduler)
     _tell(rows)
-    say(f"table {place.folder / TABLE}")
-    say(f"a run simrob sweep {place.folder} --run NUMBER")
+    say_place("table", place.folder / TABLE)
+    say_place("a run", f"simrob sweep {place.folder} --run NUMBER")
     return ExitCode.DONE
 
 

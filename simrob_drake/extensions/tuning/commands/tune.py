@@ -11,7 +11,7 @@ from simrob_drake.base.errors import one_of
 from simrob_drake.base.messages import message
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.options import Force, Scheduler, Workers, with_mesh_path
-from simrob_drake.cli.screen import console, say, table
+from simrob_drake.cli.screen import console, say, say_place, say_text, table
 from simrob_drake.results.files import default_folder
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def tune(
     if plots_there():
         found = [study_in_optuna(name, place.study, place.journal.records) for name, place in places.items()]
         save_convergence(whole / "convergence.png", found)
-    say(f"result {whole}")
+    say_place("result", whole)
     return ExitCode.DONE
 
 
@@ -148,6 +148,6 @@ def prove(
     folder = out or (Path(winner) / "prove" if proof.study else default_folder(f"{Path(winner).stem}-prove"))
     _, words = ProofFolder(folder, proof, force=force).run(workers=workers, scheduler=scheduler)
     for sentence in words:
-        console.print(sentence, highlight=False)
-    say(f"page {folder / PAGE}")
+        say_text(sentence)
+    say_place("page", folder / PAGE)
     return ExitCode.DONE
