@@ -6,6 +6,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Self, cast
 
+import numpy as np
+
 from simrob_drake.base.arguments import plain
 from simrob_drake.base.errors import InvalidParameter, quoted
 from simrob_drake.base.folders import alone_in, writing
@@ -24,10 +26,11 @@ from simrob_drake.extensions.pendant.setup import Setup
 from simrob_drake.extensions.pendant.store import Taught
 from simrob_drake.extensions.pendant.subjects import program_of, station_for
 from simrob_drake.importer.robot_files import is_robot_file, robot_file
-from simrob_drake.programs.moves.joints import JointMove, move_of
-from simrob_drake.programs.moves.move import MOVE_TIME
+from simrob_drake.programs.moves.joints import JointMove, move_of, targets_on
 from simrob_drake.programs.stages import step_moves
+from simrob_drake.programs.suggested_duration import suggest_duration
 from simrob_drake.programs.timeline import GRID, Change
+from simrob_drake.stations.resolve import resolve
 
 __all__ = ["Session", "Topic"]
 
