@@ -49,7 +49,7 @@ Pair = frozenset[str]
 """Names of two bodies that touch; one name if two shapes of a body do."""
 
 
-class Remedy(NamedTuple):
+class FasterStation(NamedTuple):
     """A change of settings that may make a run faster."""
 
     text: str  # what to set, in words
@@ -170,7 +170,7 @@ class Slow:
             filters.Apply(CollisionFilterDeclaration().ExcludeBetween(sets[0], sets[-1]))
         return _time_reached(Simulator(self.built.diagram, root), self.config, self.step, look)
 
-    def _with_trial(self, remedy: Remedy) -> str:
+    def _with_trial(self, remedy: FasterStation) -> str:
         """Text of a remedy, with the pace of a trial of the station that has its settings, if a trial is possible."""
         if self.own_blocks:
             return remedy.text
@@ -295,14 +295,14 @@ def _seconds(work: Callable[[], object]) -> float:
     return min(times)
 
 
-def _cenic(config: StationConfig) -> Remedy:
+def _cenic(config: StationConfig) -> FasterStation:
     """Remedy: the scheme ``cenic``, which takes long steps in contact."""
     solver = ContinuousSolver(kind="continuous", scheme="cenic", accuracy=1e-3, max_step=0.01)
     text = message("simulation.use_cenic", "set solver.scheme=cenic and solver.max_step={step:g}", step=solver.max_step)
-    return Remedy(text, config.model_copy(update={"solver": solver}))
+    return FasterStation(text, config.model_copy(update={"solver": solver}))
 
 
-def _discrete(config: StationConfig) -> Remedy:
+def _discrete(config: StationConfig) -> FasterStation:
     """Remedy: a discrete solver, with servos that are evaluated implicitly within its steps."""
     implicit = {"realization": "implicit"}
     robots = {}
@@ -314,7 +314,7 @@ def _discrete(config: StationConfig) -> Remedy:
         "servo": config.servo.model_copy(update=implicit),
         "robots": robots,
     }
-    return Remedy(DISCRETE, config.model_copy(update=changes))
+    return FasterStation(DISCRETE, config.model_copy(update=changes))
 
 
 _OVER = 100  # count of the last steps whose mean length is compared with _CREEPING

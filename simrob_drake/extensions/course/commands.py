@@ -8,8 +8,9 @@ from typing import Annotated
 import typer
 from rich.text import Text
 
-from simrob_drake.base.errors import InvalidConfig, InvalidParameter
+from simrob_drake.base.errors import InvalidConfig, Unsuitable
 from simrob_drake.base.folders import check_ending, check_new_file, written_at_once
+from simrob_drake.base.messages import in_language, message
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.options import Force
@@ -108,7 +109,8 @@ def check(
         _check_folder(entry, answer, csv, language, allow_code=allow_code, seconds=seconds, memory=memory, force=force)
         return ExitCode.DONE
     if csv is not None:
-        raise InvalidParameter("--csv", str(csv), "left out for a single answer; it is for a folder of submissions")
+        problem = message("course.only_for_folders", "it is for a folder of submissions, and this is a single answer")
+        raise Unsuitable("--csv", problem)
     words = _words(language)
     texts = entry.exercise.points
     passed = 0
@@ -116,7 +118,7 @@ def check(
         for point in checked_points(entry, answer, allow_code=allow_code, seconds=seconds, memory=memory):
             passed += point.ok
             mark = (f"{words[point.state]:{_STATE_WIDTH}}", _STYLES[point.state])
-            say(Text.assemble(mark, f"{texts[point.name].of(language)}: {_result(point, words)}"))
+            say(Text.assemble(mark, f"{texts[point.name].of(language)}: {_result(point, language)}"))
     console.print(words["points"].format(passed, len(texts)), highlight=False)
     return ExitCode.DONE if passed == len(texts) else ExitCode.BEYOND
 
@@ -144,7 +146,10 @@ def _check_folder(
     """
     words = _words(language)
     if not allow_code:
-        raise InvalidConfig(folder, "", "contains code that would be run; if you trust it, say --allow-code")
+        problem = message(
+            "course.code_in_folder", "contains code that would be run; if you trust it, say --allow-code"
+        )
+        raise InvalidConfig(folder, "", problem)
     file = Path(f"exercise-{entry.exercise.number}.csv") if csv is None else csv
     check_ending(file, (".csv",), "--csv")
     check_new_file(file, force=force)
@@ -154,23 +159,26 @@ def _check_folder(
         with errors.status(Text(f"{number}/{len(submissions)} {submission.name}")):
             checked.append(check_submission(entry, submission, seconds=seconds, memory=memory))
         written_at_once(file, points_table(entry, checked))
-        say(_submission_line(checked[-1], len(entry.exercise.points), words))
+        say(_submission_line(checked[-1], len(entry.exercise.points), language))
     say(f"{words['table']:<10}{file}")
 
 
-def _submission_line(submission: CheckedSubmission, count: int, words: Mapping[str, str]) -> Text:
+def _submission_line(submission: CheckedSubmission, count: int, language: Language) -> Text:
     """Line that reports a submission: its points, or why it could not be measured."""
+    words = _words(language)
     is_complete = submission.passed == count
     style = "red" if submission.problem else "green" if is_complete else "yellow"
     mark = words["error"] if submission.problem else f"{submission.passed}/{count}"
-    text = f"{submission.name}: {submission.problem}" if submission.problem else submission.name
+    problem = in_language(submission.problem, language)
+    text = f"{submission.name}: {problem}" if problem else submission.name
     return Text.assemble((f"{mark:{_STATE_WIDTH}}", style), text)
 
 
-def _result(point: CheckedPoint, words: Mapping[str, str]) -> str:
+def _result(point: CheckedPoint, language: Language) -> str:
     """Measured value of a point and its bounds in words; or why there is none."""
+    words = _words(language)
     if point.reading is None:
-        return point.problem or words["unwritten"]
+        return in_language(point.problem, language) or words["unwritten"]
     value = _with_unit(f"{point.reading.value:.4g}", point.reading.unit)
     return f"{words['measured']} {value}; {words['asked']} {_bounds(point.reading, words)}"
 

@@ -93,9 +93,9 @@ class ExerciseFolder:
             raise OutputError(
                 message(
                     "course.answer_exists",
-                    "{file} exists already; choose another folder, such as --out {proposal},"
+                    "{answer} exists already; choose another folder, such as --out {proposal},"
                     " or replace the answer with --force",
-                    file=answer,
+                    answer=answer,
                     proposal=proposal,
                 )
             )

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.course.exercise import (
     ANSWER_FILE,
     AnswerStopped,
@@ -70,9 +71,10 @@ def find_submissions(folder: Path) -> list[Submission]:
         elif entry.suffix == ".py":
             submissions.append(Submission(entry.stem, entry))
     if not submissions:
-        raise InvalidParameter(
-            "ANSWER", str(folder), "a Python file, or a folder of submissions: files or folders of students"
+        expected = message(
+            "course.file_or_submissions", "a Python file, or a folder of submissions: files or folders of students"
         )
+        raise InvalidParameter("ANSWER", str(folder), expected)
     return submissions
 
 
@@ -88,11 +90,12 @@ def check_submission(
         memory: memory limit of the submission [GB].
     """
     if submission.answer is None:
-        return CheckedSubmission(submission.name, (), f"it contains no {ANSWER_FILE}, nor a single Python file")
+        problem = message("course.no_answer", "it contains no {file}, nor a single Python file", file=ANSWER_FILE)
+        return CheckedSubmission(submission.name, (), problem)
     try:
         points = list(checked_points(exercise, submission.answer, allow_code=True, seconds=seconds, memory=memory))
-    except AnswerStopped as problem:
-        return CheckedSubmission(submission.name, (), str(problem))
+    except AnswerStopped as stopped:
+        return CheckedSubmission(submission.name, (), stopped.message)
     return CheckedSubmission(submission.name, points)
 
 

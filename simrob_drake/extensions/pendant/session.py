@@ -229,17 +229,41 @@ class Session:
         """Try a move of axes [deg or m], together with those tested before it since the last :meth:`add`.
 
         All go together, in the same time [s], from where the robot was before the first; that of the last test unless
-        given. Nothing is stored. What falls stays tested, until something else is tried in its place.
+        given, and for the first test a time that the servos can follow. Nothing is stored. What falls stays tested,
+        until something else is tried in its place.
         """
         now = self.book.history.present
-        before = cast(JointMove, now.pending[-1]).duration if now.joins else MOVE_TIME
 
         def tested() -> Taught:
-            move = move_of(targets_deg, before if duration is None else duration)
+            seconds = duration
+            if seconds is None and now.joins:
+                seconds = cast(JointMove, now.pending[-1]).duration
+            elif seconds is None:
+                seconds = self.suggest_duration(targets_deg)
+            move = move_of(targets_deg, seconds)
             self.book.within_limits(move)
             return (now if now.joins else self._runner.without_fallen).with_tested(move)
 
         return self._runner.try_moves(tested)
+
+    def suggest_duration(self, targets_deg: Mapping[str, float], start: Sequence[float] | None = None) -> float:
+        """Suggest a duration [s] for a move of axes that their servos can follow.
+
+        Args:
+            targets_deg: targets by axis [deg or m]. The other axes stay.
+            start: positions of all axes before the move, shape (n,) [rad or m]; those of the station's start if None.
+
+        Raises:
+            SimrobError: there is no such axis, or a target is beyond its limits.
+        """
+        config = self.book.config
+        robot = resolve(config).robots[self.book.robot]
+        before = np.array(robot.initial if start is None else start, dtype=float)
+        target = before.copy()
+        named = message("pendant.the_move", "the move")
+        for index, position in targets_on(robot.model, targets_deg, named).items():
+            target[index] = position
+        return suggest_duration(config, robot, before, target)
 
     def step(self) -> Future[Any]:
         """Try one step (Paso): it waits for :meth:`add` or :meth:`discard`, as a tested move."""

@@ -10,10 +10,10 @@ from simrob_drake.base.errors import SimrobError, nearest
 from simrob_drake.base.messages import message
 from simrob_drake.extensions.rapid.syntax import (
     Datum,
+    LineRemark,
     Module,
     Node,
     RapidError,
-    Remark,
     Routine,
     Scope,
     declared,
@@ -168,13 +168,13 @@ class Expressions:
     ) -> None:
         """Read what modules declare; functions are by name in lower case, ``signal`` gives a signal's value."""
         self._functions, self._signal = functions, signal
-        self.remarks: list[Remark] = []
+        self.remarks: list[LineRemark] = []
         self._locals: dict[str, Datum] = {}
         self.types, self._scope, self._faults = declared(modules, self._datum)
 
     def remark(self, node: Node, text: str, *, lost: bool = True) -> None:
         """Tell something about a line, once."""
-        remark = Remark(self._scope.file, _line(node), text, lost)
+        remark = LineRemark(self._scope.file, _line(node), text, lost)
         if remark not in self.remarks:
             self.remarks.append(remark)
 

@@ -16,10 +16,10 @@ from simrob_drake.extensions.rapid.instructions import FUNCTIONS_OF_CONTROLLER, 
 from simrob_drake.extensions.rapid.signals import Signals
 from simrob_drake.extensions.rapid.syntax import (
     Datum,
+    LineRemark,
     Module,
     Node,
     RapidError,
-    Remark,
     Routine,
     RoutineParameter,
     neighbours,
@@ -106,7 +106,7 @@ class Interpreter(Expressions):
                 ),
             )
         self.remarks.append(
-            Remark(
+            LineRemark(
                 self._scope.file,
                 1,
                 message("rapid.proc_is_done", "{problem}: {name}() is done", problem=problem, name=rows[0].name),
@@ -385,12 +385,12 @@ class Imported:
     """A program, and what its user should know of it."""
 
     program: Program  # the moves
-    remarks: tuple[Remark, ...]  # about lines of the modules, in their order
+    remarks: tuple[LineRemark, ...]  # about lines of the modules, in their order
     time: float  # that the program takes [s]
     lines: Mapping[int, str]  # the file and line of the last target of moves, by their number
 
     @property
-    def lost(self) -> list[Remark]:
+    def lost(self) -> list[LineRemark]:
         """What was not understood, and so is not done."""
         return [remark for remark in self.remarks if remark.lost]
 

@@ -33,7 +33,7 @@ class RapidError(SimrobError):
 
 
 @dataclass(frozen=True)
-class Remark:
+class LineRemark:
     """Something about a module that its user should know."""
 
     file: str  # its name
@@ -54,7 +54,7 @@ class Module:
     file: str
     name: str
     declarations: tuple[Node, ...]
-    faults: tuple[Remark, ...] = ()
+    faults: tuple[LineRemark, ...] = ()
 
 
 def read_modules(file: Path) -> list[Module]:
@@ -105,7 +105,7 @@ class _ParsedText(NamedTuple):
     """
 
     trees: list[Node]
-    faults: list[Remark]
+    faults: list[LineRemark]
 
 
 def _parse(text: str, file: str) -> _ParsedText:
@@ -117,7 +117,7 @@ def _parse(text: str, file: str) -> _ParsedText:
     with needed("RAPID", "rapid"):
         from lark.exceptions import UnexpectedInput
 
-    faults: list[Remark] = []
+    faults: list[LineRemark] = []
     readable = text
     while True:
         try:
@@ -126,13 +126,13 @@ def _parse(text: str, file: str) -> _ParsedText:
             if len(faults) == _MOST_FAULTS:
                 raise _error_of(faults[0]) from None
             repair = find_missing_end(problem, readable) or _without_statement(problem, readable)
-            faults.append(Remark(file, repair.line, repair.problem))
+            faults.append(LineRemark(file, repair.line, repair.problem))
             readable = repair.text
             if not readable:
                 raise _error_of(faults[0]) from None
 
 
-def _error_of(fault: Remark) -> RapidError:
+def _error_of(fault: LineRemark) -> RapidError:
     """Make the error of a text that cannot be read because of a fault."""
     return RapidError(message("rapid.at_line", "{file}: line {line}", file=fault.file, line=fault.line), fault.text)
 
@@ -319,12 +319,12 @@ class Scope:
 
 def declared(
     modules: Iterable[Module], make: Callable[[Scope, Node], tuple[str, Datum]]
-) -> tuple[Types, Scope, list[Remark]]:
+) -> tuple[Types, Scope, list[LineRemark]]:
     """Return the types that modules declare, the names that the last one knows, and what was not understood.
 
     Data are as ``make`` gives them with their names.
     """
-    types, shared, faults = Types(), dict[str, Any](), list[Remark]()
+    types, shared, faults = Types(), dict[str, Any](), list[LineRemark]()
     whole = [predefined(), *modules]
     for node in (node for module in whole for node in module.declarations):
         if node.data == "alias":
@@ -343,7 +343,7 @@ def declared(
                 names[routine.name.lower()] = routine
             elif node.data == "data" and not types.known(kind):
                 faults.append(
-                    Remark(
+                    LineRemark(
                         scope.file, kind.line, message("rapid.unknown_type", "the type {kind} is not known", kind=kind)
                     )
                 )
@@ -373,14 +373,14 @@ _FOLDERS = ("PROGMOD", "SYSMOD")  # of a task, side by side, as a controller and
 _MOST = 60  # files that are looked at
 
 
-def neighbours(files: Sequence[Path], modules: Sequence[Module]) -> tuple[list[Module], list[Remark]]:
+def neighbours(files: Sequence[Path], modules: Sequence[Module]) -> tuple[list[Module], list[LineRemark]]:
     """Return modules of files near those of a program that declare names which it lacks, and a remark on each.
 
     Another program, which has a main of its own, and what cannot be read are no such neighbours.
     """
     known = {name for module in modules for name in _declared(module)}
     wanting = {word.lower() for module in modules for word in _words(module)} - known
-    found, remarks = list[Module](), list[Remark]()
+    found, remarks = list[Module](), list[LineRemark]()
     for file in _near(files):
         for module in _read(file):
             names = {name for name in _declared(module) if name in wanting}
@@ -393,7 +393,7 @@ def neighbours(files: Sequence[Path], modules: Sequence[Module]) -> tuple[list[M
                     file=file.name,
                     names=", ".join(sorted(names)),
                 )
-                remarks.append(Remark(modules[-1].file, 1, what, lost=False))
+                remarks.append(LineRemark(modules[-1].file, 1, what, lost=False))
     return found, remarks
 
 

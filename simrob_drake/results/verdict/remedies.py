@@ -6,7 +6,7 @@ station takes the key, and if the recorded run shows the cause, such as a servo 
 
 from collections.abc import Callable
 from math import ceil, floor, log10
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
@@ -17,10 +17,20 @@ from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.torques import torque_shares
 
-if TYPE_CHECKING:  # this import would be circular: a criterion has a remedy
-    from simrob_drake.results.verdict.verdict import MeasuredValue
 
-MakeRemedy = Callable[[RecordedRun, "MeasuredValue"], Remedy | None]
+class WorstValue(Protocol):
+    """The worst value of a criterion, as remedies look at it."""
+
+    @property
+    def subject(self) -> str:
+        """Name of the subject, such as an axis."""
+
+    @property
+    def value(self) -> float:
+        """The value, in SI units, or a share."""
+
+
+MakeRemedy = Callable[[RecordedRun, WorstValue], Remedy | None]
 """Finds the remedy of the worst value of a violated criterion; returns None if none is known."""
 
 _MORE_TIME = 2.0
@@ -36,7 +46,7 @@ _STIFFER = 10.0
 """Bodies that sink into each other too deep get a contact stiffness so many times larger."""
 
 
-def sag_or_saturation(run: RecordedRun, entry: "MeasuredValue") -> Remedy | None:
+def sag_or_saturation(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     """Remedy of an axis, or of a robot's tool, that is not where it should be.
 
     A saturated motor needs more time or torque. Otherwise a servo without an integral part leaves an error, which
@@ -56,7 +66,7 @@ def sag_or_saturation(run: RecordedRun, entry: "MeasuredValue") -> Remedy | None
     return Remedy(text, key=_servo_key(run, robot, "feedforward"), value="gravity")
 
 
-def lag(run: RecordedRun, entry: "MeasuredValue") -> Remedy | None:
+def lag(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     """Remedy of an axis that is too far behind its reference while it moves: more time, or larger gains."""
     robot = robot_of(run, entry.subject)
     if robot is None or not run.config.engine.moves_by_forces:
@@ -67,7 +77,7 @@ def lag(run: RecordedRun, entry: "MeasuredValue") -> Remedy | None:
     return _with_longer_reference(run, robot, text, _MORE_TIME)
 
 
-def more_time_for_motors(run: RecordedRun, entry: "MeasuredValue") -> Remedy | None:
+def more_time_for_motors(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     """Remedy of a motor that is at its torque limit: more time, or else a smaller load."""
     robot = robot_of(run, entry.subject)
     if robot is None:
@@ -81,7 +91,7 @@ def more_time_for_motors(run: RecordedRun, entry: "MeasuredValue") -> Remedy | N
     return _with_longer_reference(run, robot, text, _MORE_TIME)
 
 
-def more_time_for_speed(run: RecordedRun, entry: "MeasuredValue") -> Remedy | None:
+def more_time_for_speed(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     """Remedy of an axis or a tool that moves too fast: more time, in proportion to its speed."""
     robot = robot_of(run, entry.subject)
     if robot is None:
@@ -93,13 +103,13 @@ def more_time_for_speed(run: RecordedRun, entry: "MeasuredValue") -> Remedy | No
     return _with_longer_reference(run, robot, text, _MARGIN * entry.value)
 
 
-def less_load(run: RecordedRun, entry: "MeasuredValue") -> Remedy:
+def less_load(run: RecordedRun, entry: WorstValue) -> Remedy:
     """Remedy of a robot that carries more than its rated payload."""
     del run, entry  # the remedy is the same for all robots
     return Remedy(message("results.remedy_less_load", "carry less, or take a robot with a larger payload"))
 
 
-def contact_with_floor(run: RecordedRun, entry: "MeasuredValue") -> Remedy | None:
+def contact_with_floor(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     """Remedy of a body that sank into the floor: contact, if the station has none."""
     del entry  # the remedy is the same for all bodies
     if run.config.contact is not None:
@@ -114,7 +124,7 @@ def contact_with_floor(run: RecordedRun, entry: "MeasuredValue") -> Remedy | Non
     return Remedy(text, key="contact", value="{}")
 
 
-def stiffer_contact(run: RecordedRun, entry: "MeasuredValue") -> Remedy | None:
+def stiffer_contact(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     """Remedy of two bodies that are too deep in each other: a stiffer contact."""
     del entry  # the remedy is the same for all bodies
     contact = run.config.contact
@@ -124,20 +134,20 @@ def stiffer_contact(run: RecordedRun, entry: "MeasuredValue") -> Remedy | None:
     return Remedy(text, key="contact.stiffness", value=_readable(_STIFFER * contact.stiffness))
 
 
-def more_grip(run: RecordedRun, entry: "MeasuredValue") -> Remedy:
+def more_grip(run: RecordedRun, entry: WorstValue) -> Remedy:
     """Remedy of a foot that slides over the ground."""
     del run, entry  # the remedy is the same for all feet
     return Remedy(message("results.remedy_more_grip", "take shorter steps, or raise the friction of sole and floor"))
 
 
-def other_solver(run: RecordedRun, entry: "MeasuredValue") -> Remedy:
+def other_solver(run: RecordedRun, entry: WorstValue) -> Remedy:
     """Remedy of a solver that retries its steps too often."""
     del run, entry  # the remedy is the same for all stations
     text = message("results.remedy_other_solver", "choose another solver scheme, or smaller gains and stiffnesses")
     return Remedy(text, key="solver.scheme")
 
 
-def rest_for_motor(run: RecordedRun, entry: "MeasuredValue") -> Remedy:
+def rest_for_motor(run: RecordedRun, entry: WorstValue) -> Remedy:
     """Remedy of a motor that becomes too hot."""
     del run, entry  # the remedy is the same for all motors
     return Remedy(message("results.remedy_cooler_motor", "let the motor rest between moves, or carry less"))

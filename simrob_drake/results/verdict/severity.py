@@ -1,12 +1,7 @@
 """How severe each remark about a run is. This is the only module that decides it."""
 
-from typing import TYPE_CHECKING
-
 from simrob_drake.base.remarks import Severity
 from simrob_drake.results.record.run import RecordedRun, fallen
-
-if TYPE_CHECKING:  # this import would be circular: a verdict has remarks
-    from simrob_drake.results.verdict.verdict import Measure
 
 _OF_ENDINGS: dict[str, Severity] = {
     "completed": "success",
@@ -31,9 +26,8 @@ def severity_of_end(run: RecordedRun) -> Severity:
     return _OF_ENDINGS[run.ending]
 
 
-def severity_of(measure: "Measure") -> Severity:
-    """Severity of a criterion's result: a note if there is no bound, otherwise a success or a violation."""
-    if measure.warning:
+def severity_of_value(*, is_violation: bool, has_bound: bool) -> Severity:
+    """Severity of a value: a note if it has no bound, otherwise a success or a violation."""
+    if is_violation:
         return VIOLATION
-    has_bound = any(entry.bound is not None for entry in measure.entries)
     return "success" if has_bound else "note"

@@ -21,7 +21,7 @@ from simrob_drake.base.remarks import Remark, Remedy, Severity, worst_severity
 from simrob_drake.results.html import html_of_remarks
 from simrob_drake.results.record.run import move_title
 from simrob_drake.results.verdict.remedies import MakeRemedy
-from simrob_drake.results.verdict.severity import VIOLATION, severity_of
+from simrob_drake.results.verdict.severity import VIOLATION, severity_of_value
 from simrob_drake.results.verdict.words import (
     amount_in_words,
     capitalised,
@@ -281,6 +281,11 @@ class Measure:
         )
 
     @property
+    def severity(self) -> Severity:
+        """Severity of the worst entry."""
+        return severity_of_value(is_violation=bool(self.warning), has_bound=self.worst.bound is not None)
+
+    @property
     def remark(self) -> Remark | None:
         """The warning with its severity and remedy, or None if all values are within their bounds."""
         return Remark(VIOLATION, self.warning, self.remedy) if self.warning else None
@@ -290,7 +295,7 @@ class Measure:
         """Entry of the table of criteria."""
         worst = self.worst
         return CriterionRow(
-            severity=severity_of(self),
+            severity=self.severity,
             criterion=self.criterion.title_message,
             value=self._in_table(worst.value),
             bound=NO_BOUND if worst.bound is None else self._in_table(worst.bound),
@@ -340,7 +345,7 @@ class Measure:
             "unit": worst.unit,
             "bound": worst.bound,
             "time": worst.time,
-            "severity": severity_of(self),
+            "severity": self.severity,
             "each": values,
         }
         if self.left_out:
