@@ -7,12 +7,22 @@ decides only how a severity looks.
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from simrob_drake.base.messages import Message, message
+
 Severity = Literal["success", "note", "warning", "failure"]
 """How a remark is judged.
 
 ``success``: what was asked is reached. ``note``: a fact without a judgement. ``warning``: a value violates its bound,
 or a result may be wrong. ``failure``: the run ended early, or an input cannot be used.
 """
+
+SEVERITY_WORDS: dict[Severity, Message] = {
+    "success": message("base.severity_ok", "ok"),
+    "note": message("base.severity_note", "note"),
+    "warning": message("base.severity_warning", "warning"),
+    "failure": message("base.severity_failure", "failure"),
+}
+"""Words for the severities, which tell them apart without colours."""
 
 SEVERITIES: tuple[Severity, ...] = ("success", "note", "warning", "failure")
 """All severities, from the best to the worst."""

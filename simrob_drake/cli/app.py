@@ -18,7 +18,7 @@ from typer.exceptions import TyperException
 
 import simrob_drake
 from simrob_drake.base.errors import InvalidParameter, SimrobError, UnknownName, shortened
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import SOURCE_LANGUAGE, message
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.command_table import (
     CommandEntry,
@@ -29,6 +29,7 @@ from simrob_drake.cli.command_table import (
     find_command,
     subcommand_functions,
 )
+from simrob_drake.cli.language import LANGUAGE_VARIABLE, set_language
 from simrob_drake.cli.screen import Interrupted, console, say_warning, tell
 
 
@@ -177,6 +178,7 @@ def load(arguments: list[str]) -> None:
 
 def run_command(arguments: list[str]) -> int:
     """Run a command and return its exit code; errors of the user go to the error stream in one line."""
+    set_language(os.environ.get(LANGUAGE_VARIABLE, SOURCE_LANGUAGE))
     try:
         _check_surroundings(arguments)
         with _own_warnings():
@@ -190,9 +192,13 @@ def run_command(arguments: list[str]) -> int:
         why = problem.strerror or str(problem)
         tell(f"{shortened(str(problem.filename), 1000)}: {why}" if problem.filename else why)
         return ExitCode.BAD_INPUT
-    except (SimrobError, TyperException) as problem:
-        if message := getattr(problem, "format_message", problem.__str__)():  # usage errors name the option there
-            tell(message)  # none where help was shown instead
+    except SimrobError as problem:
+        tell(problem.message)
+        return ExitCode.BAD_INPUT
+    except TyperException as problem:
+        text = problem.format_message()  # it names the option
+        if text:  # none if help was shown instead
+            tell(text)
         return ExitCode.BAD_INPUT
     except Interrupted as interrupt:
         tell(str(interrupt))

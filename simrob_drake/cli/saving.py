@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from simrob_drake.base.folders import check_folder
-from simrob_drake.base.remarks import Remark, Remedy
+from simrob_drake.base.messages import message
+from simrob_drake.base.remarks import SEVERITY_WORDS, Remark, Remedy
 from simrob_drake.cli import ExitCode
+from simrob_drake.cli.language import translate
 from simrob_drake.cli.options import Saving
 from simrob_drake.cli.screen import (
     SEVERITY_STYLES,
-    SEVERITY_WORDS,
     console,
     finished_first,
     say,
@@ -121,13 +122,13 @@ def saved(result: SimulationResult, folder: Path, saving: Saving, *, more: str =
     if more:
         say_text(more)
     say_text(result.pace)
-    say_place("result   ", folder)
+    say_place(message("cli.result", "result"), folder)
     if result.commanded:
-        say_place("commanded", folder / COMMANDS)
+        say_place(message("cli.commanded", "commanded"), folder / COMMANDS)
     if (folder / PROGRAM).exists():
-        say_place("program  ", folder / PROGRAM)
+        say_place(message("cli.program", "program"), folder / PROGRAM)
     if not saving.no_recording:
-        say_place("recording", (folder / "recording.html").resolve().as_uri())
+        say_place(message("cli.recording", "recording"), (folder / "recording.html").resolve().as_uri())
     return ExitCode.INTERRUPTED if interrupted() else exit_code(result, strict=saving.strict)
 
 
@@ -157,8 +158,9 @@ def _show_verdict(verdict: Verdict, name: str, *, with_table: bool) -> None:
     summary, *warnings = verdict.remarks
     # An output without colours shows a warning or a failure by its word.
     is_plain = not console.is_terminal and summary.severity in ("warning", "failure")
-    word = f"{SEVERITY_WORDS[summary.severity]}: " if is_plain else ""
-    say_text(f"{word}{name}{summary.text.rstrip('.')}.", SEVERITY_STYLES[summary.severity])
+    word = f"{translate(SEVERITY_WORDS[summary.severity])}: " if is_plain else ""
+    sentence = translate(summary.text).rstrip(".")
+    say_text(f"{word}{name}{sentence}.", SEVERITY_STYLES[summary.severity])
     if verdict.table and summary.severity != "failure" and (with_table or verdict.beyond):
         console.print(criteria_table(verdict))
     shown_remedies = list[Remedy]()

@@ -13,7 +13,9 @@ from rich.table import Table
 from rich.text import Text
 
 from simrob_drake.base.errors import shortened
-from simrob_drake.base.remarks import Remark, Severity
+from simrob_drake.base.messages import Message
+from simrob_drake.base.remarks import SEVERITY_WORDS, Remark, Severity
+from simrob_drake.cli.language import translate
 
 _LONGEST = 2000
 
@@ -32,15 +34,13 @@ errors = Console(markup=False, emoji=False, highlight=False, stderr=True, width=
 SEVERITY_STYLES: dict[Severity, str] = {"success": "green", "note": "dim", "warning": "yellow", "failure": "red"}
 """Styles of rich for the severities of remarks. An output that is no terminal has no colours."""
 
-SEVERITY_WORDS: dict[Severity, str] = {"success": "ok", "note": "note", "warning": "warning", "failure": "failure"}
-"""Words for the severities of remarks, which show them without colours."""
-
 _INDENT = " " * len("warning ")
+_LABEL_WIDTH = len("recording")
 
 
 def say(text: str | Text) -> None:
-    """Write a line as it is, however long."""
-    console.print(text, soft_wrap=True)
+    """Write a line in the language of the output, however long it is."""
+    console.print(translate(text) if isinstance(text, str) else text, soft_wrap=True)
 
 
 def say_text(text: str, style: str = "", target: Console = console) -> None:
@@ -51,7 +51,7 @@ def say_text(text: str, style: str = "", target: Console = console) -> None:
         style: style of rich, such as ``green``; empty for the usual one.
         target: where it is written.
     """
-    for line in _wrapped(text, target.width) or [""]:
+    for line in _wrapped(translate(text), target.width) or [""]:
         target.print(Text(line, style), soft_wrap=True)
 
 
@@ -65,18 +65,20 @@ def say_place(label: str, place: object) -> None:
 
     It is never broken, so that a user can copy it.
     """
-    line = f"{label} {place}"
+    # Labels of one output line up: a translated one takes the width of the longest label.
+    shown_label = f"{translate(label):{_LABEL_WIDTH}}" if isinstance(label, Message) else label
+    line = f"{shown_label} {place}"
     if len(line) <= console.width:
         say(line)
         return
-    if label.strip():
-        say(label.rstrip())
+    if label:
+        say(shown_label.rstrip())
     say(str(place))
 
 
-def say_warning(text: str, word: str = "warning") -> None:
+def say_warning(text: str, word: str = SEVERITY_WORDS["warning"]) -> None:
     """Write a warning on the error stream, with a coloured word before it. Further lines are indented."""
-    _say_hanging(errors, Text(word, SEVERITY_STYLES["warning"]), text)
+    _say_hanging(errors, Text(translate(word), SEVERITY_STYLES["warning"]), text)
 
 
 def say_remark(remark: Remark, *, with_remedy: bool = True) -> None:
@@ -87,11 +89,11 @@ def say_remark(remark: Remark, *, with_remedy: bool = True) -> None:
         with_remedy: whether the remedy is written. Several remarks may have the same one.
     """
     target = errors if remark.severity in ("warning", "failure") else console
-    word = Text(SEVERITY_WORDS[remark.severity], SEVERITY_STYLES[remark.severity])
+    word = Text(translate(SEVERITY_WORDS[remark.severity]), SEVERITY_STYLES[remark.severity])
     _say_hanging(target, word, remark.text)
     if remark.remedy is None or not with_remedy:
         return
-    _say_hanging(target, Text(""), f"→ {remark.remedy.text}")
+    _say_hanging(target, Text(""), f"→ {translate(remark.remedy.text)}")
     if remark.remedy.setting:
         _say_hanging(target, Text(""), f"  --set {remark.remedy.setting}")
     elif remark.remedy.key:
@@ -100,7 +102,7 @@ def say_remark(remark: Remark, *, with_remedy: bool = True) -> None:
 
 def _say_hanging(target: Console, word: Text, text: str) -> None:
     """Write a word and a text. The text is wrapped at words, and all of its lines begin at the same column."""
-    lines = _wrapped(text, target.width - len(_INDENT)) or [""]
+    lines = _wrapped(translate(text), target.width - len(_INDENT)) or [""]
     target.print(Text.assemble(word, " " * (len(_INDENT) - len(word)), lines[0]), soft_wrap=True)
     for line in lines[1:]:
         target.print(f"{_INDENT}{line}", soft_wrap=True)
@@ -114,15 +116,16 @@ def table(headings: Sequence[str], *rows: Sequence[str | Text], title: str = "",
     """Return rows of cells below their headings; of ``numbers`` all columns but the first are to the right."""
     found = Table(box=None, pad_edge=False, title=title or None)
     for place, heading in enumerate(headings):
-        found.add_column(Text(heading), justify="right" if numbers and place else "left")  # as text [s] is no mark-up
+        # As a text, so that [s] is no mark-up.
+        found.add_column(Text(translate(heading)), justify="right" if numbers and place else "left")
     for row in rows:
-        found.add_row(*row)
+        found.add_row(*(translate(cell) if isinstance(cell, str) else cell for cell in row))
     return found
 
 
 def tell(text: str) -> None:
     """Say something on the error stream, in one line."""
-    print(f"simrob: {shortened(text, _LONGEST)}", file=sys.stderr, flush=True)
+    print(f"simrob: {shortened(translate(text), _LONGEST)}", file=sys.stderr, flush=True)
 
 
 class Interrupted(Exception):

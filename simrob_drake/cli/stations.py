@@ -11,6 +11,7 @@ from simrob_drake.base.folders import check_new_file
 from simrob_drake.base.messages import message
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import refuse, station_from
+from simrob_drake.cli.language import with_output_language
 from simrob_drake.cli.options import (
     AllowCode,
     Force,
@@ -40,6 +41,7 @@ from simrob_drake.simulation import simulate
 from simrob_drake.stations.config import StationConfig
 
 
+@with_output_language
 @with_mesh_path
 @with_saving
 @with_language

@@ -6,8 +6,9 @@ from rich.text import Text
 
 from simrob_drake.base.errors import listed
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.remarks import Severity
-from simrob_drake.cli.screen import SEVERITY_STYLES, SEVERITY_WORDS, table
+from simrob_drake.base.remarks import SEVERITY_WORDS, Severity
+from simrob_drake.cli.language import translate
+from simrob_drake.cli.screen import SEVERITY_STYLES, table
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.results.verdict.verdict import Verdict
@@ -24,7 +25,7 @@ _COLOURS: dict[EntryKind, str] = {
 
 def _mark(severity: Severity) -> Text:
     """Word for a severity, in its colour."""
-    return Text(SEVERITY_WORDS[severity], SEVERITY_STYLES[severity])
+    return Text(translate(SEVERITY_WORDS[severity]), SEVERITY_STYLES[severity])
 
 
 def criteria_table(verdict: Verdict) -> Table:

@@ -56,13 +56,26 @@ FILM_ENDINGS = (".html", ".png", ".mp4")  # of files with the motion of a run
 def table_of(result: RecordedRun) -> list[list[str]]:
     """Return headings, and where every joint ended and its torques; without robots, where the free pieces ended."""
     if not result.plant.robots:
-        table = [["piece", "x [m]", "y [m]", "z [m]", "speed [m/s]"]]
+        speed = message("results.heading_speed", "speed [m/s]")
+        table = [[message("results.heading_piece", "piece"), "x [m]", "y [m]", "z [m]", speed]]
         for piece in result.config.free_pieces:
             place, velocity = result.piece_pose(piece)[-1, :3], result.piece_velocity(piece)[-1, :3]
             table.append([piece, *(f"{value:.4f}" for value in place), f"{np.linalg.norm(velocity):.4f}"])
         return table
     kinematic = not result.config.engine.moves_by_forces
-    table = [["joint", "reference", "position", "unit", "torque", "peak torque", "limit", "unit"]]
+    unit_heading = message("results.heading_unit", "unit")
+    table = [
+        [
+            message("results.heading_joint", "joint"),
+            message("results.heading_reference", "reference"),
+            message("results.heading_position", "position"),
+            unit_heading,
+            message("results.heading_torque", "torque"),
+            message("results.heading_peak_torque", "peak torque"),
+            message("results.heading_limit", "limit"),
+            unit_heading,
+        ]
+    ]
     for robot in result.plant.robots.values():
         for index, (axis, limit) in enumerate(zip(robot.axes, robot.gains.torque_limit, strict=True)):
             reference, position, torque = (result[f"{robot.prefix}{s}.{axis}"] for s in ("q_ref", "q", "tau"))

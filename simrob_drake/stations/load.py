@@ -23,7 +23,7 @@ from simrob_drake.base.arguments import as_path, instance
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError, UnknownName, quoted
 from simrob_drake.base.extension import installed_extensions
 from simrob_drake.base.files import model_file, station_files
-from simrob_drake.base.messages import join_texts, message
+from simrob_drake.base.messages import Message, join_texts, message
 from simrob_drake.base.packages import Border
 from simrob_drake.base.sections import validated
 from simrob_drake.base.yaml_files import is_yaml_name, place_of, read_yaml
@@ -563,7 +563,15 @@ def _copy(value: Any, path: list[str], where: Path | str) -> Any:
 
 
 def _in_short_form(text: str) -> str:
-    """Replace ``robots.robot`` in an error message by ``robot``, as the station's file has it."""
+    """Replace ``robots.robot`` in an error message by ``robot``, as the station's file has it.
+
+    A message keeps its id, so that it can be translated: the names are in its fields.
+    """
+    if isinstance(text, Message):
+        fields = {
+            name: _in_short_form(value) if isinstance(value, str) else value for name, value in text.fields.items()
+        }
+        return Message(text.id, text.template, fields, text.longest)
     return re.sub(rf"\brobots\.{ONLY_ROBOT}\b", ONLY_ROBOT, text)
 
 

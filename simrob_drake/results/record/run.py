@@ -16,7 +16,7 @@ from pydrake.systems.framework import Context
 
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.frames import VELOCITY_NAMES, XYZ_QUATERNION_NAMES, Vector
-from simrob_drake.base.messages import Message, message
+from simrob_drake.base.messages import Message, compound, message
 from simrob_drake.base.signals import Panel, Signal
 from simrob_drake.blocks.references import Reference, Samples
 from simrob_drake.parts.resolved import named
@@ -306,12 +306,13 @@ class RecordedRun:
     def pace(self) -> str:
         """Speed of the run and its count of steps, in words."""
         rate = self.realtime_rate
-        steps = f"{len(self.step_times) - 1} steps"
+        steps = message("results.steps", "{count} {count:step|steps}", count=len(self.step_times) - 1)
         if not rate:
             return steps  # the run ended at its start
         # Two significant digits: the decimals that a rate of this size needs.
         decimals = max(1 - int(np.floor(np.log10(rate))), 0)
-        return f"{rate:.{decimals}f} × real time, {steps}"
+        shown_rate = compound(f"{{rate:.{decimals}f}}", rate=rate)
+        return message("results.pace", "{rate} × real time, {steps}", rate=shown_rate, steps=steps)
 
     @property
     def realtime_rate(self) -> float:

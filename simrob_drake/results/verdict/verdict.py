@@ -17,7 +17,7 @@ import numpy as np
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import Message, compound, join_texts, message
-from simrob_drake.base.remarks import Remark, Remedy, Severity, worst_severity
+from simrob_drake.base.remarks import SEVERITY_WORDS, Remark, Remedy, Severity, worst_severity
 from simrob_drake.results.html import html_of_remarks
 from simrob_drake.results.record.run import move_title
 from simrob_drake.results.verdict.remedies import MakeRemedy
@@ -209,14 +209,6 @@ TABLE_HEADINGS = (
     message("results.heading_worst", "worst part"),
 )
 """Headings of the table of criteria. The first column shows severities and has none."""
-
-SEVERITY_WORDS: dict[Severity, str] = {
-    "success": message("results.severity_ok", "ok"),
-    "note": message("results.severity_note", "note"),
-    "warning": message("results.severity_warning", "warning"),
-    "failure": message("results.severity_failure", "failure"),
-}
-"""Words of the severities in the table of criteria."""
 
 _TIME_ROUNDING = 1e-6
 """Times that differ by at most this are equal [s]."""

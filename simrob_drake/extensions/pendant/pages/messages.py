@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 from nicegui import ui
 
-from simrob_drake.base.remarks import Remedy, Severity
+from simrob_drake.base.remarks import SEVERITY_WORDS, Remedy, Severity
 from simrob_drake.extensions.pendant.form import as_text
 from simrob_drake.extensions.pendant.pages.elements import allow, follow
 from simrob_drake.extensions.pendant.pages.words import Notice, Words
 from simrob_drake.extensions.pendant.session import Session
-from simrob_drake.results.verdict.verdict import SEVERITY_WORDS, TABLE_HEADINGS, CriterionRow
+from simrob_drake.results.verdict.verdict import TABLE_HEADINGS, CriterionRow
 from simrob_drake.results.verdict.words import capitalised
 
 _ICONS: dict[Severity, str] = {

@@ -1,0 +1,71 @@
+"""The command line in Spanish: tables, verdict, remedies, errors, and the list of what comes with the package."""
+
+import re
+
+import pytest
+
+from simrob_drake.base.files import piece_files, robot_files, station_files
+from simrob_drake.base.yaml_files import read_yaml
+from simrob_drake.cli import ExitCode
+from simrob_drake.cli.app import run_command
+from simrob_drake.cli.language import LANGUAGE_VARIABLE
+
+pytestmark = pytest.mark.usefixtures("no_plots")
+WEAK = ["run", "irb120_dynamic", "--duration", "0.5", "--set", "servo.torque_limit=10", "--no-recording"]
+
+
+@pytest.fixture(autouse=True)
+def in_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv(LANGUAGE_VARIABLE, raising=False)
+
+
+def test_a_run_is_reported_in_spanish(capsys):
+    assert run_command([*WEAK, "--language", "es"]) == ExitCode.DONE
+    shown = capsys.readouterr()
+    assert shown.out.startswith("eje ")
+    assert "aviso: irb120_dynamic: llegó al final a los 0,5 s." in shown.out
+    assert "criterio" in shown.out
+    assert re.search(r"× tiempo real, \d+ pasos", shown.out)
+    assert "resultado runs/" in shown.out
+    assert "aviso   joint_2" in shown.err
+    assert "warning" not in shown.out + shown.err
+
+
+def test_the_language_of_one_command_is_not_that_of_the_next(capsys):
+    run_command(["list", "--language", "es"])
+    assert capsys.readouterr().out.startswith("estación")
+    run_command(["list"])
+    assert capsys.readouterr().out.startswith("station")
+
+
+def test_the_environment_may_name_the_language(capsys, monkeypatch):
+    monkeypatch.setenv(LANGUAGE_VARIABLE, "es")
+    run_command(["list"])
+    assert "cinta que trae una torre" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize(
+    ("setting", "text"),
+    [
+        ("servo.Kp=3", "simrob: --set servo.Kp: clave desconocida; ¿querías decir 'kp'?"),
+        ("robot.initial_deg={joint_9: 1}", "joint_9"),
+    ],
+)
+def test_errors_are_in_the_language(capsys, setting, text):
+    assert run_command(["run", "irb120_dynamic", "--language", "es", "--set", setting]) == ExitCode.BAD_INPUT
+    shown = capsys.readouterr().err
+    assert text in shown
+    assert "did you mean" not in shown
+
+
+def test_an_unknown_language_is_refused(capsys):
+    assert run_command(["list", "--language", "fr"]) == ExitCode.BAD_INPUT
+    assert "'fr'" in capsys.readouterr().err
+
+
+def test_all_that_comes_with_the_package_is_described_in_spanish():
+    known = read_yaml(station_files()["irb120_dynamic"].parents[1] / "simrob_drake/base/languages/es/descriptions.yaml")
+    kinds = {"station": station_files(), "robot": robot_files(), "piece": piece_files()}
+    needed = {f"descriptions.{kind}_{name}" for kind, files in kinds.items() for name in files}
+    assert known.keys() == needed
