@@ -15,7 +15,7 @@ from simrob_drake.base.messages import Message, catalogue, in_language
 
 PACKAGE = Path(simrob_drake.__file__).parent
 LANGUAGES = ("es",)
-NOT_CONVERTED: tuple[str, ...] = ("extensions/simulink",)
+NOT_CONVERTED: tuple[str, ...] = ()
 """Folders of the package whose errors still have plain texts. It may only become shorter."""
 
 OF_CRITERIA = ("results.title_", "results.beyond_")

@@ -257,6 +257,7 @@ def _first_finding(problem: ValidationError, model: type[BaseModel], where: Path
     path, known, nodes = _walk(model, finding["loc"])
     key = ".".join(path)
     context, found = finding.get("ctx", {}), finding["input"]
+    text: str
     match finding["type"]:
         case "extra_forbidden":
             text = message("base.unknown_key", "unknown key{suggestion}", suggestion=nearest(path[-1], known))

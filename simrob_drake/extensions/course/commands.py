@@ -146,9 +146,7 @@ def _check_folder(
     """
     words = _words(language)
     if not allow_code:
-        problem = message(
-            "course.code_in_folder", "contains code that would be run; if you trust it, say --allow-code"
-        )
+        problem = message("course.code_in_folder", "contains code that would be run; if you trust it, say --allow-code")
         raise InvalidConfig(folder, "", problem)
     file = Path(f"exercise-{entry.exercise.number}.csv") if csv is None else csv
     check_ending(file, (".csv",), "--csv")

@@ -6,6 +6,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Self, cast
 
+import numpy as np
+
 from simrob_drake.base.arguments import plain
 from simrob_drake.base.errors import InvalidParameter, quoted
 from simrob_drake.base.folders import alone_in, writing
@@ -24,10 +26,12 @@ from simrob_drake.extensions.pendant.setup import Setup
 from simrob_drake.extensions.pendant.store import Taught
 from simrob_drake.extensions.pendant.subjects import program_of, station_for
 from simrob_drake.importer.robot_files import is_robot_file, robot_file
-from simrob_drake.programs.moves.joints import JointMove, move_of
+from simrob_drake.programs.moves.joints import JointMove, move_of, targets_on
 from simrob_drake.programs.moves.move import MOVE_TIME
 from simrob_drake.programs.stages import step_moves
+from simrob_drake.programs.suggested_duration import suggest_duration
 from simrob_drake.programs.timeline import GRID, Change
+from simrob_drake.stations.resolve import resolve
 
 __all__ = ["Session", "Topic"]
 
@@ -229,18 +233,13 @@ class Session:
         """Try a move of axes [deg or m], together with those tested before it since the last :meth:`add`.
 
         All go together, in the same time [s], from where the robot was before the first; that of the last test unless
-        given, and for the first test a time that the servos can follow. Nothing is stored. What falls stays tested,
-        until something else is tried in its place.
+        given. Nothing is stored. What falls stays tested, until something else is tried in its place.
         """
         now = self.book.history.present
+        before = cast(JointMove, now.pending[-1]).duration if now.joins else MOVE_TIME
 
         def tested() -> Taught:
-            seconds = duration
-            if seconds is None and now.joins:
-                seconds = cast(JointMove, now.pending[-1]).duration
-            elif seconds is None:
-                seconds = self.suggest_duration(targets_deg)
-            move = move_of(targets_deg, seconds)
+            move = move_of(targets_deg, before if duration is None else duration)
             self.book.within_limits(move)
             return (now if now.joins else self._runner.without_fallen).with_tested(move)
 

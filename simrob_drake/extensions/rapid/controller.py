@@ -406,7 +406,7 @@ class Controller:
         return value
 
     def _remark_unnamed_signal(self, call: Call, problem: str, *, lost: bool) -> None:
-        """LineRemark, once for each signal, that the user's table (option --io) does not name it, and where to name it.
+        """Remark, once for each signal, that the user's table (option --io) does not name it, and where to name it.
 
         Args:
             call: the call that uses the signal.

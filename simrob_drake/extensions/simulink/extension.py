@@ -18,4 +18,5 @@ EXTENSION = Extension(
     },
     importers=dict.fromkeys(_FILES, _IMPORTER),
     other_files={"simulink": "simrob_drake.extensions.simulink:other_files.yaml"},
+    messages={"simulink": "simrob_drake.extensions.simulink:languages"},
 )

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import typer
 
 from simrob_drake.base.errors import InvalidModel, InvalidParameter
+from simrob_drake.base.messages import message
 from simrob_drake.importer.importer import FileImporter, ImportOutcome, ImportRequest
 
 if TYPE_CHECKING:  # the readers load much, and options are needed for the help
@@ -59,7 +60,7 @@ class ModelImport(ModelReading):
 class SimulinkImporter(FileImporter):
     """Makes a folder of robots, pieces and a station from a Simulink model or a CAD assembly."""
 
-    title: ClassVar[str] = "a Simulink model"
+    title: ClassVar[str] = message("simulink.a_simulink_model", "a Simulink model")
     options_class: ClassVar[type[Any]] = ModelImport
     reading_class: ClassVar[type[Any]] = ModelReading
     robot_options: ClassVar[tuple[str, ...]] = ("mesh_path",)
@@ -145,7 +146,11 @@ def reading_arguments(request: ImportRequest) -> dict[str, Any]:
     for setting in request.settings:
         name, equals, value = setting.partition("=")
         if not (equals and all(part.isidentifier() for part in name.strip().split("."))):
-            raise InvalidParameter("--set", setting, "of the form NAME=VALUE, as q0=[0 0 0] or tool.mass=1")
+            raise InvalidParameter(
+                "--set",
+                setting,
+                message("simulink.name_and_value", "of the form NAME=VALUE, as q0=[0 0 0] or tool.mass=1"),
+            )
         settings[name.strip()] = value
     # A script of variables may name other files: those next to a file of variables, or in a library.
     folders = Libraries([*(file.parent for file in variable_files), *libraries])

@@ -14,6 +14,7 @@ from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import SimrobError, counted
 from simrob_drake.base.files import content_of
 from simrob_drake.base.folders import filled_at_once
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.mechanics.bodies import BETWEEN, GEARS, ROD, SPRING
 from simrob_drake.extensions.simulink.mechanics.joints import JOINTS, Freedom
 from simrob_drake.extensions.simulink.model.nodes import Node
@@ -107,17 +108,31 @@ def _undriven(model: SimulinkModel) -> dict[Node, str]:
         names = {of.name for of in followed if isinstance(of, Freedom)}
         if names := names | {of.path for of in followed if isinstance(of, Node)}:
             measured = ", ".join(sorted(names))
-            found[node] = f"its motion follows what is measured ({measured}), not time alone: it is held at its start"
+            found[node] = message(
+                "simulink.motion_follows_measured",
+                "its motion follows what is measured ({measured}), not time alone: it is held at its start",
+                measured=measured,
+            )
     for node, values in drives:
         opened = (term.of for terms in closure(values) for term in terms if term.kind == "open")
         if paths := ", ".join(sorted({of.path for of in opened if isinstance(of, Node)})):
-            found[node] = f"what drives it comes from {paths}, left open: it is 0 until something drives that"
+            found[node] = message(
+                "simulink.driven_by_left_open",
+                "what drives it comes from {paths}, left open: it is 0 until something drives that",
+                paths=paths,
+            )
     return found
 
 
 def _outcome(model: SimulinkModel, node: Node, found: list[tuple[Fate, str]], undriven: str) -> BlockOutcome:
     if node.block.commented == "through":
-        return BlockOutcome(node.path, node.kind, "structure", "ignored", "commented through: its ports are joined")
+        return BlockOutcome(
+            node.path,
+            node.kind,
+            "structure",
+            "ignored",
+            message("simulink.commented_through", "commented through: its ports are joined"),
+        )
     row = block_types().get(node.kind) or _unknown(model, node)
     fate, text = max([*found, (row.fate, row.text)], key=lambda one: FATES.index(one[0]))
     heeded = row.domain == "mechanics" and row.fate != "ignored" and fate != "lost"
@@ -128,14 +143,16 @@ def _outcome(model: SimulinkModel, node: Node, found: list[tuple[Fate, str]], un
         elif _stands_alone(model, node):
             fate, text = "ignored", _ALONE
         else:
-            fate, text = "lost", f"nothing reads its port {ports}"
+            fate, text = "lost", message("simulink.nothing_reads_port", "nothing reads its port {ports}", ports=ports)
     if undriven and fate != "lost":
         return BlockOutcome(node.path, node.kind, "mechanics", "lost", undriven, "drive")
     noun = row.text if row.fate == "lost" and row.text else node.kind
     return BlockOutcome(node.path, node.kind, row.domain, fate, text, noun)
 
 
-_ALONE = "its network is joined with no body, and nothing that moves depends on it"
+_ALONE = message(
+    "simulink.network_joined_with_no_body", "its network is joined with no body, and nothing that moves depends on it"
+)
 
 
 def _stands_alone(model: SimulinkModel, node: Node) -> bool:
@@ -154,7 +171,14 @@ def _unknown(model: SimulinkModel, node: Node) -> BlockType:
     if node in model.tracer.opened:
         return BlockType("signals", "open")
     followed = model.tracer.followed(node)
-    return BlockType("signals", *(("exact",) if followed else ("ignored", "nothing that moves depends on it")))
+    return BlockType(
+        "signals",
+        *(
+            ("exact",)
+            if followed
+            else ("ignored", message("simulink.nothing_depends", "nothing that moves depends on it"))
+        ),
+    )
 
 
 def lost_mechanics(found: list[BlockOutcome]) -> list[BlockOutcome]:
@@ -223,7 +247,14 @@ def import_simulink(path: Path | str, folder: Path | str, *, force: bool = False
         axes = sum(len(robot.tree.freedoms) for robot in files.robots.values())
         if files.content.get("couplings") and axes > _FEW:
             model.report.add(
-                "approximated", "run", f"with {axes} axes it is tried for {_most_tried(axes)} steps at most"
+                "approximated",
+                "run",
+                message(
+                    "simulink.tried_for_steps",
+                    "with {axes} axes it is tried for {most} steps at most",
+                    axes=axes,
+                    most=_most_tried(axes),
+                ),
             )
         if files.content.get("couplings"):
             _hold(work / file, files.content, axes, model.report)
@@ -270,12 +301,26 @@ def _try(station: Path, duration: float, axes: int) -> tuple[str, dict[str, floa
 
 def _tell_of_run(stops: str, soft: dict[str, float], report: ImportReport) -> None:
     if stops:
-        report.add("lost", "run", f"the station does not run as it is: {stops}")
+        report.add(
+            "lost", "run", message("simulink.does_not_run", "the station does not run as it is: {stops}", stops=stops)
+        )
     elif max(soft.values(), default=0.0) > _TORN:
-        report.add("lost", "closed loop", f"it comes apart within {_TRIED:g} s")
+        report.add(
+            "lost",
+            message("simulink.closed_loop", "closed loop"),
+            message("simulink.comes_apart", "it comes apart within {tried:g} s", tried=_TRIED),
+        )
     for name, gap in soft.items():
-        message = f"its coupling holds less than what pulls at it: {1e3 * gap:.3g} mm (or mrad) open"
-        report.add("approximated", name, f"{message} within {_TRIED:g} s")
+        text = message(
+            "simulink.coupling_too_weak",
+            "its coupling holds less than what pulls at it: {gap:.3g} mm (or mrad) open",
+            gap=1e3 * gap,
+        )
+        report.add(
+            "approximated",
+            name,
+            message("simulink.within_seconds", "{text} within {tried:g} s", text=text, tried=_TRIED),
+        )
 
 
 def _hold(station: Path, content: dict[str, Any], axes: int, report: ImportReport) -> None:
@@ -290,7 +335,15 @@ def _hold(station: Path, content: dict[str, Any], axes: int, report: ImportRepor
         why, still = _try(station, _TRIED, axes)
         if not why and (stops or max(still.values(), default=0.0) < worst):
             stops, soft, content["solver"] = "", still, tied
-            report.add("read", "solver", f"a discrete one, steps of {step:g} s: couplings were too soft otherwise")
+            report.add(
+                "read",
+                "solver",
+                message(
+                    "simulink.discrete_instead",
+                    "a discrete one, steps of {step:g} s: couplings were too soft otherwise",
+                    step=step,
+                ),
+            )
         else:
             station.write_bytes(written)
     _tell_of_run(stops, soft, report)
@@ -306,8 +359,19 @@ def check_importable(model: SimulinkModel) -> None:
         raise missing
     refused = model.report.of("refused")
     if refused:
-        more = f" (and {len(refused) - 1} more: simrob check {model.path.name})" if len(refused) > 1 else ""
+        more = (
+            message(
+                "simulink.and_more_refused",
+                " (and {count} more: simrob check {path})",
+                count=len(refused) - 1,
+                path=model.path.name,
+            )
+            if len(refused) > 1
+            else ""
+        )
         raise model.report.refusal(refused[0].element, refused[0].text + more)
     weighs = any(body.solids for body in model.bodies.bodies)
     if not weighs and not model.bodies.links:
-        raise model.report.refusal("", "holds no Simscape Multibody bodies: there is nothing to simulate")
+        raise model.report.refusal(
+            "", message("simulink.no_bodies", "holds no Simscape Multibody bodies: there is nothing to simulate")
+        )

@@ -16,6 +16,7 @@ from simrob_drake.base.extras import needed
 from simrob_drake.base.files import LARGEST_TABLE, NotRead, column_names, content_of, read_columns
 from simrob_drake.base.folders import filled_at_once
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.values.mat import contents_of_mat
 from simrob_drake.extensions.simulink.values.units import UnknownUnit, factor, plain_unit
 from simrob_drake.results.colours import RED
@@ -67,16 +68,28 @@ def read_log(file: Path | str, names: Mapping[str, str]) -> dict[str, LoggedSign
         signals = columns.items() if clock else ()
         found = {name: LoggedSignal(columns[clock], values) for name, values in signals if name != clock}
     asked = [name for name in objects if not found or any(f"{theirs}.".startswith(f"{name}.") for theirs in names)]
-    expected = "" if found else f"a log with a column {', '.join(TIMES)}, and signals of its length"
+    expected = (
+        ""
+        if found
+        else message(
+            "simulink.log_with_column", "a log with a column {times}, and signals of its length", times=", ".join(TIMES)
+        )
+    )
     if asked:
         kind = objects[asked[0]]
         lines = _EXPORTS.get(kind.rpartition(".")[2], _EXPORTS["timeseries"]).format(name=asked[0])
-        expected = f"of numbers, and {asked[0]} is a {kind}, which only MATLAB reads: {lines}"
+        expected = message(
+            "simulink.log_of_numbers",
+            "of numbers, and {asked} is a {kind}, which only MATLAB reads: {lines}",
+            asked=asked[0],
+            kind=kind,
+            lines=lines,
+        )
     if expected:
         raise InvalidParameter("--with", str(file), expected)
     for theirs in names:
         if theirs not in found:
-            raise UnknownName("signal of the log", theirs, found)
+            raise UnknownName(message("simulink.signal_of_log", "signal of the log"), theirs, found)
     checked = {name: _checked(signal, file) for name, signal in found.items()}
     known = {name: signal for name, signal in checked.items() if name not in names}
     for theirs, ours in names.items():
@@ -90,7 +103,11 @@ def _checked(signal: LoggedSignal, file: Path) -> LoggedSignal:
     times = signal.times
     steps = np.diff(times)
     if not np.all(np.isfinite(times)) or np.any(steps < 0) or not np.any(steps > 0) or times[0] < 0:
-        raise InvalidParameter("--with", str(file), "a log of two moments or more, whose times rise from 0 or later")
+        raise InvalidParameter(
+            "--with",
+            str(file),
+            message("simulink.log_of_moments", "a log of two moments or more, whose times rise from 0 or later"),
+        )
     last = np.append(steps > 0, True)
     return LoggedSignal(times[last], signal.values[last])
 
@@ -99,13 +116,15 @@ def _columns(file: Path) -> dict[str, Vector]:
     if file.suffix.lower() != ".parquet":
         header = column_names(file)
         return dict(zip(header, read_columns(file, header)[0].T, strict=True))
-    with needed(f"a log such as {file.name}", "parquet"):
+    with needed(message("simulink.log_such_as", "a log such as {file}", file=file.name), "parquet"):
         from pyarrow import BufferReader, parquet
     try:
         table = parquet.read_table(BufferReader(content_of(file, LARGEST_TABLE)))
         return {name: table[name].to_numpy().astype(float) for name in table.column_names}
     except (NotRead, ValueError, TypeError) as problem:  # errors of pyarrow are ValueErrors
-        raise InvalidParameter("--with", str(file), f"a table of numbers: {problem}") from problem
+        raise InvalidParameter(
+            "--with", str(file), message("simulink.table_of_numbers", "a table of numbers: {problem}", problem=problem)
+        ) from problem
 
 
 def _in_structure(
@@ -217,15 +236,28 @@ def compare(
     known = {name: signal for name, signal in logged.items() if name in result.names}
     if not known:
         found = ", ".join(list(logged)[:5])
-        raise InvalidParameter("--with", found, "signals such as q.<axis>; rename them with --map THEIRS=OURS")
+        raise InvalidParameter(
+            "--with",
+            found,
+            message("simulink.signals_with_names", "signals such as q.<axis>; rename them with --map THEIRS=OURS"),
+        )
     return result, [_difference(name, signal, result) for name, signal in known.items()]
 
 
 def _difference(name: str, logged: LoggedSignal, result: SimulationResult) -> SignalDifference:
     inside = logged.times <= result.times[-1]
     if not inside.any():
-        end = f"{result.stop_time:g} s, where the run ended ({result.message})"
-        raise InvalidParameter("--with", f"a log from {logged.times[0]:g} s on", f"one that begins before {end}")
+        end = message(
+            "simulink.where_run_ended",
+            "{time:g} s, where the run ended ({ending})",
+            time=result.stop_time,
+            ending=result.message,
+        )
+        raise InvalidParameter(
+            "--with",
+            message("simulink.log_from", "a log from {time:g} s on", time=logged.times[0]),
+            message("simulink.begins_before", "one that begins before {end}", end=end),
+        )
     times, values, unit = logged.times[inside], _in_si(name, logged, result.units[name])[inside], result.units[name]
     return SignalDifference(name, times, values, np.interp(times, result.times, result[name]), unit)
 
@@ -233,11 +265,19 @@ def _difference(name: str, logged: LoggedSignal, result: SimulationResult) -> Si
 def _in_si(name: str, logged: LoggedSignal, unit: str) -> Vector:
     if not np.all(np.isfinite(logged.values)):
         at = logged.times[~np.isfinite(logged.values)][0]
-        raise InvalidParameter("--with", f"{name} without a number at {at:g} s", "finite numbers")
+        raise InvalidParameter(
+            "--with",
+            message("simulink.without_a_number", "{name} without a number at {at:g} s", name=name, at=at),
+            message("base.finite_numbers", "finite numbers"),
+        )
     try:
         return logged.values * (factor(logged.unit, plain_unit(unit)) if logged.unit else 1.0)
     except UnknownUnit as problem:
-        raise InvalidParameter("--map", f"{name}:{logged.unit}", f"of a unit like {unit} ({problem})") from problem
+        raise InvalidParameter(
+            "--map",
+            f"{name}:{logged.unit}",
+            message("simulink.unit_like", "of a unit like {unit} ({problem})", unit=unit, problem=problem),
+        ) from problem
 
 
 def _reference(config: StationConfig, logged: Mapping[str, LoggedSignal]) -> Vector | None:

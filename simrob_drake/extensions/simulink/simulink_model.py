@@ -10,6 +10,7 @@ import numpy as np
 from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import InvalidModel
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.cad.model import read_cad_model
 from simrob_drake.extensions.simulink.mechanics.bodies import Bodies, ContactPair, RigidPart, read_bodies, read_contacts
 from simrob_drake.extensions.simulink.mechanics.joints import Freedom, Joint
@@ -145,15 +146,39 @@ def undefined_variables(model: SimulinkModel) -> InvalidModel | None:
     missing = model.findings.undefined
     if not missing:
         return None
-    counts = {name: f" and {len(places) - 1} more" if len(places) > 1 else "" for name, places in missing.items()}
+    counts = {
+        name: message("simulink.and_more_places", " and {count} more", count=len(places) - 1) if len(places) > 1 else ""
+        for name, places in missing.items()
+    }
     listed = [f"{name} ({places[0]}{counts[name]})" for name, places in missing.items()]
-    more = f", and {len(missing) - 8} more" if len(missing) > 8 else ""
+    more = (
+        message("simulink.and_more_missing", ", and {count} more", count=len(missing) - 8) if len(missing) > 8 else ""
+    )
     first = next(iter(missing)).partition(" ")[0]
     offered = model.expanded.libraries.offered(model.expanded.model)
     files = sorted({offered[name][0] for name in missing if name in offered})
-    taken = f"what {', '.join(files[:3])} would set, and else defaults," if files else "defaults"
-    remedy = f"give them with --set {first}=VALUE or --variables FILE.mat, or take {taken} with --assume"
-    return InvalidModel(model.path, "", f"variables that only MATLAB knows: {'; '.join(listed[:8])}{more}; {remedy}")
+    taken = (
+        message("simulink.files_would_set", "what {files} would set, and else defaults,", files=", ".join(files[:3]))
+        if files
+        else "defaults"
+    )
+    remedy = message(
+        "simulink.give_variables",
+        "give them with --set {first}=VALUE or --variables FILE.mat, or take {taken} with --assume",
+        first=first,
+        taken=taken,
+    )
+    return InvalidModel(
+        model.path,
+        "",
+        message(
+            "simulink.unknown_variables",
+            "variables that only MATLAB knows: {names}{more}; {remedy}",
+            names="; ".join(listed[:8]),
+            more=more,
+            remedy=remedy,
+        ),
+    )
 
 
 def _gravity(expanded: Expanded, network: Connections, bodies: Bodies) -> Vector | None:
@@ -167,12 +192,22 @@ def _gravity(expanded: Expanded, network: Connections, bodies: Bodies) -> Vector
         if network.net(node, "rconn") in bodies.by_place:
             found.append(own)
             if how not in ("None", "Constant") or not np.allclose(own, found[0]):
-                node.note("lost", "its gravity comes from a signal, or differs; that of the first dialog is taken")
+                node.note(
+                    "lost",
+                    message(
+                        "simulink.gravity_from_signal",
+                        "its gravity comes from a signal, or differs; that of the first dialog is taken",
+                    ),
+                )
         elif own.any():
-            node.note("dropped", "it is connected with no body")
+            node.note("dropped", message("simulink.connected_with_no_body", "it is connected with no body"))
     whole = expanded.model.kind == "Model"
     if not found and bodies.by_place and expanded.model.kind != "Assembly":
-        lacking = "none: no Mechanism Configuration tells it" if whole else "the earth's: what it is put into tells it"
+        lacking = (
+            message("simulink.no_gravity", "none: no Mechanism Configuration tells it")
+            if whole
+            else message("simulink.gravity_of_outside", "the earth's: what it is put into tells it")
+        )
         expanded.findings.report.add("read", "gravity", lacking)
     return found[0] if found else np.zeros(3) if whole else None
 
@@ -200,8 +235,8 @@ def _stopping(tracer: Tracer, expanded: Expanded) -> tuple[list[Node], dict[Node
 
 
 _UNHEEDED = {
-    "TriggerPort": "its trigger is not read: what is in it goes on all the time",
-    "ResetPort": "its reset is not read: its states go on",
+    "TriggerPort": message("simulink.trigger_not_read", "its trigger is not read: what is in it goes on all the time"),
+    "ResetPort": message("simulink.reset_not_read", "its reset is not read: its states go on"),
 }
 """What a subsystem becomes that has such a port."""
 
@@ -216,12 +251,23 @@ def _tell_of_others(expanded: Expanded, tracer: Tracer) -> None:
     for node, why in tracer.opened.items():
         report.add("open", node.path, f"{node.kind or 'block'}: left open{f'; {why}' if why else ''}")
     for name in expanded.model.callbacks:
-        message = "a callback: what it assigns is read where a block asks for it, and nothing else is done"
-        report.add("read", name, message)
+        text = message(
+            "simulink.a_callback",
+            "a callback: what it assigns is read where a block asks for it, and nothing else is done",
+        )
+        report.add("read", name, text)
     level: Variables | None = expanded.root.workspace
     while level is not None:
         for file in sorted(level.absent):
-            report.add("defaulted", level.name, f"takes variables from {file}, which lies in none of the folders")
+            report.add(
+                "defaulted",
+                level.name,
+                message(
+                    "simulink.variables_from_elsewhere",
+                    "takes variables from {file}, which lies in none of the folders",
+                    file=file,
+                ),
+            )
         level = level.outer
 
 

@@ -117,6 +117,10 @@ class LegsSession:
             for hearer in list(self._hearers):
                 hearer(topic)
 
+    def suggest_duration(self, targets_deg, start=None):
+        """Suggest 2.5 s for large angles, which a test can tell from the default."""
+        return 2.5 if max(map(abs, targets_deg.values())) > 90 else 1.0
+
     def test(self, targets_deg, duration):
         self.calls.append(("test", targets_deg, duration))
         before = self.pending[0]["target_deg"] if self.pending else {}

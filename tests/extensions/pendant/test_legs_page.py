@@ -143,6 +143,25 @@ def test_set_joints_are_tested_together_in_their_time_and_then_stored():
     assert [call for call in session.calls if call[0] in ("test", "add")] == [("test", targets, 1.5), ("add",)]
 
 
+def test_a_duration_is_suggested_until_the_user_sets_one():
+    async def script(user, session):
+        give(user, field(user, "left shoulder: arm forward"), 100.0)
+        await heard()
+        assert field(user, "Duration").value == 2.5
+        give(user, field(user, "left shoulder: arm forward"), 30.0)
+        await heard()
+        assert field(user, "Duration").value == 1.0
+        give(user, field(user, "Duration"), 4.0)
+        give(user, field(user, "left shoulder: arm forward"), 100.0)
+        await heard()
+        assert field(user, "Duration").value == 4.0
+        press(user, "2. Test")
+        await heard()
+
+    session = shown(script)
+    assert [call for call in session.calls if call[0] == "test"] == [("test", {"left_shoulder_pitch": 100.0}, 4.0)]
+
+
 def test_a_second_test_has_the_joints_that_were_set_since():
     async def script(user, session):
         give(user, field(user, "left elbow"), 30.0)

@@ -106,6 +106,16 @@ def test_tests_gather_in_one_move_that_begins_where_the_first_did(teach):
     assert session.run.time == 2.5
 
 
+def test_a_suggested_duration_is_one_that_the_servos_can_follow(teach):
+    """The elbow's servo lags by kd/kp = 1 s, so 2 degrees allow 2 degrees a second."""
+    session = teach()
+    assert session.suggest_duration(ELBOW) == pytest.approx(15.0)
+    start = [np.deg2rad(20.0) if axis == "left_elbow" else 0.0 for axis in session.book.model.axes]
+    assert session.suggest_duration({"left_elbow": 30}, start) == pytest.approx(5.0)
+    with pytest.raises(SimrobError, match="left_elbow"):
+        session.suggest_duration({"left_elbow": 400})
+
+
 def test_tested_again_it_is_seen_again(teach):
     session = teach()
     tried(session, ELBOW)

@@ -2,12 +2,14 @@
 
 from asyncio import wrap_future
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from math import degrees
 from typing import Any
 
 from nicegui import ui
 
+from simrob_drake.base.errors import SimrobError
 from simrob_drake.extensions.pendant.pages import plots
 from simrob_drake.extensions.pendant.pages.elements import (
     allow,
@@ -91,6 +93,7 @@ class _Teaching:
             with ui.row().classes("w-full items-center gap-2"):
                 self._duration = duration_field(t)
                 self._duration.field.classes("w-24")
+                self._suggested = self._duration.value  # what the field shows until the user sets another duration
                 _button(t("legs.test"), self._test, 2, "Alt+T")
                 self._add = _button(t("legs.add"), session.add, 3, "Alt+A")
                 _button(t("legs.simulate"), session.simulate, 4, "Alt+S")
@@ -117,6 +120,15 @@ class _Teaching:
         self._joints.settle()
         ending.add_done_callback(lambda ended: self._restore(targets, ended.result()))
         self._tell()
+
+    def _suggest_duration(self) -> None:
+        """Show a duration that the servos can follow, unless the user has set one or a tested move waits."""
+        if self._duration.value != self._suggested or self._session.book.pending or not self._joints.targets:
+            return
+        asked = shown_at(self._session, "reference")
+        with suppress(SimrobError):  # a target beyond its limits is refused when the move is tested
+            self._suggested = self._session.suggest_duration(self._joints.targets, asked)
+            self._duration.field.value = self._suggested
 
     def _restore(self, targets: dict[str, float], ended: dict[str, Any] | None) -> None:
         """Set the targets again of a test that was refused or fell, to be set otherwise and tested again."""
@@ -148,6 +160,7 @@ class _Teaching:
         self._session.hand.lean(self._joints.targets)
         axes = ", ".join(phrases.target(axis, value) for axis, value in self._joints.targets.items())
         self._chosen.text = t("legs.chosen", axes=axes) if axes else t("legs.choose")
+        self._suggest_duration()
         moves = "; ".join(phrases.move(move) for move in self._session.book.pending)
         self._tested.text = t("legs.tested", moves=moves) if moves else ""
         allow(self._add, "" if moves else t("notice.nothing_tested"))

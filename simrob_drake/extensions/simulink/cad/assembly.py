@@ -13,6 +13,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from simrob_drake.base.errors import InvalidModel
 from simrob_drake.base.files import NotRead, content_of, opened
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.extensions.simulink.reading.graph import DEEPEST, MOST_BLOCKS, Unreadable, one_line, parse_part
 from simrob_drake.extensions.simulink.values.units import UnknownUnit, factor
 
@@ -96,11 +97,20 @@ def read_assembly(path: Path) -> tuple[Instance, list[Tie]]:
         content = content_of(path, _LARGEST)
         root = parse_part(content)
     except (NotRead, Unreadable) as problem:
-        raise InvalidModel(path, "", f"cannot be read: {problem}") from problem
+        raise InvalidModel(
+            path, "", message("simulink.cannot_be_read", "cannot be read: {problem}", problem=problem)
+        ) from problem
     if root.tag != ROOT.decode():
-        older = "is of Simscape Multibody's first generation; export it again with the plug-in of R2016a or later"
+        older = message(
+            "simulink.first_generation",
+            "is of Simscape Multibody's first generation; export it again with the plug-in of R2016a or later",
+        )
         known = root.tag.encode() in OLDER
-        raise InvalidModel(path, one_line(root.tag), older if known else "is no export of a CAD assembly")
+        raise InvalidModel(
+            path,
+            one_line(root.tag),
+            older if known else message("simulink.no_assembly_export", "is no export of a CAD assembly"),
+        )
     return _Reader(path, root).assembly()
 
 
@@ -116,7 +126,7 @@ class _Reader:
     def assembly(self) -> tuple[Instance, list[Tie]]:
         top = self._root.find("RootAssembly")
         if top is None:
-            raise self._wrong("", "has no RootAssembly")
+            raise self._wrong("", message("simulink.no_root_assembly", "has no RootAssembly"))
         root = Instance("", RigidTransform())
         self._fill(root, top.find("InstanceTree"), 0)
         self._join(root, top, {top.get("uid", "")})
@@ -124,15 +134,26 @@ class _Reader:
 
     def _fill(self, parent: Instance, tree: Element | None, depth: int) -> None:
         if depth > DEEPEST:
-            raise self._wrong(parent.name, f"nests assemblies more than {DEEPEST} deep")
+            raise self._wrong(
+                parent.name,
+                message("simulink.assemblies_too_deep", "nests assemblies more than {deepest} deep", deepest=DEEPEST),
+            )
         for element in tree.iterfind("Instance") if tree is not None else ():
             self._count += 1
             if self._count > MOST_BLOCKS:
-                raise self._wrong("InstanceTree", f"has more than {MOST_BLOCKS} instances")
+                raise self._wrong(
+                    "InstanceTree",
+                    message("simulink.too_many_instances", "has more than {most} instances", most=MOST_BLOCKS),
+                )
             name, uid = one_line(element.get("name", "")), element.get("uid", "")
             name = f"{parent.name}/{name.replace('/', '_')}".lstrip("/")
             if uid in parent.inside:
-                raise self._wrong(name, f"has the uid '{uid}' of {parent.inside[uid].name}")
+                raise self._wrong(
+                    name,
+                    message(
+                        "simulink.uid_taken", "has the uid '{uid}' of {inside}", uid=uid, inside=parent.inside[uid].name
+                    ),
+                )
             entity, held, rigid = (element.get(key, "") for key in ("entityUid", "grounded", "rigid"))
             instance = Instance(
                 name, parent.pose @ self._transform(element, name), self._parts.get(entity), held=held == "true",
@@ -140,7 +161,14 @@ class _Reader:
             )  # fmt: skip
             parent.inside[uid] = instance
             if instance.part is None and entity not in self._kinds:
-                raise self._wrong(name, f"is an instance of '{entity}', which is neither a part nor an assembly here")
+                raise self._wrong(
+                    name,
+                    message(
+                        "simulink.instance_of_neither",
+                        "is an instance of '{entity}', which is neither a part nor an assembly here",
+                        entity=entity,
+                    ),
+                )
             if instance.part is None:
                 self._fill(instance, element, depth + 1)
                 self._join(instance, self._kinds[entity], {entity})
@@ -152,7 +180,12 @@ class _Reader:
                 name = f"{owner.name}/{one_line(tie.get('name', '') or tie.tag).replace('/', '_')}".lstrip("/")
                 ends = [self._end(owner, end, name, own) for tag in tags for end in tie.iterfind(tag)]
                 if len(ends) != 2:
-                    raise self._wrong(name, f"a {tie.tag} has {len(ends)} ends; it joins two")
+                    raise self._wrong(
+                        name,
+                        message(
+                            "simulink.joins_two", "a {tag} has {count} ends; it joins two", tag=tie.tag, count=len(ends)
+                        ),
+                    )
                 self._ties.append(Tie(name, tie.tag, ends[0], ends[1], section == "Joints"))
 
     def _end(self, owner: Instance, element: Element, name: str, own: set[str]) -> End:
@@ -162,7 +195,16 @@ class _Reader:
                 continue
             if uid not in here.inside:
                 known = ", ".join(list(here.inside)[:5]) or "nothing"
-                raise self._wrong(name, f"joins '{uid}', which is not in {here.name or 'the assembly'}: {known}")
+                raise self._wrong(
+                    name,
+                    message(
+                        "simulink.joins_missing",
+                        "joins '{uid}', which is not in {here}: {known}",
+                        uid=uid,
+                        here=here.name or message("simulink.the_assembly", "the assembly"),
+                        known=known,
+                    ),
+                )
             here = here.inside[uid]
         kind = element.get("geomType", "frame")
         if kind == "frame":
@@ -170,7 +212,7 @@ class _Reader:
         place = self._numbers(element, "Position", 3, name) * self._m
         axis = self._numbers(element, "Axis", 3, name) if element.find("Axis") is not None else np.array([0, 0, 1.0])
         if not np.linalg.norm(axis) > 0:
-            raise self._wrong(name, "has an axis of length zero")
+            raise self._wrong(name, message("simulink.axis_of_zero", "has an axis of length zero"))
         turn = RotationMatrix.MakeFromOneVector(axis, 2)
         return End(here, kind, here.pose @ RigidTransform(turn, place))
 
@@ -180,7 +222,13 @@ class _Reader:
             return RigidTransform()
         matrix = self._numbers(place, "Rotation", 9, name).reshape(3, 3)
         if np.abs(matrix @ matrix.T - np.eye(3)).max() > _ROTATION or np.linalg.det(matrix) < 0:
-            raise self._wrong(name, "its Rotation is none: nine numbers by rows, right-handed; mirrored parts are not")
+            raise self._wrong(
+                name,
+                message(
+                    "simulink.no_rotation",
+                    "its Rotation is none: nine numbers by rows, right-handed; mirrored parts are not",
+                ),
+            )
         turn = RotationMatrix.ProjectToRotationMatrix(matrix)
         return RigidTransform(turn, self._numbers(place, "Translation", 3, name) * self._m)
 
@@ -205,7 +253,7 @@ class _Reader:
         try:
             return factor(_SHORT.get(text, text), like)
         except UnknownUnit as problem:
-            raise self._wrong("units", f"{key}: {problem}") from problem
+            raise self._wrong("units", compound("{key}: {problem}", key=key, problem=problem)) from problem
 
     def _numbers(self, element: Element, tag: str, size: int, name: str) -> Vector:
         return self._floats(element.findtext(tag) or "", size, f"{name}: {tag}")
@@ -216,8 +264,20 @@ class _Reader:
         except ValueError:
             values = np.array([np.nan])
         if values.size != size or not np.isfinite(values).all():
-            expected = f"{size} numbers" if size > 1 else "a number"
-            raise self._wrong(what, f"is '{one_line(text)[:60]}'; it must be {expected}")
+            expected = (
+                message("simulink.numbers_of", "{size} numbers", size=size)
+                if size > 1
+                else message("simulink.a_number", "a number")
+            )
+            raise self._wrong(
+                what,
+                message(
+                    "simulink.must_be",
+                    "is '{text}'; it must be {expected}",
+                    text=one_line(text)[:60],
+                    expected=expected,
+                ),
+            )
         return values
 
     def _wrong(self, element: str, problem: str) -> InvalidModel:

@@ -14,6 +14,7 @@ from scipy.cluster.hierarchy import DisjointSet
 
 from simrob_drake.base.errors import InvalidModel
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.cad.assembly import End, Instance, Tie, read_assembly
 from simrob_drake.extensions.simulink.mechanics.joints import PRIMITIVES, xyz_angles
 from simrob_drake.extensions.simulink.reading.graph import Model, Port, SimulinkBlock, System
@@ -47,7 +48,16 @@ class _Writer:
         for tie in joints:
             if tie.kind not in _JOINTS:
                 known = ", ".join(_JOINTS)
-                raise InvalidModel(self._path, tie.name, f"a joint {tie.kind} is not known here; {known} are")
+                raise InvalidModel(
+                    self._path,
+                    tie.name,
+                    message(
+                        "simulink.unknown_joint",
+                        "a joint {kind} is not known here; {known} are",
+                        kind=tie.kind,
+                        known=known,
+                    ),
+                )
             if tie.kind == "Weld":
                 self._bodies.merge(tie.base.instance, tie.follower.instance)
         pairs = self._constrained([tie for tie in self._ties if not tie.joins])
@@ -59,7 +69,13 @@ class _Writer:
         for pair, constraints in pairs.items():
             if pair in joined:
                 names = ", ".join(tie.name for tie in constraints)
-                self.notes.append(("dropped", constraints[0].name, f"{names}: beside a joint of the same parts"))
+                self.notes.append(
+                    (
+                        "dropped",
+                        constraints[0].name,
+                        message("simulink.beside_a_joint", "{names}: beside a joint of the same parts", names=names),
+                    )
+                )
             elif self._left_free(constraints):
                 joined.add(pair)
         self._free_the_others(joined)
@@ -99,10 +115,22 @@ class _Writer:
         """Add the joint that constraints leave; tell them as refused, and return False, where that is none."""
         names, found = ", ".join(tie.name for tie in ties), self._joint_of(ties)
         if found is None:
-            message = "leave freedoms between two parts that no joint has; export a joint instead"
-            self.notes.append(("refused", ties[0].name, f"its constraints ({names}) {message}"))
+            text = message(
+                "simulink.odd_freedoms", "leave freedoms between two parts that no joint has; export a joint instead"
+            )
+            self.notes.append(
+                (
+                    "refused",
+                    ties[0].name,
+                    message(
+                        "simulink.its_constraints", "its constraints ({names}) {problem}", names=names, problem=text
+                    ),
+                )
+            )
             return False
-        self.notes.append(("read", ties[0].name, f"{names}: a {found[0]}"))
+        self.notes.append(
+            ("read", ties[0].name, message("simulink.is_a_joint", "{names}: a {kind}", names=names, kind=found[0]))
+        )
         self._joint(ties[0], found[0], found[1], found[1])
         return True
 
@@ -130,8 +158,13 @@ class _Writer:
             (tie.base, base, "base", "lconn"), (tie.follower, follower, "follower", "rconn")):  # fmt: skip
             first = self._first.get(self._bodies[end.instance])
             if first is None:
-                message = f"its {name} is on {end.instance.name or 'the assembly'}, in which no part is fixed"
-                raise InvalidModel(self._path, tie.name, message)
+                text = message(
+                    "simulink.no_part_is_fixed",
+                    "its {name} is on {instance}, in which no part is fixed",
+                    name=name,
+                    instance=end.instance.name or message("simulink.the_assembly", "the assembly"),
+                )
+                raise InvalidModel(self._path, tie.name, text)
             self._transform(f"{tie.name} {name}", self._port(first), first.pose.inverse() @ frame, Port(sid, side, 1))
 
     def _targets(self, tie: Tie, kind: str, pose: RigidTransform) -> dict[str, str]:
@@ -140,7 +173,11 @@ class _Writer:
         primitives = PRIMITIVES[kind]
         apart = np.linalg.norm([values[name] for name in places[:3] if name not in primitives])
         if apart > _APART:
-            text = f"its frames are {1e3 * apart:.3g} mm apart in the assembly: put together"
+            text = message(
+                "simulink.frames_apart",
+                "its frames are {distance:.3g} mm apart in the assembly: put together",
+                distance=1e3 * apart,
+            )
             self.notes.append(("repaired", tie.name, text))
         targets: dict[str, str] = {}
         for name in primitives:
@@ -162,7 +199,13 @@ class _Writer:
                 sid = self._add("sm_lib/Joints/6-DOF Joint", f"{first.name} free", {})
                 self._transform(f"{first.name} start", self._port(root), first.pose, Port(sid, "lconn", 1))
                 self._system.nets.append([Port(sid, "rconn", 1), self._port(first)])
-                self.notes.append(("read", first.name, "nothing joins it to what is fixed: it is free"))
+                self.notes.append(
+                    (
+                        "read",
+                        first.name,
+                        message("simulink.nothing_joins", "nothing joins it to what is fixed: it is free"),
+                    )
+                )
                 groups.merge(body, held)
 
     def _port(self, instance: Instance) -> Port:
@@ -277,11 +320,25 @@ def _rows(tie: Tie) -> Vector:
     """Return what a constraint forbids, shape (n, 6)."""
     for end in (tie.base, tie.follower):
         if end.kind not in _SHAPES:
-            raise ValueError(f"the geometry '{end.kind}' of a {tie.kind} is not known here")
+            raise ValueError(
+                message(
+                    "simulink.unknown_geometry",
+                    "the geometry '{kind}' of a {constraint} is not known here",
+                    kind=end.kind,
+                    constraint=tie.kind,
+                )
+            )
     one, other = sorted((tie.base, tie.follower), key=lambda end: ("point", "line", "plane").index(_SHAPES[end.kind]))
     shapes = _SHAPES[one.kind], _SHAPES[other.kind]
     if tie.kind not in _KINDS:
-        raise ValueError(f"a constraint {tie.kind} is not known here; {', '.join(sorted(_KINDS))} are")
+        raise ValueError(
+            message(
+                "simulink.unknown_constraint",
+                "a constraint {kind} is not known here; {known} are",
+                kind=tie.kind,
+                known=", ".join(sorted(_KINDS)),
+            )
+        )
     if tie.kind in ("Fixed", "Lock", "Rigid"):
         return np.eye(6)
     a, b = (_axis(end) for end in (one, other))

@@ -14,6 +14,7 @@ from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.extras import needed
 from simrob_drake.base.folders import check_ending, check_new_file, replaced_at_once, writing
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.stepping.station import SteppedStation
 from simrob_drake.extensions.simulink.values.units import UnknownUnit, parse_unit, plain_unit
 from simrob_drake.extensions.simulink.writing.urdf import plain
@@ -152,8 +153,8 @@ def write_fmu(config: StationConfig, target: Path | str, *, version: int = 2, fo
         OutputError: the file is there, or the disk does not take it.
     """
     if version not in _MAKERS:
-        raise InvalidParameter("--fmi", version, "2 or 3")
-    with needed("simrob fmu", "fmi"):
+        raise InvalidParameter("--fmi", version, message("simulink.two_or_three", "2 or 3"))
+    with needed(message("simulink.fmu_command", "simrob fmu"), "fmi"):
         maker = import_module(_MAKERS[version])
     target = as_path(target, "target")
     check_ending(target, [".fmu"], "--out")

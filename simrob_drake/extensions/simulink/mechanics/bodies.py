@@ -9,6 +9,7 @@ from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.base.errors import InvalidModel
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.mechanics.joints import JOINTS, Freedom, Joint, read_joint, rigid_transform
 from simrob_drake.extensions.simulink.mechanics.shapes import MeshFiles
 from simrob_drake.extensions.simulink.mechanics.solids import (
@@ -139,7 +140,9 @@ def _locked(joint: Joint) -> RigidTransform:
     pose = joint.start
     for freedom in joint.freedoms:
         pose = pose @ moved(freedom, freedom.start or 0.0)
-    joint.node.note("approximated", "is locked: welded where its targets are, or else at 0")
+    joint.node.note(
+        "approximated", message("simulink.locked_joint", "is locked: welded where its targets are, or else at 0")
+    )
     return pose
 
 
@@ -168,7 +171,7 @@ class _Frames:
         elif node.kind == "Weld Joint":
             self._join(*self._ends(node), RigidTransform(), node)
         elif node.kind in JOINTS and not any(self._network.on(self._network.net(node, side)) for side in _ENDS):
-            node.note("dropped", "the joint: it is not connected")
+            node.note("dropped", message("simulink.joint_not_connected", "the joint: it is not connected"))
         elif node.kind in JOINTS:
             joint, (base, follower) = read_joint(node), self._ends(node)
             if node.text("JointMode") == "Locked":
@@ -215,9 +218,16 @@ class _Frames:
             return frame_pose(node, frame, None if solid is None else solid.weight)
         except InvalidModel as problem:
             if self._only_seen(node, there):
-                node.note("approximated", f"{problem.problem}; taken at its reference frame, for nothing weighs there")
+                node.note(
+                    "approximated",
+                    message(
+                        "simulink.at_reference_frame",
+                        "{problem}; taken at its reference frame, for nothing weighs there",
+                        problem=problem.problem,
+                    ),
+                )
             else:
-                node.lose(problem, "; taken at its reference frame")
+                node.lose(problem, message("simulink.taken_at_reference_frame", "; taken at its reference frame"))
             return RigidTransform()
 
     def _only_seen(self, node: Node, there: Place) -> bool:
@@ -240,7 +250,9 @@ def _held_outside(network: Connections, frames: _Frames) -> set[Place]:
     if len(found) != 1:
         return set()
     (place,) = found
-    ports[place].note("approximated", "stands in the world, in place of what this is put into")
+    ports[place].note(
+        "approximated", message("simulink.stands_in_world", "stands in the world, in place of what this is put into")
+    )
     return found
 
 
@@ -256,8 +268,11 @@ def _gather(edges: Edges, start: Place, body: RigidPart, bodies: Bodies) -> None
                 body.frames[place], bodies.by_place[place] = there, body
                 reached.append(place)
             elif not body.frames[place].IsNearlyEqualTo(there, _SAME):
-                message = "closes a loop of rigid frames that does not fit: ways to one frame differ; one is taken"
-                node.note("lost", message)
+                text = message(
+                    "simulink.rigid_loop_differs",
+                    "closes a loop of rigid frames that does not fit: ways to one frame differ; one is taken",
+                )
+                node.note("lost", text)
 
 
 def _attach(frames: _Frames, bodies: Bodies) -> None:
@@ -314,11 +329,13 @@ def read_contacts(network: Connections) -> list[ContactPair]:
             except InvalidModel as problem:
                 node.lose(problem)
         elif not any(network.on(network.net(node, side)) for side in _ENDS):
-            node.note("dropped", "the contact: it is not connected")
+            node.note("dropped", message("simulink.contact_not_connected", "the contact: it is not connected"))
         elif any(network.leads_outside(node, side, 1) for side in _ENDS if network.net(node, side) not in geometry):
-            node.note("dropped", "the contact: with what this is put into")
+            node.note("dropped", message("simulink.contact_with_outside", "the contact: with what this is put into"))
         else:
-            node.note("lost", "the contact: one of its ends is no solid or plane")
+            node.note(
+                "lost", message("simulink.contact_without_solid", "the contact: one of its ends is no solid or plane")
+            )
     return contacts
 
 
@@ -331,18 +348,42 @@ def _geometry_ports(node: Node) -> Iterator[tuple[str, int]]:
 
 def _surface(node: Node) -> ContactParameters:
     if node.text("NormalForceType", "SmoothSpringDamper") != "SmoothSpringDamper":
-        node.note("approximated", "its normal force comes from a signal: the figures of the block are taken")
+        node.note(
+            "approximated",
+            message(
+                "simulink.normal_force_from_signal",
+                "its normal force comes from a signal: the figures of the block are taken",
+            ),
+        )
     friction = node.text("FrictionType", "SmoothStickSlip")
     if friction not in ("SmoothStickSlip", "None"):
-        node.note("approximated", "its friction comes from a signal: the figures of the block are taken")
+        node.note(
+            "approximated",
+            message(
+                "simulink.friction_from_signal", "its friction comes from a signal: the figures of the block are taken"
+            ),
+        )
     static = 0.0 if friction == "None" else node.number("CoefficientOfStaticFriction", "0.5")
     dynamic = 0.0 if friction == "None" else node.number("CoefficientOfDynamicFriction", "0.3")
     stiffness = node.number("NormalStiffness", "1e6", unit="N/m")
     damping = node.number("NormalDamping", "1e3", unit="N*s/m")
     if stiffness <= 0 or damping < 0 or min(static, dynamic) < 0:
-        raise node.refusal("has a stiffness that is not positive, or a negative damping or friction")
+        raise node.refusal(
+            message(
+                "simulink.stiffness_not_positive",
+                "has a stiffness that is not positive, or a negative damping or friction",
+            )
+        )
     if dynamic > static:
-        node.note("repaired", f"dynamic friction {dynamic:g} above static {static:g}: both {dynamic:g}")
+        node.note(
+            "repaired",
+            message(
+                "simulink.dynamic_over_static",
+                "dynamic friction {dynamic:g} above static {static:g}: both {dynamic:g}",
+                dynamic=dynamic,
+                static=static,
+            ),
+        )
         static = dynamic
     speed = node.number("FrictionalCriticalVelocity", "1e-3", unit="m/s") or 1e-3
     return ContactParameters(stiffness, damping, static, dynamic, speed)

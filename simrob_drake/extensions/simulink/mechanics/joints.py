@@ -10,6 +10,7 @@ from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.base.frames import Vector, has_wrong_norm, rotation_of
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.model.nodes import Node
 from simrob_drake.extensions.simulink.tables import table
 
@@ -36,7 +37,13 @@ def _against_turning(node: Node, prefix: str) -> list[Pull]:
     stiffness = node.number(f"{prefix}SpringStiffness", unit="N*m/rad")
     slack = [node.text(name) for name in node.block.parameters if "Equilibrium" in name and "Method" in name]
     if stiffness and any(method not in ("None", "") for method in slack):
-        node.note("lost", "its spring against turning: only one that is slack where both frames are one is read")
+        node.note(
+            "lost",
+            message(
+                "simulink.spring_against_turning",
+                "its spring against turning: only one that is slack where both frames are one is read",
+            ),
+        )
         stiffness = 0.0
     return [Pull(3 + place, 0, stiffness, 0.0, damping) for place in range(3)]
 
@@ -62,7 +69,9 @@ def rigid_transform(node: Node) -> RigidTransform:
         angle = node.number("TranslationThetaOffset", unit="rad")
         offset = np.array([radius * np.cos(angle), radius * np.sin(angle), node.number("TranslationZOffset", unit="m")])
     elif method != "None":
-        raise node.refusal(f"has the unknown translation method '{method}'")
+        raise node.refusal(
+            message("simulink.unknown_translation", "has the unknown translation method '{method}'", method=method)
+        )
     return RigidTransform(rotation(node), offset)
 
 
@@ -72,7 +81,9 @@ def rotation(node: Node, prefix: str = "") -> RotationMatrix:
     Raises InvalidModel: a method or figure that cannot be.
     """
     if (method := node.text(f"{prefix}RotationMethod", "None")) not in _ROTATIONS:
-        raise node.refusal(f"has the unknown rotation method '{method}'")
+        raise node.refusal(
+            message("simulink.unknown_rotation", "has the unknown rotation method '{method}'", method=method)
+        )
     return _ROTATIONS[method](node, prefix)
 
 
@@ -81,7 +92,13 @@ def _aligned(node: Node, prefix: str) -> RotationMatrix:
     for names, found in ((f"{prefix}BaseAlignAxis", base), (f"{prefix}FollAlignAxis", follower)):
         one, other = axis(node, f"{names}A"), axis(node, f"{names}B")
         if abs(one @ other) > 0.5:
-            raise node.refusal(f"{names}A and {names}B are along one line; two axes span a frame")
+            raise node.refusal(
+                message(
+                    "simulink.along_one_line",
+                    "{names}A and {names}B are along one line; two axes span a frame",
+                    names=names,
+                )
+            )
         found += [one, other, np.cross(one, other)]
     return RotationMatrix(np.transpose(base) @ np.array(follower))
 
@@ -89,17 +106,31 @@ def _aligned(node: Node, prefix: str) -> RotationMatrix:
 def _matrix(node: Node, prefix: str) -> RotationMatrix:
     matrix = node.numbers(f"{prefix}RotationMatrix", "[1 0 0;0 1 0;0 0 1]", size=9).reshape(3, 3)
     if not np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-4) or np.linalg.det(matrix) < 0:
-        raise node.refusal(f"its {prefix}RotationMatrix is no rotation: not orthonormal and right-handed")
+        raise node.refusal(
+            message(
+                "simulink.matrix_no_rotation",
+                "its {prefix}RotationMatrix is no rotation: not orthonormal and right-handed",
+                prefix=prefix,
+            )
+        )
     return RotationMatrix.ProjectToRotationMatrix(matrix)
 
 
 def _quaternion(node: Node, prefix: str) -> RotationMatrix:
     quaternion = node.numbers(f"{prefix}Quaternion", "[1 0 0 0]", size=4)
     if np.linalg.norm(quaternion) < 1e-9:
-        raise node.refusal(f"its {prefix}Quaternion is zero")
+        raise node.refusal(message("simulink.quaternion_is_zero", "its {prefix}Quaternion is zero", prefix=prefix))
     if has_wrong_norm(quaternion):
         norm = np.linalg.norm(quaternion)
-        node.note("repaired", f"its {prefix}Quaternion has a norm of {norm:.6g}; it is normalised")
+        node.note(
+            "repaired",
+            message(
+                "simulink.quaternion_norm",
+                "its {prefix}Quaternion has a norm of {norm:.6g}; it is normalised",
+                prefix=prefix,
+                norm=norm,
+            ),
+        )
     return rotation_of(quaternion)
 
 
@@ -107,21 +138,35 @@ def axis(node: Node, name: str) -> Vector:
     """Return the direction that a parameter such as ``+Z`` names."""
     text = node.text(name, "+Z")
     if text not in AXES:
-        raise node.refusal(f"{name} is '{text}'; it must be one of {', '.join(AXES)}")
+        raise node.refusal(
+            message(
+                "simulink.one_of_axes",
+                "{name} is '{text}'; it must be one of {axes}",
+                name=name,
+                text=text,
+                axes=", ".join(AXES),
+            )
+        )
     return AXES[text]
 
 
 def _about(node: Node, direction: Vector, prefix: str) -> RotationMatrix:
     length, angle = float(np.linalg.norm(direction)), node.number(f"{prefix}RotationAngle", unit="rad")
     if length < 1e-9 and angle:
-        raise node.refusal("turns about an axis of length zero")
+        raise node.refusal(message("simulink.turns_about_zero", "turns about an axis of length zero"))
     return RotationMatrix(AngleAxis(angle, direction / length)) if angle else RotationMatrix()
 
 
 def _sequence(node: Node, prefix: str) -> RotationMatrix:
     letters = node.text(f"{prefix}RotationSequence", "XYZ")
     if len(letters) != 3 or any(letter not in _TURNS for letter in letters):
-        raise node.refusal(f"has the rotation sequence '{letters}'; it must be three axes such as ZYX")
+        raise node.refusal(
+            message(
+                "simulink.rotation_sequence",
+                "has the rotation sequence '{letters}'; it must be three axes such as ZYX",
+                letters=letters,
+            )
+        )
     angles = node.numbers(f"{prefix}RotationSequenceAngles", "[0 0 0]", unit="rad", size=3)
     turns = [_TURNS[letter](angle) for letter, angle in zip(letters, angles, strict=True)]
     if node.text(f"{prefix}RotationSequenceAxes", "FollowerAxes") == "BaseAxes":
@@ -199,7 +244,11 @@ class Joint:
 def read_joint(node: Node) -> Joint:
     """Return what a joint block is; raises InvalidModel: figures that cannot be, or a joint without a likeness here."""
     if node.text("JointMode", "Normal") not in ("Normal", "Locked", ""):
-        raise node.refusal(f"is in the mode {node.text('JointMode')}; Normal and Locked are read")
+        raise node.refusal(
+            message(
+                "simulink.unread_mode", "is in the mode {mode}; Normal and Locked are read", mode=node.text("JointMode")
+            )
+        )
     joint = Joint(node)
     kinds = PRIMITIVES[node.kind]
     moved = any(node.text(f"{kind}MotionActuationMode") == "InputMotion" for kind in kinds)
@@ -277,7 +326,7 @@ def _freedom(node: Node, kind: str, prefix: str) -> Freedom:
     freedom.stiffness = node.number(f"{prefix}SpringStiffness", unit=f"{effort}/{length}")
     freedom.rest = node.number(f"{prefix}EquilibriumPosition", unit=length) if freedom.stiffness else 0.0
     if min(freedom.damping, freedom.stiffness) < 0:
-        raise node.refusal("has a negative spring or damper")
+        raise node.refusal(message("simulink.negative_spring", "has a negative spring or damper"))
     for quantity, unit in (("Position", length), ("Velocity", f"{length}/s")):
         if node.is_on(f"{prefix}{quantity}TargetSpecify"):
             _ask(node, prefix, freedom, quantity, node.number(f"{prefix}{quantity}TargetValue", unit=unit))
@@ -294,18 +343,44 @@ def _read_stops(node: Node, prefix: str, freedom: Freedom, effort: str, length: 
             stiffness = node.number(f"{prefix}{end}LimitStiffness", f"1e4{scale}", unit=f"{effort}/{length}")
             damping = node.number(f"{prefix}{end}LimitDamping", f"10{scale}", unit=f"{effort}*s/{length}")
             if stiffness <= 0 or damping < 0:
-                raise node.refusal(f"the stiffness of its {end.lower()} limit is not positive, or its damping negative")
+                raise node.refusal(
+                    message(
+                        "simulink.stiffness_of_limit",
+                        "the stiffness of its {end} limit is not positive, or its damping negative",
+                        end=end.lower(),
+                    )
+                )
             if stiffness > _HARDEST:
-                node.note("approximated", f"its stop of {stiffness:g} {effort}/{length} is one of {_HARDEST:g}")
+                node.note(
+                    "approximated",
+                    message(
+                        "simulink.hard_stop",
+                        "its stop of {stiffness:g} {effort}/{length} is one of {hardest:g}",
+                        stiffness=stiffness,
+                        effort=effort,
+                        length=length,
+                        hardest=_HARDEST,
+                    ),
+                )
             stops.append((min(stiffness, _HARDEST), min(damping, _HARDEST * _HARD_LAG)))
     freedom.stop = max(stops, default=None)
     if len(set(stops)) > 1:
-        node.note("approximated", "its stops differ: both get the figures of the stiffer one")
+        node.note(
+            "approximated",
+            message("simulink.stops_differ", "its stops differ: both get the figures of the stiffer one"),
+        )
     if freedom.lower >= freedom.upper and node.findings.assume and node.findings.undefined:
         freedom.lower, freedom.upper, freedom.stop = -inf, inf, None
-        node.note("defaulted", "its limits are unknown: none are taken")
+        node.note("defaulted", message("simulink.unknown_limits", "its limits are unknown: none are taken"))
     if freedom.lower >= freedom.upper:
-        raise node.refusal(f"its lower limit {freedom.lower:g} is not below its upper one, {freedom.upper:g}")
+        raise node.refusal(
+            message(
+                "simulink.limits_order",
+                "its lower limit {lower:g} is not below its upper one, {upper:g}",
+                lower=freedom.lower,
+                upper=freedom.upper,
+            )
+        )
 
 
 def _ask(node: Node, prefix: str, freedom: Freedom, quantity: str, value: float) -> None:
@@ -318,10 +393,16 @@ def _ask(node: Node, prefix: str, freedom: Freedom, quantity: str, value: float)
 
 def _ball(node: Node, prefix: str) -> list[Freedom]:
     """Return a ball joint as three turns about x, y and z."""
-    node.note("approximated", "ball joint as three turns about x, y and z: singular where the middle one is at 90°")
+    node.note(
+        "approximated",
+        message(
+            "simulink.ball_as_three_turns",
+            "ball joint as three turns about x, y and z: singular where the middle one is at 90°",
+        ),
+    )
     turns = [Freedom(f"{node.path}_R{letter}", True, AXES[f"+{letter.upper()}"]) for letter in "xyz"]
     if any(node.is_on(f"{prefix}{end}LimitSpecify") for end in ("Lower", "Upper")):
-        node.note("lost", "the limits of a ball joint")
+        node.note("lost", message("simulink.limits_of_ball", "the limits of a ball joint"))
     turn, rates = _ball_targets(node, prefix)
     if node.is_on(f"{prefix}PositionTargetSpecify"):
         for freedom, angle in zip(turns, xyz_angles(turn), strict=True):
@@ -361,7 +442,10 @@ def _read_floating(node: Node, joint: Joint) -> None:
         ends = ((one.lower, 1.0), (one.upper, -1.0)) if one.stop else ()
         stops = tuple((bound, way, one.stop[0]) for bound, way in ends if one.stop and isfinite(bound))
         if stops:
-            node.note("approximated", f"its stops along {letter} are springs without dampers")
+            node.note(
+                "approximated",
+                message("simulink.stops_along", "its stops along {letter} are springs without dampers", letter=letter),
+            )
         port = next(ports) if node.text(f"P{letter}TorqueActuationMode") == "InputTorque" else 0
         pulls.append(Pull(place, port, one.stiffness, one.rest, one.damping, stops))
     turn, rates = _ball_targets(node, "Sph")

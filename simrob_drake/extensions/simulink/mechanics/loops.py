@@ -18,6 +18,7 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.base.errors import InvalidModel
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.mechanics.bodies import GEARS, ROD, Coupling, Link, RigidPart
 from simrob_drake.extensions.simulink.mechanics.joints import Freedom
 from simrob_drake.extensions.simulink.mechanics.shapes import positive
@@ -40,7 +41,7 @@ class Teeth:
 def _unit(node: Node, vector: Vector, what: str) -> Vector:
     length = float(np.linalg.norm(vector))
     if length < 1e-9:
-        raise node.refusal(f"cannot tell where its teeth are: {what}")
+        raise node.refusal(message("simulink.unknown_teeth", "cannot tell where its teeth are: {what}", what=what))
     return np.asarray(vector / length)
 
 
@@ -60,7 +61,11 @@ def _common(node: Node, base: RigidTransform, follower: RigidTransform) -> Teeth
         ratio, (distance,) = node.number("GearRatio", "1"), positive(node, "CenterDistance", "20", 1)
         own = distance / (abs(ratio - 1) if inside else ratio + 1)
         other = ratio * own
-    between = _unit(node, follower.translation() - base.translation(), "its frames are at one place")
+    between = _unit(
+        node,
+        follower.translation() - base.translation(),
+        message("simulink.frames_at_one_place", "its frames are at one place"),
+    )
     base_side, follower_side = (1.0, -1.0) if not inside else (1.0, 1.0) if own > other else (-1.0, -1.0)
     places = base.translation() + base_side * own * between, follower.translation() + follower_side * other * between
     return Teeth(*places, np.cross(_z(base), between))
@@ -68,9 +73,9 @@ def _common(node: Node, base: RigidTransform, follower: RigidTransform) -> Teeth
 
 def _bevel(node: Node, base: RigidTransform, follower: RigidTransform) -> Teeth:
     axes = _z(base), _z(follower)
-    across = _unit(node, np.cross(*axes), "its axes are parallel")
+    across = _unit(node, np.cross(*axes), message("simulink.axes_are_parallel", "its axes are parallel"))
     between = follower.translation() - base.translation()
-    _unit(node, between, "its frames are at one place")
+    _unit(node, between, message("simulink.frames_at_one_place", "its frames are at one place"))
     own, other = _radii(node, "BaseGearRadius", "FollGearRadius")
     place = base.translation() + own * _toward(np.cross(across, axes[0]), between)
     return Teeth(place, follower.translation() + other * _toward(np.cross(across, axes[1]), -between), across)
@@ -78,7 +83,9 @@ def _bevel(node: Node, base: RigidTransform, follower: RigidTransform) -> Teeth:
 
 def _rack(node: Node, base: RigidTransform, follower: RigidTransform) -> Teeth:
     turning, along = _z(base), _z(follower)
-    out = _unit(node, np.cross(turning, along), "the rack slides along the pinion's axis")
+    out = _unit(
+        node, np.cross(turning, along), message("simulink.rack_along_pinion", "the rack slides along the pinion's axis")
+    )
     (radius,) = positive(node, "PinionRadius", "10", 1)
     place = base.translation() + radius * _toward(out, follower.translation() - base.translation())
     return Teeth(place, place, along)
@@ -87,10 +94,14 @@ def _rack(node: Node, base: RigidTransform, follower: RigidTransform) -> Teeth:
 def _worm(node: Node, base: RigidTransform, follower: RigidTransform) -> Teeth:
     along, turning = _z(base), _z(follower)
     if node.text("SpecificationMethod", "PitchCircleRadii") != "PitchCircleRadii":
-        raise node.refusal("is given by distance and ratio; only pitch radii are read")
+        raise node.refusal(
+            message("simulink.pitch_radii_only", "is given by distance and ratio; only pitch radii are read")
+        )
     worm, gear = _radii(node, "WormRadius", "GearRadius")
     lead = worm * np.tan(node.number("WormLeadAngle", "4.2", unit="rad"))
-    out = _unit(node, np.cross(along, turning), "the worm is along the gear's axis")
+    out = _unit(
+        node, np.cross(along, turning), message("simulink.worm_along_gear", "the worm is along the gear's axis")
+    )
     place = follower.translation() + gear * _toward(out, base.translation() - follower.translation())
     hand = -1.0 if node.text("WormDirection", "RightHand") == "RightHand" else 1.0
     return Teeth(base.translation(), place, along, hand * lead)
@@ -163,7 +174,7 @@ def close(tree: Tree) -> None:
 def _cut(tree: Tree, link: Link) -> list[Closing]:
     node = link.joint.node
     if cuttable(link):
-        node.note("read", "closes a loop: a coupling in its place")
+        node.note("read", message("simulink.loop_as_coupling", "closes a loop: a coupling in its place"))
         return [Closing(*link.ends, _CUT[node.kind])]
     whole, turned = (link.base, True) if link.follower.grounded else (link.follower, False)
     halves = [replace(solid, weight=solid.weight.scaled(0.5)) for solid in whole.solids]
@@ -171,7 +182,9 @@ def _cut(tree: Tree, link: Link) -> list[Closing]:
     half = RigidPart(dict(whole.frames), [replace(solid, visible=False) for solid in halves])
     own = replace(link, base=half) if turned else replace(link, follower=half)
     tree.branches.append(BodyOnJoint(half, link.follower if turned else link.base, own, turned))
-    node.note("read", "closes a loop: its body is two halves that are welded together")
+    node.note(
+        "read", message("simulink.loop_as_halves", "closes a loop: its body is two halves that are welded together")
+    )
     return [Closing(node, half, whole, RigidTransform(), RigidTransform(), "weld")]
 
 
@@ -265,11 +278,21 @@ def _settle(tree: Tree, screws: Vector) -> None:
     worst = max(tree.closings, key=lambda closing: float(np.abs(closing.gap(poses)).max()), default=None)
     node = worst.node if worst else tree.branches[0].link.joint.node
     if (gap := float(np.abs(gaps(found)).max())) > _LOOSE:
-        node.note("lost", f"closes a loop that does not close: {1e3 * gap:.3g} mm (or mrad) are left; give starts")
+        node.note(
+            "lost",
+            message(
+                "simulink.loop_does_not_close",
+                "closes a loop that does not close: {gap:.3g} mm (or mrad) are left; give starts",
+                gap=1e3 * gap,
+            ),
+        )
         tree.closings.clear()
         return
     if gap > _CLOSED:
-        node.note("approximated", f"closes a loop whose figures leave {1e3 * gap:.2g} mm open")
+        node.note(
+            "approximated",
+            message("simulink.loop_left_open", "closes a loop whose figures leave {gap:.2g} mm open", gap=1e3 * gap),
+        )
     for freedom, position in zip(tree.freedoms, found, strict=True):
         _tell(freedom, " position", freedom.start, position, tree)
         freedom.start = float(position)
@@ -283,7 +306,11 @@ def _mesh(tree: Tree, coupling: Coupling) -> None:
         moved = desired + 0.1 * (np.eye(desired.size) - np.linalg.pinv(row[None]) @ row[None]) @ np.cos(desired)
         other = _gear_row(tree, coupling, moved)
         if not row.any() or np.abs(other - row).max() > _CHANGES * np.abs(row).max():
-            raise node.refusal("its ratio changes with the posture" if row.any() else "turns nothing")
+            raise node.refusal(
+                message("simulink.ratio_changes", "its ratio changes with the posture")
+                if row.any()
+                else message("simulink.turns_nothing", "turns nothing")
+            )
     except InvalidModel as problem:
         node.lose(problem)
         return
@@ -305,5 +332,11 @@ def _start(tree: Tree) -> None:
 
 def _tell(freedom: Freedom, what: str, target: float | None, taken: float, tree: Tree) -> None:
     if target is not None and abs(target - taken) > _NOTED:
-        message = f"starts at the{what} {taken:.4g}, not {target:.4g}: so its loop closes"
-        tree.branches[0].link.joint.node.findings.report.add("approximated", freedom.name, message)
+        text = message(
+            "simulink.starts_to_close",
+            "starts at the{what} {taken:.4g}, not {target:.4g}: so its loop closes",
+            what=what,
+            taken=taken,
+            target=target,
+        )
+        tree.branches[0].link.joint.node.findings.report.add("approximated", freedom.name, text)

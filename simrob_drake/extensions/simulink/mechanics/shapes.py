@@ -16,6 +16,7 @@ import numpy as np
 
 from simrob_drake.base.extras import lacking
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.model.nodes import Node
 from simrob_drake.importer.meshes.checks import MESH_FORMATS, UnreadableMesh
 from simrob_drake.importer.meshes.library import obj_text
@@ -154,7 +155,9 @@ def extrusion_outline(node: Node) -> Vector:
     (radius,) = positive(node, "PolygonOuterRadius", "1", 1)
     sides = round(node.number("PolygonNumSides", "3"))
     if not 3 <= sides <= 1000:
-        raise node.refusal(f"has {sides} sides; a polygon has at least three")
+        raise node.refusal(
+            message("simulink.few_sides", "has {sides} sides; a polygon has at least three", sides=sides)
+        )
     turns = 2 * np.pi * np.arange(sides) / sides
     return np.asarray(radius * np.column_stack([np.cos(turns), np.sin(turns)]))
 
@@ -163,10 +166,12 @@ def revolution(node: Node) -> tuple[Shape, Weight]:
     """Return an outline in the xz plane turned about z, with the weight of 1 kg/m³; a part turn is about that plane."""
     outline, angle = revolution_outline(node)
     if not 0 < angle <= 2 * np.pi + 1e-9 or outline[:, 0].min() < -1e-9:
-        raise node.refusal("turns an outline that crosses the axis, or by more than one turn")
+        raise node.refusal(
+            message("simulink.outline_crosses_axis", "turns an outline that crosses the axis, or by more than one turn")
+        )
     mass = angle * integral(outline, lambda r, _: r)
     if mass <= 0:
-        raise node.refusal("turns an outline without an area")
+        raise node.refusal(message("simulink.outline_without_area", "turns an outline without an area"))
     x = 2 * np.sin(angle / 2) * integral(outline, lambda r, _: r * r) / mass
     z = angle * integral(outline, lambda r, z: r * z) / mass
     rrr, rzz = integral(outline, lambda r, _: r**3), integral(outline, lambda r, z: r * z * z)
@@ -190,7 +195,14 @@ def positive(node: Node, name: str, default: str, size: int) -> Vector:
     """Return lengths, shape (size,) [m], that must be positive."""
     values = node.numbers(name, default, unit="m", size=size)
     if np.any(values <= 0):
-        raise node.refusal(f"{name} is {values.tolist()}; lengths are positive")
+        raise node.refusal(
+            message(
+                "simulink.length_not_positive",
+                "{name} is {value}; lengths are positive",
+                name=name,
+                value=values.tolist(),
+            )
+        )
     return values
 
 
@@ -198,11 +210,13 @@ def _outline(node: Node, name: str) -> Vector:
     """Return corners in counterclockwise order, shape (n, 2) [m]."""
     corners = node.numbers(name, "[1 1; -1 1; -1 -1; 1 -1]", unit="m")
     if corners.size < 6 or corners.size % 2:
-        raise node.refusal(f"holds no outline in {name}: at least three corners, a row each")
+        raise node.refusal(
+            message("simulink.no_outline", "holds no outline in {name}: at least three corners, a row each", name=name)
+        )
     outline = corners.reshape(-1, 2)
     outline = outline[np.any(np.abs(outline - np.roll(outline, 1, axis=0)) > 1e-12, axis=1)]
     if len(outline) < 3 or abs(area(outline)) < 1e-15:
-        raise node.refusal(f"{name} encloses no area")
+        raise node.refusal(message("simulink.encloses_no_area", "{name} encloses no area", name=name))
     return outline if area(outline) > 0 else outline[::-1]
 
 
@@ -246,9 +260,24 @@ class MeshFiles:
         file = self._find(name) if name else None
         if file is None:
             if name:
-                node.note("dropped", f"the mesh {name} is not below the model's folder; give --mesh-path DIR")
+                node.note(
+                    "dropped",
+                    message(
+                        "simulink.mesh_not_below",
+                        "the mesh {name} is not below the model's folder; give --mesh-path DIR",
+                        name=name,
+                    ),
+                )
         elif file.suffix.lower() not in READ:
-            node.note("dropped", f"the mesh {name}: {file.suffix} is not read; convert it to STL")
+            node.note(
+                "dropped",
+                message(
+                    "simulink.mesh_format",
+                    "the mesh {name}: {suffix} is not read; convert it to STL",
+                    name=name,
+                    suffix=file.suffix,
+                ),
+            )
         elif file.suffix.lower() in STEP:  # it has units of its own
             return file, 1.0
         else:
@@ -261,16 +290,35 @@ class MeshFiles:
         Raises InvalidModel: there is no mesh, or one that encloses nothing.
         """
         if file is None:
-            raise node.refusal(f"its weight follows from the mesh {node.text('ExtGeomFileName')}, which cannot be read")
+            raise node.refusal(
+                message(
+                    "simulink.weight_of_unread_mesh",
+                    "its weight follows from the mesh {file}, which cannot be read",
+                    file=node.text("ExtGeomFileName"),
+                )
+            )
         try:
             mesh = load_mesh(file)
         except UnreadableMesh as problem:
-            raise node.refusal(f"its weight follows from the mesh {file.name}, which {problem}") from problem
+            raise node.refusal(
+                message(
+                    "simulink.weight_of_mesh",
+                    "its weight follows from the mesh {file}, which {problem}",
+                    file=file.name,
+                    problem=problem,
+                )
+            ) from problem
         from trimesh.triangles import mass_properties
 
         properties = mass_properties((mesh.vertices * scale)[mesh.faces])
         if not properties.volume > 0:
-            raise node.refusal(f"its weight follows from the mesh {file.name}, which encloses no volume")
+            raise node.refusal(
+                message(
+                    "simulink.weight_of_open_mesh",
+                    "its weight follows from the mesh {file}, which encloses no volume",
+                    file=file.name,
+                )
+            )
         return Weight(float(properties.volume), np.asarray(properties.center_mass), np.asarray(properties.inertia))
 
     def _find(self, name: str) -> Path | None:
@@ -293,7 +341,7 @@ def load_mesh(file: Path) -> MeshPart:
         return _from_step(file, file.stat().st_mtime_ns)
     parts = [part for part in map(mend, read_mesh(file, {}).parts) if len(part.faces)]
     if not parts:
-        raise UnreadableMesh("holds no triangle with an area")
+        raise UnreadableMesh(message("simulink.no_area", "holds no triangle with an area"))
     return plain(parts)
 
 
@@ -301,7 +349,7 @@ def load_mesh(file: Path) -> MeshPart:
 def _from_step(file: Path, _changed: int) -> MeshPart:
     """Return the faces of a STEP file [m], made by a process of its own, which a damaged file may end."""
     if find_spec("cascadio") is None:
-        raise UnreadableMesh(lacking("is STEP, which", "step"))
+        raise UnreadableMesh(lacking(message("simulink.is_step", "is STEP, which"), "step"))
     with TemporaryDirectory() as folder:
         target = Path(folder) / "part.glb"
         try:
@@ -309,7 +357,9 @@ def _from_step(file: Path, _changed: int) -> MeshPart:
             run(command, check=True, capture_output=True, timeout=_LONGEST)
             mesh = load_mesh(target)
         except (OSError, SubprocessError, UnreadableMesh) as problem:
-            raise UnreadableMesh("holds no solid that can be read from STEP") from problem
+            raise UnreadableMesh(
+                message("simulink.no_solid_in_step", "holds no solid that can be read from STEP")
+            ) from problem
     return MeshPart(mesh.vertices @ _UPRIGHT.T, mesh.faces)
 
 

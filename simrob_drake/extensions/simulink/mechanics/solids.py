@@ -15,6 +15,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.base.errors import InvalidModel
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.mechanics import shapes
 from simrob_drake.extensions.simulink.mechanics.joints import AXES
 from simrob_drake.extensions.simulink.mechanics.shapes import (
@@ -86,7 +87,7 @@ def hold_constant(network: Connections, node: Node) -> None:
     ball = {how: "Mass", "SphereRadius": f"{radius:.17g}", "SphereRadiusUnits": "m"}
     parameters = {**node.block.parameters, "Mass": f"{mass:.17g}", "MassUnits": "kg"}
     parameters |= {how: choice} if how == "InertiaType" else ball
-    node.note("read", f"its mass is constant: {mass:g} kg")
+    node.note("read", message("simulink.constant_mass", "its mass is constant: {mass:g} kg", mass=mass))
     node.block = replace(node.block, kind=f"sm_lib/Body Elements/{place}", linked=True, parameters=parameters)
 
 
@@ -106,7 +107,7 @@ def read_solid(node: Node, meshes: MeshFiles) -> SolidBody:
             computed = node.text("InertiaType", "CalculateFromGeometry") == "CalculateFromGeometry"
             if computed and _density(node) != 0 and not node.findings.undefined:
                 raise
-            node.note("dropped", f"its shape: it {problem.problem}")
+            node.note("dropped", message("simulink.its_shape", "its shape: it {problem}", problem=problem.problem))
             even = NOTHING
     elif kind == "File Solid":
         file, scale = meshes.of(node)
@@ -119,7 +120,7 @@ def _kind_of(node: Node) -> str:
     """Return the block that a solid is today: older models have one for all shapes (raises InvalidModel: unknown)."""
     shape = node.text("GeometryShape", "Brick")
     if node.kind == "Solid" and shape not in _OLD_SHAPES:
-        raise node.refusal(f"has the unknown shape '{shape}'")
+        raise node.refusal(message("simulink.unknown_shape", "has the unknown shape '{shape}'", shape=shape))
     return _OLD_SHAPES[shape] if node.kind == "Solid" else node.kind
 
 
@@ -142,21 +143,25 @@ def _weight(node: Node, kind: str, even: Weight | None, of_mesh: Callable[[], We
         inertia = np.diag(moments) + np.array([[0, xy, zx], [xy, 0, yz], [zx, yz, 0]])
         return Weight(mass, node.numbers("CenterOfMass", "[0 0 0]", unit="m", size=3), inertia)
     if method != "CalculateFromGeometry":
-        raise node.refusal(f"has the unknown inertia type '{method}'")
+        raise node.refusal(
+            message("simulink.unknown_inertia_type", "has the unknown inertia type '{method}'", method=method)
+        )
     if (density := _density(node)) == 0:
         return NOTHING
     even = even or of_mesh()
     if density is None:
         return even.scaled(_mass(node) / even.mass) if even.mass else NOTHING
     if density < 0:
-        raise node.refusal(f"Density is {density:g}; it must not be negative")
+        raise node.refusal(
+            message("simulink.negative_density", "Density is {density:g}; it must not be negative", density=density)
+        )
     return even.scaled(density)
 
 
 def _mass(node: Node) -> float:
     mass = node.number("Mass", "1", unit="kg", unknown="0")
     if mass < 0:
-        raise node.refusal(f"Mass is {mass:g}; it must not be negative")
+        raise node.refusal(message("simulink.negative_mass", "Mass is {mass:g}; it must not be negative", mass=mass))
     return mass
 
 
@@ -196,7 +201,13 @@ def possible_moments(name: str, weight: Weight, report: ImportReport) -> Vector:
     if np.allclose(allowed, moments, rtol=1e-7, atol=0.0):
         return weight.inertia
     shown = ", ".join(f"{moment:.3g}" for moment in moments)
-    report.add("repaired", name, f"no body has the principal moments {shown} kg m²: made possible")
+    report.add(
+        "repaired",
+        name,
+        message(
+            "simulink.made_possible", "no body has the principal moments {moments} kg m²: made possible", moments=shown
+        ),
+    )
     return np.asarray(axes @ np.diag(allowed) @ axes.T)
 
 
@@ -216,7 +227,9 @@ def solid_ports(node: Node) -> list[SolidPort]:
     try:
         frames = parse_part((node.text("SerializedFrames") or "<Frames/>").encode()).iter("Frame")
     except Unreadable as problem:
-        raise node.refusal(f"its SerializedFrames {problem}") from problem
+        raise node.refusal(
+            message("simulink.serialized_frames", "its SerializedFrames {problem}", problem=problem)
+        ) from problem
     order: list[str | Element | None] = list(frames)
     if node.is_on("ExportEntireGeometry") or node.is_on("ExportConvexHullGeometry"):
         order.append(GEOMETRY)
@@ -238,11 +251,17 @@ def frame_pose(node: Node, frame: Element, weight: Weight | None = None) -> Rigi
         feature = one_line(frame.findtext(f"Value/{name}/FeatureName") or source)
         direction = AXES.get(along, AXES[default]) if source == "ReferenceFrame" else _normal(node, feature, along)
         if direction is None:
-            raise node.refusal(f"a frame follows '{feature}', which is not known here")
+            raise node.refusal(
+                message(
+                    "simulink.frame_follows_unknown",
+                    "a frame follows '{feature}', which is not known here",
+                    feature=feature,
+                )
+            )
         axes.append(AXES.get(frame.findtext(f"Value/{name}/DefinedDirection") or default, AXES[default]))
         directions.append(direction)
     if abs(axes[0] @ axes[1]) > 0.5 or abs(directions[0] @ directions[1]) > 0.5:
-        raise node.refusal("a frame has both axes along one line")
+        raise node.refusal(message("simulink.frame_axes_on_line", "a frame has both axes along one line"))
     own, there = (np.column_stack([*two, np.cross(*two)]) for two in (axes, directions))
     return RigidTransform(RotationMatrix(there @ own.T), place)
 
@@ -268,7 +287,13 @@ def _origin(node: Node, frame: Element, weight: Weight | None) -> Vector:
     elif source == "GeometricFeature" and kind in _FEATURES:
         place = _FEATURES[kind](node, feature)
     if place is None:
-        raise node.refusal(f"a frame is on '{feature or source}', whose place is not known here")
+        raise node.refusal(
+            message(
+                "simulink.frame_place_unknown",
+                "a frame is on '{feature}', whose place is not known here",
+                feature=feature or source,
+            )
+        )
     return place
 
 
@@ -294,7 +319,15 @@ def _on_extrusion(node: Node, feature: str) -> Vector | None:
     if (ends := _side(feature, extrusion_outline(node))) is None:
         return None
     side = feature.rpartition(" ")[2]
-    node.note("approximated", f"a frame on '{feature}': in the middle of side {side}, counted as its corners are")
+    node.note(
+        "approximated",
+        message(
+            "simulink.frame_in_middle_of_side",
+            "a frame on '{feature}': in the middle of side {side}, counted as its corners are",
+            feature=feature,
+            side=side,
+        ),
+    )
     return np.append(ends.mean(axis=0), 0.0)
 
 
@@ -312,11 +345,23 @@ def _on_revolution(node: Node, feature: str) -> Vector | None:
     if where in ("front", "back"):
         x, z = centre(outline)
         turn = angle / 2 if where == "front" else -angle / 2
-        node.note("approximated", f"a frame on '{feature}': on the side of the larger angle")
+        node.note(
+            "approximated",
+            message(
+                "simulink.frame_on_larger_angle",
+                "a frame on '{feature}': on the side of the larger angle",
+                feature=feature,
+            ),
+        )
         return np.array([x * np.cos(turn), x * np.sin(turn), z])
     if where != "side" or (ends := _side(feature, outline)) is None:
         return None
-    node.note("approximated", f"a frame on '{feature}': on the axis, counted as its corners are")
+    node.note(
+        "approximated",
+        message(
+            "simulink.frame_on_axis", "a frame on '{feature}': on the axis, counted as its corners are", feature=feature
+        ),
+    )
     return np.array([0.0, 0.0, ends[:, 1].mean()])
 
 

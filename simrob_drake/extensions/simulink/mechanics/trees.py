@@ -11,6 +11,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from scipy.cluster.hierarchy import DisjointSet
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.mechanics.bodies import GEARS, ROD, Bodies, Coupling, Link, RigidPart, moved
 from simrob_drake.extensions.simulink.mechanics.joints import Freedom
 from simrob_drake.extensions.simulink.model.nodes import Node
@@ -136,7 +137,10 @@ def grow(bodies: Bodies, cuttable: Callable[[Link], bool]) -> tuple[RigidPart | 
         trees = _grown(bodies, world, _spanning(bodies.links, cuttable))
     for link in bodies.links:
         if link.joint.floating and link.base is not world:
-            link.joint.node.note("approximated", "starts from the world: its base is no part of it")
+            link.joint.node.note(
+                "approximated",
+                message("simulink.starts_from_world", "starts from the world: its base is no part of it"),
+            )
     return world, trees
 
 

@@ -6,6 +6,7 @@ from itertools import chain, count, takewhile
 
 from scipy.cluster.hierarchy import DisjointSet
 
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.model.nodes import Expanded, Node, chosen_variant
 from simrob_drake.extensions.simulink.reading.graph import ELEMENT, Port
 
@@ -128,7 +129,9 @@ class Connections:
             if following == here:
                 return here
             here = following
-        raise node.refusal("its signal goes round through tags without a source")
+        raise node.refusal(
+            message("simulink.signal_without_source", "its signal goes round through tags without a source")
+        )
 
     def signal_name(self, node: Node, number: int) -> str:
         """Return the name of the signal at an input, told where it comes from; else the block's that its line is from.

@@ -12,6 +12,7 @@ import numpy as np
 
 from simrob_drake.base.errors import InvalidModel
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.extensions.simulink.reading.graph import (
     DEEPEST,
     MOST_BLOCKS,
@@ -104,13 +105,26 @@ class Node:
             return self.workspace.value(text)
         except UndefinedVariable as problem:
             if not name.startswith("Graphic"):  # looks move nothing
-                self.findings.missing(problem, f"{self.path}: {name}")
+                self.findings.missing(problem, compound("{path}: {name}", path=self.path, name=name))
             if self.findings.assume:
                 taken = unknown or default
-                self.note("defaulted", f"{name} = {text} is unknown: {taken} is taken")
+                self.note(
+                    "defaulted",
+                    message(
+                        "simulink.unknown_value",
+                        "{name} = {text} is unknown: {taken} is taken",
+                        name=name,
+                        text=text,
+                        taken=taken,
+                    ),
+                )
             return self.workspace.value(unknown or default)
         except NotUnderstood as problem:
-            raise self.refusal(f"{name} = {text[:60]} {problem}") from problem
+            raise self.refusal(
+                message(
+                    "simulink.value_problem", "{name} = {text} {problem}", name=name, text=text[:60], problem=problem
+                )
+            ) from problem
 
     def numbers(
         self, name: str, default: str, *, unit: str = "1", size: int | None = None, unknown: str | None = None
@@ -122,9 +136,17 @@ class Node:
         """
         array = self.matrix(name, default, unknown).reshape(-1)
         if size is not None and array.size != size:
-            raise self.refusal(f"{name} has {array.size} numbers, not {size}")
+            raise self.refusal(
+                message(
+                    "simulink.count_of_numbers",
+                    "{name} has {count} numbers, not {expected}",
+                    name=name,
+                    count=array.size,
+                    expected=size,
+                )
+            )
         if not np.all(np.isfinite(array)):
-            raise self.refusal(f"{name} is not finite")
+            raise self.refusal(message("simulink.not_finite", "{name} is not finite", name=name))
         return np.asarray(array * self.unit(name, unit))
 
     def matrix(self, name: str, default: str, unknown: str | None = None) -> Vector:
@@ -132,7 +154,7 @@ class Node:
         try:
             return matrix(self.value(name, default, unknown))
         except (NotUnderstood, TypeError, ValueError) as problem:
-            raise self.refusal(f"{name} {problem}") from problem
+            raise self.refusal(compound("{name} {problem}", name=name, problem=problem)) from problem
 
     def number(self, name: str, default: str = "0", *, unit: str = "1", unknown: str | None = None) -> float:
         """Return a parameter as one number in SI."""
@@ -154,7 +176,7 @@ class Node:
         try:
             return factor(text, like or text)
         except UnknownUnit as problem:
-            raise self.refusal(f"{name}: {problem}") from problem
+            raise self.refusal(compound("{name}: {problem}", name=name, problem=problem)) from problem
 
     def note(self, kind: EntryKind, text: str) -> None:
         """Note in the report what became of the block."""
@@ -192,23 +214,31 @@ class Expanded:
     def fill(self, parent: Node, depth: int = 0) -> None:
         """Put in all that is in a subsystem."""
         if depth > DEEPEST:
-            raise parent.refusal("its libraries contain themselves")
+            raise parent.refusal(message("simulink.libraries_contain_themselves", "its libraries contain themselves"))
         assert parent.block.system is not None
         for sid, written in parent.block.system.blocks.items():
             path = path_below(parent, written)
             found = self.settings.get(_plain(path))  # by code of masks around it
             block = replace(written, parameters={**written.parameters, **found}) if found else written
             if block.commented == "on":
-                self.leave_out(path, block, "commented out")
+                self.leave_out(path, block, message("simulink.commented_out", "commented out"))
             else:
                 parent.children[sid] = self._node(parent, block)
         if parent.is_on("Variant"):
             for other in _drop_the_others(parent):
-                self.leave_out(other.path, other.block, "a variant that is not chosen")
+                self.leave_out(
+                    other.path, other.block, message("simulink.variant_not_chosen", "a variant that is not chosen")
+                )
         for node in parent.children.values():
             self.nodes.append(node)
             if len(self.nodes) > MOST_BLOCKS:
-                raise parent.refusal(f"the model has more than {MOST_BLOCKS} blocks with its libraries")
+                raise parent.refusal(
+                    message(
+                        "simulink.too_many_blocks_with_libraries",
+                        "the model has more than {most} blocks with its libraries",
+                        most=MOST_BLOCKS,
+                    )
+                )
             if node.block.system is not None and node.block.commented != "through":
                 self.fill(node, depth + 1)
 
@@ -223,7 +253,10 @@ class Expanded:
             if "set_param" in block.mask.code:
                 workspace.run()
                 if workspace.unset:
-                    text = "code of its mask sets parameters in it by what only MATLAB runs: they are taken as saved"
+                    text = message(
+                        "simulink.mask_code_not_run",
+                        "code of its mask sets parameters in it by what only MATLAB runs: they are taken as saved",
+                    )
                     parent.findings.report.add("approximated", path, text)
                 for below, texts in workspace.settings.items():
                     if (chosen := texts.get("OverrideUsingVariant")) is not None:
@@ -239,7 +272,9 @@ class Expanded:
         if referenced := referenced_by(block):
             model = self.libraries.model(referenced)
             if model is None:
-                self._note_missing(path, "referenced subsystem", referenced, moves=moves)
+                self._note_missing(
+                    path, message("simulink.referenced_subsystem", "referenced subsystem"), referenced, moves=moves
+                )
                 return replace(block, mask=None, system=None), home
             return replace(block, mask=model.mask, system=model.system), referenced
         mask, own, written = block.mask, block, block.parameters.items()
@@ -252,16 +287,27 @@ class Expanded:
             found = self.libraries.block(source)
             if found is None:
                 if not self.libraries.script(block.parameters.get("ClassName", ""), ".ssc"):
-                    self._note_missing(path, f"library block {source}", home, moves=moves)
+                    self._note_missing(
+                        path,
+                        message("simulink.library_block", "library block {source}", source=source),
+                        home,
+                        moves=moves,
+                    )
                 return replace(block, mask=None, system=None), home
             said = {name: text for name, text in written if name not in _OF_LINKS}
             own, mask = replace(found, parameters=found.parameters | said), mask or found.mask
         return replace(own, sid=block.sid, name=block.name, mask=mask), home
 
     def _note_missing(self, path: str, what: str, name: str, *, moves: bool) -> None:
-        missing = f"the file {name}.slx is missing; give its folder with --library DIR"
-        why = missing if self.libraries.model(name) is None else f"the file {name}.slx has no such block"
-        self.findings.report.add("lost" if moves else "open", path, f"{what}: {why}")
+        missing = message(
+            "simulink.library_missing", "the file {name}.slx is missing; give its folder with --library DIR", name=name
+        )
+        why = (
+            missing
+            if self.libraries.model(name) is None
+            else message("simulink.no_such_block", "the file {name}.slx has no such block", name=name)
+        )
+        self.findings.report.add("lost" if moves else "open", path, compound("{what}: {why}", what=what, why=why))
 
 
 def expand(
@@ -296,11 +342,20 @@ def _spares(model: Model, libraries: Libraries, findings: Findings) -> Callable[
         if (name in ELEMENTARY and not asks_for_field) or name not in offered():
             return None
         file, value, odd = offered()[name]
-        message = f"{name} is taken from it, for the model's own workspaces do not have it"
+        text = message(
+            "simulink.taken_from_it",
+            "{name} is taken from it, for the model's own workspaces do not have it",
+            name=name,
+        )
         if odd:
-            findings.missing(UndefinedVariable(name, f"{', '.join([file, *odd])} differ"), file)
-            message += f"; {', '.join(odd)} set it otherwise"
-        findings.report.add("approximated", file, message)
+            findings.missing(
+                UndefinedVariable(
+                    name, message("simulink.values_differ", "{names} differ", names=", ".join([file, *odd]))
+                ),
+                file,
+            )
+            text += message("simulink.set_otherwise", "; {odd} set it otherwise", odd=", ".join(odd))
+        findings.report.add("approximated", file, text)
         return value
 
     return spare
@@ -337,7 +392,10 @@ def _reader(parameter: MaskParameter, text: str, outer: Variables) -> Callable[[
         try:
             return outer.value(text)
         except NotUnderstood as problem:
-            raise UndefinedVariable(parameter.name, f"its value {text[:40]} {problem}") from problem
+            raise UndefinedVariable(
+                parameter.name,
+                message("simulink.its_value", "its value {text} {problem}", text=text[:40], problem=problem),
+            ) from problem
 
     return read
 
@@ -356,8 +414,15 @@ def _first_variant(variant: Node) -> Node | None:
     if not choices:
         return None
     controls = ", ".join(child.text("VariantControl") or child.block.name for child in choices)
-    variant.findings.missing(UndefinedVariable(controls), f"{variant.path}: which variant it is")
-    variant.note("defaulted", f"the variant {choices[0].block.name}, of {controls}")
+    variant.findings.missing(
+        UndefinedVariable(controls), message("simulink.which_variant", "{path}: which variant it is", path=variant.path)
+    )
+    variant.note(
+        "defaulted",
+        message(
+            "simulink.variant_of", "the variant {block}, of {controls}", block=choices[0].block.name, controls=controls
+        ),
+    )
     variant.block.parameters["LabelModeActiveChoice"] = choices[0].text("VariantControl")
     return choices[0]
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement
 from xml.parsers import expat
 
+from simrob_drake.base.messages import message
 from simrob_drake.robots.imports import EntryKind
 
 MAX_DEPTH = 200  # of elements in elements
@@ -35,7 +36,9 @@ def parse_part(content: bytes) -> ET.Element:
         nonlocal depth
         depth += 1
         if depth > MAX_DEPTH:
-            raise Unreadable(f"nests elements more than {MAX_DEPTH} deep")
+            raise Unreadable(
+                message("simulink.nested_too_deep", "nests elements more than {depth} deep", depth=MAX_DEPTH)
+            )
         builder.start(tag, attributes)
 
     def end(tag: str) -> None:
@@ -44,7 +47,9 @@ def parse_part(content: bytes) -> ET.Element:
         builder.end(tag)
 
     def refuse(*_: object) -> None:
-        raise Unreadable("declares a document type or entities, which no model file does")
+        raise Unreadable(
+            message("simulink.declares_entities", "declares a document type or entities, which no model file does")
+        )
 
     parser = expat.ParserCreate()
     parser.buffer_text = True
@@ -54,9 +59,20 @@ def parse_part(content: bytes) -> ET.Element:
         parser.Parse(content, True)
         return builder.close()
     except expat.ExpatError as problem:
-        raise Unreadable(f"is not XML: {expat.ErrorString(problem.code)} at line {problem.lineno}") from problem
+        raise Unreadable(
+            message(
+                "simulink.not_xml_at",
+                "is not XML: {problem} at line {line}",
+                problem=expat.ErrorString(problem.code),
+                line=problem.lineno,
+            )
+        ) from problem
     except (ValueError, LookupError) as problem:  # characters or encodings that XML cannot hold
-        raise problem if isinstance(problem, Unreadable) else Unreadable(f"is not XML: {problem}") from problem
+        raise (
+            problem
+            if isinstance(problem, Unreadable)
+            else Unreadable(message("simulink.not_xml", "is not XML: {problem}", problem=problem))
+        ) from problem
 
 
 _TOKEN = re.compile(
@@ -75,10 +91,18 @@ def parse_mdl(content: bytes) -> Element:
         for kind, word in tokens:
             brace = next(tokens)
             if kind != "word" or brace != ("brace", "{"):
-                raise Unreadable(f"is no Simulink model: '{word[:20]}' stands where a section should begin")
+                raise Unreadable(
+                    message(
+                        "simulink.no_section",
+                        "is no Simulink model: '{word}' stands where a section should begin",
+                        word=word[:20],
+                    )
+                )
             _fill(SubElement(root, word), tokens, 0)
     except StopIteration:
-        raise Unreadable("ends in the middle of a section; it was cut off") from None
+        raise Unreadable(
+            message("simulink.cut_off_in_section", "ends in the middle of a section; it was cut off")
+        ) from None
     for line in root.iter("Line"):
         _rewrite_line(line)
     return root
@@ -88,7 +112,9 @@ def _tokens(text: str) -> Iterator[tuple[str, str]]:
     for match in _TOKEN.finditer(text):
         if match.lastgroup == "wrong":
             line = text.count("\n", 0, match.start()) + 1
-            raise Unreadable(f"is no Simulink model text: line {line} cannot be read")
+            raise Unreadable(
+                message("simulink.unreadable_line", "is no Simulink model text: line {line} cannot be read", line=line)
+            )
         if match.lastgroup == "text":
             yield "text", _ESCAPE.sub(lambda found: "\n" if found[1] == "n" else found[1], match["text"][1:-1])
         elif match.lastgroup:
@@ -98,7 +124,9 @@ def _tokens(text: str) -> Iterator[tuple[str, str]]:
 def _fill(element: Element, tokens: Iterator[tuple[str, str]], depth: int) -> None:
     """Read ``key value`` and ``Section { ... }`` until the section ends."""
     if depth > MAX_DEPTH:
-        raise Unreadable(f"nests sections more than {MAX_DEPTH} deep")
+        raise Unreadable(
+            message("simulink.sections_too_deep", "nests sections more than {depth} deep", depth=MAX_DEPTH)
+        )
     key: str | None = None
     last: Element | None = None
     for kind, word in tokens:
@@ -252,7 +280,9 @@ class SystemReader:
     def system(self, element: Element, depth: int = 0) -> System:
         """Return a system (raises Unreadable: it has no end)."""
         if depth > DEEPEST:
-            raise Unreadable(f"nests subsystems more than {DEEPEST} deep")
+            raise Unreadable(
+                message("simulink.subsystems_too_deep", "nests subsystems more than {deepest} deep", deepest=DEEPEST)
+            )
         reference = element.get("Ref")
         if reference:
             return self.system(self._part(reference), depth + 1)
@@ -269,7 +299,7 @@ class SystemReader:
     def _block(self, element: Element, depth: int) -> SimulinkBlock:
         self._blocks += 1
         if self._blocks > MOST_BLOCKS:
-            raise Unreadable(f"has more than {MOST_BLOCKS} blocks")
+            raise Unreadable(message("simulink.too_many_blocks", "has more than {most} blocks", most=MOST_BLOCKS))
         parameters = _parameters(element)
         instance = element.find("InstanceData")
         if instance is not None:

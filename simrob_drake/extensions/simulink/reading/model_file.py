@@ -18,6 +18,7 @@ import numpy as np
 
 from simrob_drake.base.errors import InvalidModel, InvalidParameter
 from simrob_drake.base.files import NotRead, content_of
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.reading.graph import (
     Model,
     SimulinkBlock,
@@ -60,15 +61,26 @@ class _Parts(dict[str, bytes]):
         super().__init__()
         self.path, self.text = path, b""
         if path.suffix.lower() in (".slxp", ".mdlp"):
-            raise InvalidModel(path, "", "is a protected model, which only MATLAB opens; ask its author for the .slx")
+            raise InvalidModel(
+                path,
+                "",
+                message(
+                    "simulink.protected_model",
+                    "is a protected model, which only MATLAB opens; ask its author for the .slx",
+                ),
+            )
         try:
             content = content_of(path, LARGEST_MODEL)
         except NotRead as problem:
-            raise InvalidModel(path, "", f"cannot be read: {problem}") from problem
+            raise InvalidModel(
+                path, "", message("simulink.cannot_be_read", "cannot be read: {problem}", problem=problem)
+            ) from problem
         if zipfile.is_zipfile(io.BytesIO(content)):
             self._read_zip(content)
         elif path.suffix.lower() != ".mdl":
-            raise InvalidModel(path, "", "is no .slx file: not a zip, or one that was cut off")
+            raise InvalidModel(
+                path, "", message("simulink.no_slx", "is no .slx file: not a zip, or one that was cut off")
+            )
         elif _TEXT_PACKAGE not in content[:4096]:
             self.text = content
         else:
@@ -82,13 +94,24 @@ class _Parts(dict[str, bytes]):
             with zipfile.ZipFile(io.BytesIO(content)) as archive:
                 entries = archive.infolist()
                 if len(entries) > MOST_PARTS:
-                    raise InvalidModel(self.path, "", f"has {len(entries)} parts; at most {MOST_PARTS} are read")
+                    raise InvalidModel(
+                        self.path,
+                        "",
+                        message(
+                            "simulink.too_many_parts",
+                            "has {count} parts; at most {most} are read",
+                            count=len(entries),
+                            most=MOST_PARTS,
+                        ),
+                    )
                 for entry in entries:
                     self._keep(entry.filename, partial(archive.open, entry))
         except InvalidModel:
             raise
         except _DAMAGE as problem:
-            raise InvalidModel(self.path, "", f"is a damaged zip: {problem}") from problem
+            raise InvalidModel(
+                self.path, "", message("simulink.damaged_zip", "is a damaged zip: {problem}", problem=problem)
+            ) from problem
 
     def _keep(self, written: str, opened: Callable[[], IO[bytes]]) -> None:
         name = written.lstrip("/")
@@ -97,14 +120,28 @@ class _Parts(dict[str, bytes]):
         with opened() as part:
             self[name] = part.read(LARGEST_PART + 1)
         if len(self[name]) > LARGEST_PART:
-            raise InvalidModel(self.path, name, f"is larger than {LARGEST_PART // 2**20} MB")
+            raise InvalidModel(
+                self.path,
+                name,
+                message("simulink.larger_than", "is larger than {megabytes} MB", megabytes=LARGEST_PART // 2**20),
+            )
         if sum(map(len, self.values())) > LARGEST_MODEL:
-            raise InvalidModel(self.path, "", f"unpacks to more than {LARGEST_MODEL // 2**20} MB")
+            raise InvalidModel(
+                self.path,
+                "",
+                message(
+                    "simulink.unpacks_to_more", "unpacks to more than {megabytes} MB", megabytes=LARGEST_MODEL // 2**20
+                ),
+            )
 
     def element(self, name: str) -> Element:
         """Return the outermost element of a part (raises InvalidModel: it is missing, or no XML)."""
         if name not in self:
-            raise InvalidModel(self.path, name, "is missing; the file is damaged, or no Simulink model")
+            raise InvalidModel(
+                self.path,
+                name,
+                message("simulink.part_missing", "is missing; the file is damaged, or no Simulink model"),
+            )
         with _readable(self.path, name):
             return parse_part(self[name])
 
@@ -130,8 +167,10 @@ def read_model(path: Path) -> Model:
     top = next((child for child in diagram if child.tag in _KINDS), None)
     inner = None if top is None else top.find("System")
     if top is None or inner is None:
-        message = "holds no model, library or subsystem; a newer format than this reader knows?"
-        raise InvalidModel(path, _DIAGRAM, message)
+        sentence = message(
+            "simulink.unknown_format", "holds no model, library or subsystem; a newer format than this reader knows?"
+        )
+        raise InvalidModel(path, _DIAGRAM, sentence)
     written = parts.element(_DEFAULTS) if _DEFAULTS in parts else top
     defaults = read_defaults(written.find("BlockParameterDefaults"))
     reader = SystemReader(lambda name: parts.element(f"simulink/systems/{name}.xml"), defaults)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.model.nodes import Node
 from simrob_drake.extensions.simulink.signals.forms import (
     ONE,
@@ -105,7 +106,14 @@ def _signed(reader: Tracer, node: Node, default: str, letters: str) -> list[tupl
     text = node.text("Inputs", default).replace("|", "").replace(" ", "")
     signs = letters[0] * min(int(text), MOST_INPUTS) if text.isdecimal() else text
     if not signs or any(sign not in letters for sign in signs):
-        raise node.refusal(f"Inputs is '{text}'; it must be a number or signs such as {letters}")
+        raise node.refusal(
+            message(
+                "simulink.odd_inputs",
+                "Inputs is '{text}'; it must be a number or signs such as {letters}",
+                text=text,
+                letters=letters,
+            )
+        )
     return [(sign, reader.input(node, place)) for place, sign in enumerate(signs, start=1)]
 
 
@@ -116,7 +124,14 @@ def _gain(reader: Tracer, node: Node, _: int) -> Signal:
     mode = node.text("Multiplication", "Element-wise(K.*u)")
     if mode.startswith("Element-wise"):
         if values.size not in (1, gain.size):
-            raise node.refusal(f"Gain has {gain.size} numbers for a signal of {values.size}")
+            raise node.refusal(
+                message(
+                    "simulink.gain_size",
+                    "Gain has {count} numbers for a signal of {size}",
+                    count=gain.size,
+                    size=values.size,
+                )
+            )
         factors = gain.reshape(-1, order="F") if 1 in gain.shape and values.ndim == 1 else gain
         return np.asarray(np.multiply(*fitted(node, factors.astype(object), values)))
     if mode.startswith("Matrix(u*K)"):
@@ -134,7 +149,14 @@ def _times(node: Node, left: Signal, right: Signal) -> Signal:
     if len(right) != rows.shape[1] == right.size:
         right = right.reshape(-1, 1)
     if len(right) != rows.shape[1]:
-        raise node.refusal(f"Gain is {' × '.join(map(str, rows.shape))} for a signal of {right.size}")
+        raise node.refusal(
+            message(
+                "simulink.gain_shape",
+                "Gain is {shape} for a signal of {size}",
+                shape=" × ".join(map(str, rows.shape)),
+                size=right.size,
+            )
+        )
     return np.asarray(rows.dot(right), dtype=object)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.model.nodes import Node
 from simrob_drake.extensions.simulink.reading.model_file import SCRIPT
 from simrob_drake.extensions.simulink.signals.arithmetic import chosen, limited
@@ -65,9 +66,17 @@ def understood(node: Node, translate: Callable[[], list[Signal]]) -> list[Signal
     try:
         return translate()
     except UndefinedVariable as problem:
-        raise node.refusal(f"its code uses {problem.name}, which is not known") from problem
+        raise node.refusal(
+            message("simulink.code_uses_unknown", "its code uses {name}, which is not known", name=problem.name)
+        ) from problem
     except (NotUnderstood, ValueError, TypeError, IndexError, KeyError) as problem:
-        raise node.refusal(f"its code is not plain arithmetic: {' '.join(str(problem).split())[:120]}") from problem
+        raise node.refusal(
+            message(
+                "simulink.code_not_plain",
+                "its code is not plain arithmetic: {problem}",
+                problem=" ".join(str(problem).split())[:120],
+            )
+        ) from problem
 
 
 def condition_on(node: Node, text: str, variables: Mapping[str, Signal]) -> Value:

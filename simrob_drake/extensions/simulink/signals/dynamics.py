@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.model.nodes import Node
 from simrob_drake.extensions.simulink.signals.forms import (
     LAG,
@@ -71,7 +72,9 @@ def rate_of(node: Node, value: Value) -> Value:
             rest[term] = factor
     found = added((1.0, Form(rate)))
     if rest:
-        node.note("approximated", f"its derivative is filtered, by {LAG:g} s")
+        node.note(
+            "approximated", message("simulink.derivative_filtered", "its derivative is filtered, by {lag:g} s", lag=LAG)
+        )
         parameters = {"numerator": [1.0, 0.0], "denominator": [LAG, 1.0]}
         found = Primitive("transfer_function", parameters, _from_rest(Form(rest)), node).outputs[0] + found
     return found
@@ -109,14 +112,17 @@ def period_of(reader: Tracer, node: Node) -> float | None:
 def _sampled(reader: Tracer, node: Node) -> Parameters:
     """Return the period of a sampled block (raises InvalidModel: nothing says it)."""
     if (period := period_of(reader, node)) is None:
-        raise node.refusal("nothing says its sample time")
+        raise node.refusal(message("simulink.no_sample_time", "nothing says its sample time"))
     return {"period": period}
 
 
 def _tell_of_left_out(node: Node) -> None:
-    for what, name, default in (("reset", "ExternalReset", "none"), ("tracking input", "TrackingMode", "off")):
+    for what, name, default in (
+        ("reset", "ExternalReset", "none"),
+        (message("simulink.tracking_input", "tracking input"), "TrackingMode", "off"),
+    ):
         if node.text(name, default) != default:
-            node.note("approximated", f"its {what} is left out")
+            node.note("approximated", message("simulink.is_left_out", "its {what} is left out", what=what))
 
 
 def _integrator(reader: Tracer, node: Node, _: int) -> Signal:
@@ -126,7 +132,7 @@ def _integrator(reader: Tracer, node: Node, _: int) -> Signal:
         external = reader.input(node, 2 if node.text("ExternalReset", "none") == "none" else 3)
         known = [one for one in flat(external) if not isinstance(one, Form)]
         if len(known) < external.size:
-            node.note("approximated", "it begins at 0, not at its input")
+            node.note("approximated", message("simulink.begins_at_zero", "it begins at 0, not at its input"))
         start = np.array(known if len(known) == external.size else [0.0], dtype=float)
     return blocks(reader, node, "integrator", *({"initial": float(one), **_limits(node)} for one in start))
 
@@ -147,7 +153,7 @@ def _discrete_integrator(reader: Tracer, node: Node, _: int) -> Signal:
     starts, limits = node.numbers("InitialCondition", "0"), {name: one / gain for name, one in _limits(node).items()}
     if "Forward" in method or node.is_on("LimitOutput"):
         if "Forward" not in method:
-            node.note("approximated", "as forward Euler, with its limits")
+            node.note("approximated", message("simulink.as_forward_euler", "as forward Euler, with its limits"))
         parameters = [{"initial": float(one) / gain, **limits, **sampled} for one in starts]
         return np.asarray(gain * blocks(reader, node, "integrator", *parameters))
     through = gain * period * (0.5 if "Trapezoidal" in method else 1.0)
@@ -198,7 +204,10 @@ def _begun_transfer_function(reader: Tracer, node: Node, _: int) -> Signal | Non
         return None
     output, begun = (node.numbers(name, "0") for name in ("Y0", "U0"))
     if not np.allclose(denominator[-1] * output, numerator[-1] * begun):
-        node.note("approximated", "begins at its output without what its states are beside it")
+        node.note(
+            "approximated",
+            message("simulink.begins_at_output", "begins at its output without what its states are beside it"),
+        )
     parameters = {"numerator": numerator.tolist(), "denominator": denominator.tolist()}
     values = blocks(reader, node, "transfer_function", parameters)
     rest = mapped(lambda u: filtered(u, numerator, denominator), begun.astype(object))
@@ -225,7 +234,9 @@ def _delay(reader: Tracer, node: Node, _: int) -> Signal:
     period, steps = period_of(reader, node), int(node.number("DelayLength", "2")) if known else 1
     if period is None or node.kind == "Memory" or steps < 1:
         if steps >= 1:
-            node.note("approximated", "its delay of one step of the solver is left out")
+            node.note(
+                "approximated", message("simulink.delay_left_out", "its delay of one step of the solver is left out")
+            )
         return reader.input(node)
     starts = node.numbers(node.named("InitialCondition", "vinit", "X0"), "0")
     shared = {"period": period, **({"steps": steps} if steps > 1 else {})}
@@ -242,14 +253,19 @@ def _transport_delay(reader: Tracer, node: Node, _: int) -> Signal:
     if late <= 0:
         return reader.input(node)
     steps = int(np.clip(math.ceil(late / _FINEST), 1, _MOST_SAMPLES))
-    node.note("approximated", f"its delay is sampled, each {late / steps:g} s")
+    node.note(
+        "approximated",
+        message("simulink.delay_sampled", "its delay is sampled, each {period:g} s", period=late / steps),
+    )
     return blocks(reader, node, "delay", {"period": late / steps, "steps": steps, "initial": start})
 
 
 def _rate_limiter(reader: Tracer, node: Node, _: int) -> Signal:
     rising = node.quantity("risingSlewLimit", "RisingSlewLimit", default="1")
     falling = -node.quantity("fallingSlewLimit", "FallingSlewLimit", default="-1")
-    node.note("approximated", f"is late by {LAG:g} s where it follows")
+    node.note(
+        "approximated", message("simulink.late_where_it_follows", "is late by {lag:g} s where it follows", lag=LAG)
+    )
     parameters = {"rising": rising, "falling": falling, "initial": node.number("InitialCondition", "0")}
     return blocks(reader, node, "rate_limiter", parameters)
 
@@ -294,7 +310,12 @@ def _gains(reader: Tracer, node: Node, letters: str, both: bool) -> dict[str, Ve
     names += ["N"] if "D" in letters and node.text("UseFilter", "on") == "on" else []
     values = {name: flat(reader.input(node, place)) for place, name in enumerate(names, start=2)}
     if both or any(isinstance(one, Form) for gain in values.values() for one in gain):
-        raise node.refusal("its gains come from inputs, and change or are those of two degrees of freedom")
+        raise node.refusal(
+            message(
+                "simulink.gains_from_inputs",
+                "its gains come from inputs, and change or are those of two degrees of freedom",
+            )
+        )
     return {name: np.array(gain, dtype=float) for name, gain in values.items()}
 
 
@@ -303,7 +324,9 @@ def _unfiltered(node: Node, error: Value, gain: float, parameters: Parameters) -
     measured = all(term.kind in (*_FOLLOWING, "one", "time") for term in terms_of(error))
     if measured and not {"lower", "upper"} & parameters.keys():
         return gain * rate_of(node, error), {"d": 0.0}
-    node.note("approximated", f"its derivative is filtered, by {LAG:g} s")
+    node.note(
+        "approximated", message("simulink.derivative_filtered", "its derivative is filtered, by {lag:g} s", lag=LAG)
+    )
     return 0.0, {"filter": 1 / LAG}
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from simrob_drake.base.errors import InvalidModel, SimrobError
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.mechanics.joints import Freedom
 from simrob_drake.extensions.simulink.model.network import Connections, Place
 from simrob_drake.extensions.simulink.model.nodes import Node
@@ -161,7 +162,7 @@ def early(value: Value, time: float = 0.0) -> float | None:
 def computed(kind: str, *inputs: Value, **parameters: Any) -> Value:
     """Return what a block of one output makes of its inputs (raises ValueError: complex ones)."""
     if any(isinstance(one, Form) and type(one) is not Form for one in inputs):
-        raise ValueError(f"complex numbers in a {kind}")
+        raise ValueError(message("simulink.complex_numbers", "complex numbers in a {kind}", kind=kind))
     return Primitive(kind, parameters, lambda: inputs).outputs[0]
 
 
@@ -231,7 +232,13 @@ def fitted(node: Node, *signals: Signal) -> list[Signal]:
     largest = max(signals, key=lambda one: (one.size, one.ndim))
     if any(one.size not in (1, largest.size) for one in signals):
         lengths = ", ".join(str(one.size) for one in signals)
-        raise node.refusal(f"its inputs have {lengths} elements; they must be equally long, or scalars")
+        raise node.refusal(
+            message(
+                "simulink.unequal_inputs",
+                "its inputs have {lengths} elements; they must be equally long, or scalars",
+                lengths=lengths,
+            )
+        )
     return [widened(one, largest.size).reshape(largest.shape, order="F") for one in signals]
 
 
@@ -293,7 +300,10 @@ class Tracer:
         source = self.network.source(node, number)
         found = self.physical(node, "lconn", number) if source is None else self.output(*source)
         if found is None:
-            node.note("defaulted", f"input {number} is not connected: it is 0")
+            node.note(
+                "defaulted",
+                message("simulink.input_not_connected", "input {number} is not connected: it is 0", number=number),
+            )
             return signal([0.0])
         return found
 
@@ -357,7 +367,9 @@ class Tracer:
         found = self._computed(node, number)
         self._under_way.remove(key)
         if found.size > MOST_ELEMENTS:
-            raise node.refusal(f"has a signal of more than {MOST_ELEMENTS} elements")
+            raise node.refusal(
+                message("simulink.signal_too_large", "has a signal of more than {most} elements", most=MOST_ELEMENTS)
+            )
         name_after(node, flat(found))
         self._known[key] = found
         return found
@@ -381,7 +393,10 @@ class Tracer:
             return signal([Form({Term("open", node): 1.0})])
         way = [one.path for one, _ in self._under_way]
         loop = " → ".join([*way[way.index(node.path) :], node.path])
-        node.note("approximated", f"an algebraic loop, late by {LAG:g} s: {loop}")
+        node.note(
+            "approximated",
+            message("simulink.algebraic_loop", "an algebraic loop, late by {lag:g} s: {loop}", lag=LAG, loop=loop),
+        )
         with self._guessing({}):
             shape = self.output(node, number).shape
 

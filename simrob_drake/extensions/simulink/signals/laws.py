@@ -8,6 +8,7 @@ from math import inf
 import numpy as np
 from pydrake.math import RigidTransform
 
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.mechanics.bodies import (
     BETWEEN,
     PUSH,
@@ -134,10 +135,19 @@ def _first(tracer: Tracer, node: Node, number: int, how: str) -> Value:
         return first
     open_ = tracer.network.alone(node, "lconn", number)  # it is 0, as in Simscape
     deed: EntryKind = "defaulted" if open_ else "lost"
-    message = "is not connected" if open_ else "comes from what is not read" if effort is None else "has no elements"
+    text = (
+        message("simulink.is_not_connected", "is not connected")
+        if open_
+        else message("simulink.comes_from_unread", "comes from what is not read")
+        if effort is None
+        else message("simulink.has_no_elements", "has no elements")
+    )
     if tracer.network.leads_outside(node, "lconn", number):
-        deed, message = "defaulted", "comes from a port of the model"
-    node.note(deed, f"its {how} input {message}: nothing drives it")
+        deed, text = "defaulted", message("simulink.comes_from_port", "comes from a port of the model")
+    node.note(
+        deed,
+        message("simulink.nothing_drives_input", "its {how} input {problem}: nothing drives it", how=how, problem=text),
+    )
     return 0.0
 
 
@@ -207,7 +217,10 @@ def _without_pid(law: Law, terms: dict[Term, float]) -> dict[Term, float]:
                 law.ki -= own * factor * parameters.get("i", 0.0)
                 law.kd -= own * factor * parameters.get("d", 0.0)
         if node is not None and parameters.get("d"):
-            node.note("approximated", "its derivative acts on measured speed alone, unfiltered")
+            node.note(
+                "approximated",
+                message("simulink.derivative_on_speed", "its derivative acts on measured speed alone, unfiltered"),
+            )
     return total
 
 
@@ -254,7 +267,13 @@ def read_pushes(tracer: Tracer, bodies: Bodies) -> list[ExternalForce]:
                 pushes.append(push)
                 body.marks.remove(mark)
             else:
-                push.node.note("read", "it is the port external_force or external_torque of the station, at this frame")
+                push.node.note(
+                    "read",
+                    message(
+                        "simulink.external_force_port",
+                        "it is the port external_force or external_torque of the station, at this frame",
+                    ),
+                )
     between = (_apart(tracer, coupling) for coupling in bodies.couplings if coupling.node.kind == BETWEEN)
     floating = (_pulled(tracer, link) for link in bodies.links if link.joint.pulls)
     return [*pushes, *chain(*between, *floating)]
@@ -290,7 +309,9 @@ def _apart(tracer: Tracer, coupling: Coupling) -> list[ExternalForce]:
     node = coupling.node
     sides = (tracer.physical(node, side, 2) for side in ("lconn", "rconn"))
     if (values := next((one for one in sides if one is not None), None)) is None:
-        node.note("lost", "its force input is not connected: nothing drives it")
+        node.note(
+            "lost", message("simulink.force_not_connected", "its force input is not connected: nothing drives it")
+        )
         return []
     line = [part_of(node, index) for index in range(_PLACES)]
     length = applied("sqrt", sum((part * part for part in line), start=0.0))
@@ -313,8 +334,14 @@ def _push(tracer: Tracer, node: Node, body: RigidPart, pose: RigidTransform) -> 
             elif values is not None and values.size in (1, _PLACES):
                 vector = vector + widened(values.ravel(), _PLACES)
             elif values is not None:
-                message = f"its {what.lower()} input has {values.size} elements, not {_PLACES}: nothing drives it"
-                node.note("lost", message)
+                text = message(
+                    "simulink.force_of_wrong_size",
+                    "its {what} input has {size} elements, not {expected}: nothing drives it",
+                    what=what.lower(),
+                    size=values.size,
+                    expected=_PLACES,
+                )
+                node.note("lost", text)
         if node.text(f"{what}ResolutionFrame", "AttachedFrame") == "World" and any(vector):
             senses, vector = True, orientation(node).T.dot(vector)
         parts.append(list(vector))
@@ -345,7 +372,7 @@ def forces_of_contacts(contacts: Iterable[ContactPair], bodies: Bodies) -> dict[
             continue
         force, torque = _wrench(contact.node, contact.surface, solid.shape.size[0])
         found[contact] = ExternalForce(contact.node, body, solid.pose, force, torque, ends=(sphere, plane))
-        contact.node.note("read", "by its own law, as forces on the sphere")
+        contact.node.note("read", message("simulink.own_contact_law", "by its own law, as forces on the sphere"))
     return found
 
 

@@ -20,6 +20,7 @@ import numpy as np
 
 from simrob_drake.base.errors import InvalidModel
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.extensions.simulink.model.network import Connections, Place
 from simrob_drake.extensions.simulink.model.nodes import Node
 from simrob_drake.extensions.simulink.signals.arithmetic import applied, chosen, compared, limited, looked_up
@@ -135,7 +136,14 @@ class _Equations:
         known: Known = {}
         for number, branch in enumerate(element.branches.split(", "), start=1):
             if nets.keys().isdisjoint(branch.split()):  # of the two ends one may be hidden: it stands still
-                raise node.refusal(f"its ports are {', '.join(nets)}, none of which is {branch.split()[0]}")
+                raise node.refusal(
+                    message(
+                        "simulink.odd_ports",
+                        "its ports are {ports}, none of which is {expected}",
+                        ports=", ".join(nets),
+                        expected=branch.split()[0],
+                    )
+                )
             through = self.unknown((node, number))
             ends = [(self.unknown(nets[name]), sign) for name, sign in zip(branch.split(), (1.0, -1.0), strict=True)
                     if name in nets]  # fmt: skip
@@ -183,7 +191,7 @@ def _factors(node: Node, text: str, known: Known) -> Factors:
     return found
 
 
-_NEITHER = "is neither a figure of it, nor a signal that drives it"
+_NEITHER = message("simulink.neither_value_nor_signal", "is neither a figure of it, nor a signal that drives it")
 _SENSES = {"same": 1.0, "opposite": -1.0}
 """Choices that are figures."""
 
@@ -193,10 +201,18 @@ def _figure(node: Node, name: str) -> float:
     if len(names) > 1 and node.text("emf_or_torque").rpartition(".")[2] not in ("ki", "2"):
         names.reverse()
     if not names:
-        raise node.refusal(f"{name} {_NEITHER}")
+        raise node.refusal(compound("{name} {neither}", name=name, neither=_NEITHER))
     for choice, known in _AS_IS.items():
         if (chosen := node.text(choice, known[0]).rpartition(".")[2]) not in known:
-            raise node.refusal(f"its {choice} is {chosen}; {known[0]} is read")
+            raise node.refusal(
+                message(
+                    "simulink.choice_not_read",
+                    "its {choice} is {chosen}; {known} is read",
+                    choice=choice,
+                    chosen=chosen,
+                    known=known[0],
+                )
+            )
     if (sense := _SENSES.get(node.text(names[0]).rpartition(".")[2])) is not None:
         return sense
     return node.quantity(names[0])
@@ -217,25 +233,46 @@ def _solved(reader: Tracer, members: list[Node]) -> list[Signal]:
     strange = [node for node in members if node.kind not in elements()]
     try:
         if strange:
-            raise strange[0].refusal(f"a {strange[0].kind} in a network: it is not linear, or not read")
+            raise strange[0].refusal(
+                message(
+                    "simulink.not_linear_in_network",
+                    "a {kind} in a network: it is not linear, or not read",
+                    kind=strange[0].kind,
+                )
+            )
         equations = _Equations()
         for node in members:
             equations.add(node, reader)
         found = reduced(*equations.matrices())
         if found is None:
-            raise members[0].refusal("its network does not determine what it does")
+            raise members[0].refusal(
+                message("simulink.network_undetermined", "its network does not determine what it does")
+            )
         settled = without_fast(found)
         if not _acts_at_once(settled, equations) and len(settled.a) < len(found.a):
-            members[0].note("approximated", f"what settles within {AT_ONCE:g} s in its network is where it comes to")
+            members[0].note(
+                "approximated",
+                message(
+                    "simulink.settles_at_once",
+                    "what settles within {seconds:g} s in its network is where it comes to",
+                    seconds=AT_ONCE,
+                ),
+            )
             found = settled
         if _acts_at_once(found, equations):
             law = equations.laws[0].node
-            raise law.refusal(f"a {law.kind} in a network: nothing beside it keeps its speed; an inertia would")
+            raise law.refusal(
+                message(
+                    "simulink.nothing_keeps_speed",
+                    "a {kind} in a network: nothing beside it keeps its speed; an inertia would",
+                    kind=law.kind,
+                )
+            )
         return [signal([one]) for one in _outputs(members[0], found, equations)]
     except (InvalidModel, NotUnderstood, ArithmeticError) as problem:
         why = str(problem).removeprefix(f"{members[0].findings.report.source}: ")
         for node in members:
-            node.note("lost", f"its network is not read: {why}")
+            node.note("lost", message("simulink.network_not_read_why", "its network is not read: {why}", why=why))
         return []
 
 
@@ -251,7 +288,12 @@ def _law_of(node: Node, values: dict[str, Value]) -> Value:
     if "model" in elements()[node.kind].law:
         begun["model"] = node.number("model", "3")
         if begun["model"] not in (1, 2, 3):
-            raise node.refusal("its model is by a coefficient of restitution; stiffness and damping are read")
+            raise node.refusal(
+                message(
+                    "simulink.restitution_model",
+                    "its model is by a coefficient of restitution; stiffness and damping are read",
+                )
+            )
     known = {name: signal([value]).reshape(1, 1) for name, value in {**values, **begun}.items()}
 
     def figure(name: str) -> Any:
@@ -261,7 +303,7 @@ def _law_of(node: Node, values: dict[str, Value]) -> Value:
     try:
         return flat(run.value(elements()[node.kind].law))[0]
     except UndefinedVariable as problem:
-        raise node.refusal(f"{problem.name} {_NEITHER}") from problem
+        raise node.refusal(compound("{problem} {neither}", problem=problem.name, neither=_NEITHER)) from problem
 
 
 def _stop(depth: Value, speed: Value, stiffness: float, damping: float, model: float, width: float) -> Value:
@@ -313,7 +355,7 @@ def _element(reader: Tracer, node: Node, number: int) -> Signal:
     members = _members(reader.network, node)
     values = reader.once(members[0], lambda: _solved(reader, members))
     if not values:
-        raise node.refusal("its network is not read")
+        raise node.refusal(message("simulink.network_not_read", "its network is not read"))
     places = [(one, place) for one in members for place in range(len(outputs_of(one)))]
     return values[places.index((node, number - 1))]
 

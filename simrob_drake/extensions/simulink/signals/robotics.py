@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.model.nodes import Node
 from simrob_drake.extensions.simulink.signals.arithmetic import applied, chosen, compared, joined, limited, looked_up
 from simrob_drake.extensions.simulink.signals.dynamics import period_of
@@ -54,7 +55,9 @@ def _trajectory(reader: Tracer, node: Node, number: int) -> Signal | None:
     try:
         made = _trapezoids(node, points) if "Trapezoidal" in node.kind else _polynomials(node, points)
     except (ArithmeticError, LookupError, np.linalg.LinAlgError) as problem:
-        raise node.refusal(f"no trajectory follows from its figures: {problem}") from problem
+        raise node.refusal(
+            message("simulink.no_trajectory", "no trajectory follows from its figures: {problem}", problem=problem)
+        ) from problem
     (time,) = flat(reader.input(node))
     return signal(_of_changes(time, float(row[0]), one, number - 1) for row, one in zip(points, made, strict=True))
 
@@ -67,7 +70,10 @@ def _trapezoids(node: Node, points: Vector) -> list[list[_Change]]:
     steps = np.diff(points, axis=1)
     shaped = {choice: _as_wide(node, sides[choice], steps) for choice in choices}
     if len(choices) < 2:
-        node.note("approximated", "its figures leave a choice: its speed rises for a third of the time")
+        node.note(
+            "approximated",
+            message("simulink.speed_choice", "its figures leave a choice: its speed rises for a third of the time"),
+        )
     now, found = np.zeros(len(points)), [list[_Change]() for _ in points]
     for (row, place), way in np.ndenumerate(steps):
         known = {name: float(one[row, place]) for name, one in shaped.items()}
@@ -102,11 +108,13 @@ def _profile(node: Node, way: float, known: dict[str, float]) -> tuple[float, fl
     """Return how long a trapezoid of speed lasts, and how long its speed rises [s]."""
     names = tuple(sorted(known))
     if names not in _PROFILES or not (way or "End Time" in known):
-        raise node.refusal("its figures leave open how long a part of it lasts")
+        raise node.refusal(message("simulink.part_duration_open", "its figures leave open how long a part of it lasts"))
     lasts = known.get("End Time", 0.0)
     lasts, rising = _PROFILES[names](way, *(known[name] for name in names)) if way else (lasts, lasts / 3)
     if not 0 < rising <= lasts / 2 * (1 + 1e-9):
-        raise node.refusal(f"its speed cannot rise and fall within {lasts:g} s")
+        raise node.refusal(
+            message("simulink.speed_cannot_rise", "its speed cannot rise and fall within {seconds:g} s", seconds=lasts)
+        )
     return lasts, rising
 
 
@@ -114,7 +122,16 @@ def _as_wide(node: Node, name: str, like: Vector) -> Vector:
     """Return a parameter for each coordinate and segment or waypoint (raises InvalidModel: it has another shape)."""
     known = node.matrix(name, "0")
     if known.shape not in ((1, 1), (len(like), 1), like.shape):
-        raise node.refusal(f"{name} is {known.shape[0]} × {known.shape[1]} for {len(like)} coordinates")
+        raise node.refusal(
+            message(
+                "simulink.coordinates_of",
+                "{name} is {rows} × {columns} for {coordinates} coordinates",
+                name=name,
+                rows=known.shape[0],
+                columns=known.shape[1],
+                coordinates=len(like),
+            )
+        )
     return np.broadcast_to(known, like.shape)
 
 
@@ -122,7 +139,7 @@ def _polynomials(node: Node, points: Vector) -> list[list[_Change]]:
     """Return the jumps of derivatives of cubic or quintic polynomials from each waypoint to the next."""
     method = node.text("Method", "Cubic Polynomial")
     if "Spline" in method:
-        raise node.refusal("a B-spline, which this import does not read")
+        raise node.refusal(message("simulink.b_spline", "a B-spline, which this import does not read"))
     times = node.numbers("TimePoints", "[0 1]", size=points.shape[1])
     names = ["VelocityBoundaryCondition", *(["AccelerationBoundaryCondition"] if "Quintic" in method else [])]
     ends = [points, *(_as_wide(node, name, points) for name in names)]
@@ -159,7 +176,7 @@ def _pure_pursuit(reader: Tracer, node: Node, number: int) -> Signal | None:
     if any(isinstance(one, Form) for one in path.flat) or path.shape[1:] != (2,) or len(pose) != 3:
         return None
     if not isinstance(ahead, Form) and ahead <= 0:
-        raise node.refusal("its lookahead distance is not above 0")
+        raise node.refusal(message("simulink.lookahead_distance", "its lookahead distance is not above 0"))
     if number == 1:
         return signal([speed])
     x, y, heading = pose
@@ -186,7 +203,14 @@ def _nearest(
     The place is x and y, the path waypoints and how far along it each is, ``ahead`` how far a pursuer looks [m].
     """
     period = period_of(reader, node) or _LOOKS
-    node.note("approximated", f"looks for the nearest point of its path each {period:g} s, and only ahead")
+    node.note(
+        "approximated",
+        message(
+            "simulink.nearest_point_of_path",
+            "looks for the nearest point of its path each {period:g} s, and only ahead",
+            period=period,
+        ),
+    )
     parameters: dict[str, Any] = {"period": period, "initial": -1.0}
     before = Primitive("delay", parameters, lambda: [nearest], node).outputs[0]
     begun = compared(">=", before, 0.0)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.model.nodes import Node
 from simrob_drake.extensions.simulink.reading.graph import ELEMENT
 from simrob_drake.extensions.simulink.signals.arithmetic import (
@@ -54,7 +55,13 @@ def _concatenated(reader: Tracer, node: Node, _: int) -> Signal:
     axis = 1 if node.text("ConcatenateDimension", "1") == "2" else 0
     columns = [part.reshape(-1, 1) if part.ndim == 1 else part for part in parts]
     if len({part.shape[1 - axis] for part in columns}) > 1:
-        raise node.refusal(f"its inputs have shapes {', '.join(str(part.shape) for part in columns)}: they do not fit")
+        raise node.refusal(
+            message(
+                "simulink.shapes_do_not_fit",
+                "its inputs have shapes {shapes}: they do not fit",
+                shapes=", ".join(str(part.shape) for part in columns),
+            )
+        )
     return np.concatenate(columns, axis=axis)
 
 
@@ -65,12 +72,19 @@ def _demux(reader: Tracer, node: Node, number: int) -> Signal:
         values = widened(values, count)
         width, rest = divmod(len(values), count)
         if not width:
-            raise node.refusal(f"splits a signal of {len(values)} elements in {count}")
+            raise node.refusal(
+                message(
+                    "simulink.splits_signal",
+                    "splits a signal of {size} elements in {count}",
+                    size=len(values),
+                    count=count,
+                )
+            )
         parts = _muxed(reader, reader.network.source(node)) if rest else []
         even = [width + 1] * rest + [width] * (count - rest)
         sizes = np.array(parts if len(parts) == count and sum(parts) == len(values) else even)
     if number > sizes.size:
-        raise node.refusal(f"has no output {number}")
+        raise node.refusal(message("simulink.no_output", "has no output {number}", number=number))
     if np.any(sizes < 0):
         sizes = np.where(sizes < 0, max(len(values) - sizes[sizes > 0].sum(), 1), sizes)
     values = widened(values, int(sizes.sum()))
@@ -99,7 +113,14 @@ def _selector(reader: Tracer, node: Node, _: int) -> Signal | None:
         places = node.numbers("Indices", node.text("IndexParamArray", "1") or "1").astype(int) - first
         values = widened(values.ravel(order="F"), int(places.max(initial=0)) + 1)
         if places.size and places.max() >= len(values):
-            raise node.refusal(f"selects element {places.max() + first} of a signal of {len(values)}")
+            raise node.refusal(
+                message(
+                    "simulink.selects_element",
+                    "selects element {element} of a signal of {size}",
+                    element=places.max() + first,
+                    size=len(values),
+                )
+            )
         return None if not places.size or np.any(places < 0) else values[places]
     options, parts = node.text("IndexOptions").split(","), _BETWEEN.split(node.text("Indices"))
     if values.ndim != 2 or len(parts) != 2:
@@ -125,7 +146,14 @@ def _reshape(reader: Tracer, node: Node, _: int) -> Signal:
         shape = tuple(map(int, node.numbers("OutputDimensions", "[1,1]")))
     values = widened(values.ravel(order="F"), math.prod(shape))
     if math.prod(shape) != values.size:
-        raise node.refusal(f"makes {shape} of a signal of {values.size} elements")
+        raise node.refusal(
+            message(
+                "simulink.reshapes_signal",
+                "makes {shape} of a signal of {size} elements",
+                shape=shape,
+                size=values.size,
+            )
+        )
     return values.reshape(shape, order="F")
 
 
@@ -140,7 +168,9 @@ def _of_bus(reader: Tracer, node: Node, bus: tuple[Node, int] | None, names: lis
     sources = {name: _selected(reader, bus, name) for name in names}
     for name, source in sources.items():
         if source is None:
-            raise node.refusal(f"the signal {name} of its bus is not found")
+            raise node.refusal(
+                message("simulink.signal_of_bus", "the signal {name} of its bus is not found", name=name)
+            )
     return signal(value for source in sources.values() if source is not None for value in flat(reader.output(*source)))
 
 
@@ -159,7 +189,7 @@ def _elements(reader: Tracer, node: Node, output: int) -> dict[str, Node]:
     """Return the port blocks that are the signals of a subsystem's bus; raises InvalidModel: it runs on a condition."""
     found = reader.network.elements(node, output)
     if found and reader.network.is_conditional(node):
-        raise node.refusal("a bus that is made under a condition is not read")
+        raise node.refusal(message("simulink.conditional_bus", "a bus that is made under a condition is not read"))
     return found
 
 
@@ -197,7 +227,10 @@ def _stored(reader: Tracer, node: Node, number: int) -> Signal | None:
                enumerate(_elements_of(one), start=1) if f"{asked}.".startswith(f"{element}.")
                or element.startswith(f"{asked}.")]  # fmt: skip
     if [element for _, element, _ in written] == [asked]:
-        node.note("approximated", f"the data store {asked} holds what is written at that time")
+        node.note(
+            "approximated",
+            message("simulink.data_store", "the data store {asked} holds what is written at that time", asked=asked),
+        )
         return reader.input(written[0][0], written[0][2])
     memory = next((one for one in same if one.kind == "DataStoreMemory"), None)
     if written or memory is None:
@@ -260,8 +293,11 @@ def _conditional(reader: Tracer, node: Node, number: int) -> Signal | None:
     start = port.numbers("InitialOutput", "0") if port is not None and port.text("InitialOutput") != "[]" else None
     other = signal([0.0] if start is None or start.size not in (1, values.size) else map(float, start))
     if port is not None and port.text("OutputWhenDisabled", "held") == "held":
-        message = "while its condition fails its outputs are what they begin with, and not held; its states go on"
-        node.note("approximated", message)
+        text = message(
+            "simulink.condition_fails",
+            "while its condition fails its outputs are what they begin with, and not held; its states go on",
+        )
+        node.note("approximated", text)
     return mapped(partial(chosen, condition), *fitted(node, values, other))
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.model.nodes import Node
 from simrob_drake.extensions.simulink.signals.arithmetic import applied, chosen, compared, looked_up
 from simrob_drake.extensions.simulink.signals.code import FORMULAS
@@ -68,7 +69,14 @@ def _repeating(_: Tracer, node: Node, __: int) -> Signal:
         values = np.append(values, values[0])
         times = np.asarray(node.number("tsamp", "1") * np.arange(values.size), dtype=float)
     if times.size != values.size or times.size < 2 or np.any(np.diff(times) < 0) or times[-1] <= times[0]:
-        raise node.refusal(f"has {times.size} times for {values.size} values; the times must rise, with as many values")
+        raise node.refusal(
+            message(
+                "simulink.times_and_values",
+                "has {times} times for {count} values; the times must rise, with as many values",
+                times=times.size,
+                count=values.size,
+            )
+        )
     return signal([_repeated(_parted(times), values, stairs=node.kind == "Repeating Sequence Stair")])
 
 
@@ -89,9 +97,13 @@ def _workspace(_: Tracer, node: Node, __: int) -> Signal:
     try:
         rows = _rows_of(value) if isinstance(value, dict) else node.matrix("VariableName", "[0 0]")
     except (NotUnderstood, LookupError, TypeError, ValueError) as problem:
-        raise node.refusal(f"needs times and values in its structure: {problem}") from problem
+        raise node.refusal(
+            message(
+                "simulink.times_in_structure", "needs times and values in its structure: {problem}", problem=problem
+            )
+        ) from problem
     if rows.shape[1] < 2 or not np.all(np.isfinite(rows)) or np.any(np.diff(rows[:, 0]) < 0):
-        raise node.refusal("needs a matrix of times that rise, and values")
+        raise node.refusal(message("simulink.matrix_of_times", "needs a matrix of times that rise, and values"))
     if len(rows) < 2:
         return rows[0, 1:].astype(object)
     times, after = _parted(rows[:, 0]), node.text("OutputAfterFinalValue", "Extrapolation")
@@ -143,7 +155,7 @@ def _settled(node: Node, value: Value, denominator: list[float]) -> Value:
     if of_time(value):
         begun = early(value) or 0.0
     elif denominator[-2] > _LATE:
-        node.note("approximated", "its filter begins at 0, not at its input")
+        node.note("approximated", message("simulink.filter_begins_at_zero", "its filter begins at 0, not at its input"))
     return filtered(value - begun, [1.0], denominator) + begun
 
 

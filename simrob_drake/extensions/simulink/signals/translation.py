@@ -8,6 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from simrob_drake.base.messages import compound, message
 from simrob_drake.extensions.simulink.signals.arithmetic import (
     MATH,
     OPERATORS,
@@ -133,7 +134,11 @@ class Translation(CodeRun):
 
     def _pass_over(self, line: Statement, problem: Exception) -> None:
         first = next(lines_of(line))[:60]
-        raise problem if isinstance(problem, NotUnderstood) else NotUnderstood(f"{first}: {problem}")
+        raise (
+            problem
+            if isinstance(problem, NotUnderstood)
+            else NotUnderstood(compound("{first}: {problem}", first=first, problem=problem))
+        )
 
     def _at_end(self, name: str, place: tuple[int, ...]) -> list[Value]:
         return [matrix(self.variables[name])[place]]
@@ -173,8 +178,14 @@ class Translation(CodeRun):
     def _keep(self, names: list[str]) -> None:
         """Take persistent variables, which are empty until the first statement that gives them a value."""
         if self._period is None or self.depth > 1:
-            why = "in a function that others call" if self.depth > 1 else "though nothing says its sample time"
-            raise NotUnderstood(f"persistent {' '.join(names)}, {why}")
+            why = (
+                message("simulink.function_others_call", "in a function that others call")
+                if self.depth > 1
+                else message("simulink.though_no_sample_time", "though nothing says its sample time")
+            )
+            raise NotUnderstood(
+                message("simulink.persistent_names", "persistent {names}, {why}", names=" ".join(names), why=why)
+            )
         self._kept |= dict.fromkeys(names)
         self.variables |= {name: np.zeros((0, 0)) for name in names}
 
@@ -187,14 +198,20 @@ class Translation(CodeRun):
 
     def _store(self, target: Expression, value: Any) -> None:
         if self._declared.intersection(target.parts[:1]):
-            raise NotUnderstood(f"changes the global {target.parts[0]}")
+            raise NotUnderstood(message("simulink.changes_global", "changes the global {name}", name=target.parts[0]))
         super()._store(target, value)
 
     def _state(self, name: str, start: Any) -> Any:
         """Return a persistent variable as delays of what it is at the end of the function."""
         array = matrix(start)
         if any(isinstance(value, Form) for value in array.flat):
-            raise NotUnderstood(f"persistent {name}, whose first value depends on signals")
+            raise NotUnderstood(
+                message(
+                    "simulink.persistent_first_value",
+                    "persistent {name}, whose first value depends on signals",
+                    name=name,
+                )
+            )
         made = np.empty(array.shape, dtype=object)
         for place, value in np.ndenumerate(array):
             parameters = {"period": self._period, "initial": float(value)}
@@ -215,12 +232,16 @@ class Translation(CodeRun):
         found = super().called(name, arguments)
         for output, value in zip(self.functions[name].outputs, found, strict=True):
             if value is None:
-                raise NotUnderstood(f"{name} gives no {output}")
+                raise NotUnderstood(
+                    message("simulink.gives_no_output", "{name} gives no {output}", name=name, output=output)
+                )
         if (inner := self._last) is None or not inner._kept:
             return found
         for kept, state in inner._kept.items():
             if state is not None and matrix(inner.variables[kept]).shape != state.shape:
-                raise NotUnderstood(f"persistent {kept}, whose size changes")
+                raise NotUnderstood(
+                    message("simulink.persistent_size", "persistent {kept}, whose size changes", kept=kept)
+                )
         return [self._held(value) for value in found]
 
     def _held(self, value: Any) -> Any:
@@ -243,7 +264,13 @@ class Translation(CodeRun):
             self._block(body)
             self._count()
         if isinstance(condition, Form) and not left:
-            self._note(f"its loops by signals end after {_MOST_ROUNDS} rounds at the latest")
+            self._note(
+                message(
+                    "simulink.loops_end",
+                    "its loops by signals end after {rounds} rounds at the latest",
+                    rounds=_MOST_ROUNDS,
+                )
+            )
         elif isinstance(condition, Form):
 
             def further() -> None:
@@ -279,7 +306,7 @@ def as_signal(value: Any) -> Signal:
     """Return a matrix as a signal: a column is a vector."""
     array = matrix(value).astype(object)
     if any(isinstance(one, Complex) for one in array.flat):
-        raise NotUnderstood("a complex number")
+        raise NotUnderstood(message("simulink.complex_number", "a complex number"))
     return array.reshape(-1, order="F") if array.shape[1] == 1 else array
 
 
@@ -318,7 +345,7 @@ def _norm(array: Any, kind: Any = 2) -> Any:
     if values.dtype != object:
         return NUMBERS["norm"](array, kind)
     if count(kind) != 2:
-        raise NotUnderstood("a norm that is not the second")
+        raise NotUnderstood(message("simulink.other_norm", "a norm that is not the second"))
     return matrix(signal([applied("sqrt", sum((one * one for one in flat(values.astype(object))), start=0.0))]))
 
 
@@ -327,7 +354,11 @@ def _inverse(array: Any) -> Any:
     if values.dtype != object:
         return NUMBERS["inv"](values)
     if (found := inverse(values.astype(object))) is None:
-        raise NotUnderstood(f"the inverse of {' x '.join(map(str, values.shape))} signals")
+        raise NotUnderstood(
+            message(
+                "simulink.inverse_of_signals", "the inverse of {size} signals", size=" x ".join(map(str, values.shape))
+            )
+        )
     return found
 
 
@@ -336,20 +367,22 @@ def _extreme(name: str, first: Any, second: Any = None, axis: Any = None) -> Any
         return mapped(partial(applied, name), matrix(first).astype(object), matrix(second).astype(object))
     values = matrix(first).astype(object)
     if axis is not None or 1 not in values.shape:
-        raise NotUnderstood(f"{name} of a matrix")
+        raise NotUnderstood(message("simulink.of_a_matrix", "{name} of a matrix", name=name))
     return matrix(signal([reduce(partial(applied, name), flat(values))]))
 
 
 def _table(points: Any, values: Any, at: Any, method: Any = "linear", *_: Any) -> Any:
     if matrix(points).dtype == object or matrix(values).dtype == object or method != "linear":
-        raise NotUnderstood(f"interp1 by {method}, or of a table that changes")
+        raise NotUnderstood(
+            message("simulink.interp1_by", "interp1 by {method}, or of a table that changes", method=method)
+        )
     return mapped(lambda u: looked_up(u, matrix(points), matrix(values), clip=False), matrix(at).astype(object))
 
 
 def _merged(condition: Value, yes: Any, no: Any) -> Any:
     if isinstance(yes, str | dict) or isinstance(no, str | dict):
-        raise NotUnderstood("a text or structure that depends on a condition")
+        raise NotUnderstood(message("simulink.conditional_text", "a text or structure that depends on a condition"))
     first, second = matrix(yes), matrix(no)
     if first.shape != second.shape:
-        raise NotUnderstood("a matrix whose size depends on a condition")
+        raise NotUnderstood(message("simulink.conditional_size", "a matrix whose size depends on a condition"))
     return mapped(partial(chosen, condition), first.astype(object), second.astype(object))

@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal, cast
 from pydantic import Field
 
 from simrob_drake.base.errors import InvalidParameter, OutputError, SimrobError
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Number, Strict, validated
 from simrob_drake.base.yaml_files import parse_json
 from simrob_drake.extensions.simulink.stepping.station import StepFailed, SteppedStation
@@ -71,11 +72,17 @@ def _described(station: SteppedStation) -> dict[str, Any]:
 
 def _step(station: SteppedStation, request: Request) -> None:
     if request.dt is None:
-        raise InvalidParameter("request: dt", None, "a time [s]")
+        raise InvalidParameter(
+            message("simulink.request_dt", "request: dt"), None, message("simulink.a_time", "a time [s]")
+        )
     if request.inputs is not None:
         values = request.inputs if isinstance(request.inputs, list) else [request.inputs]
         if len(values) != len(station.inputs):
-            raise InvalidParameter("request: inputs", f"{len(values)} numbers", f"{len(station.inputs)}")
+            raise InvalidParameter(
+                message("simulink.request_inputs", "request: inputs"),
+                message("simulink.given_numbers", "{count} numbers", count=len(values)),
+                f"{len(station.inputs)}",
+            )
         for name, value in zip(station.inputs, values, strict=True):
             station.set(name, value)
     station.advance(station.time + request.dt)
@@ -91,9 +98,17 @@ class _Handler(socketserver.StreamRequestHandler):
         server = cast(StationServer, self.server)
         with suppress(OSError):  # the client went
             if not hmac.compare_digest(self.rfile.readline(_LONGEST).strip(), server.token.encode()):
-                self._tell({"error": "the first line is not the token of this server"})
+                self._tell({"error": message("simulink.no_token", "the first line is not the token of this server")})
             elif not server.free.acquire(blocking=False):
-                self._tell({"error": f"{_MOST} clients are connected already; end one of them"})
+                self._tell(
+                    {
+                        "error": message(
+                            "simulink.too_many_clients",
+                            "{most} clients are connected already; end one of them",
+                            most=_MOST,
+                        )
+                    }
+                )
             else:
                 try:
                     self.connection.settimeout(None)
@@ -107,7 +122,15 @@ class _Handler(socketserver.StreamRequestHandler):
         line = b'{"do": "describe"}\n'
         while line:
             if not line.endswith(b"\n"):
-                self._tell({"error": f"the line is longer than {_LONGEST} bytes, or ends without a line feed"})
+                self._tell(
+                    {
+                        "error": message(
+                            "simulink.line_too_long",
+                            "the line is longer than {longest} bytes, or ends without a line feed",
+                            longest=_LONGEST,
+                        )
+                    }
+                )
                 return
             self._tell(answer(station, line))
             line = self.rfile.readline(_LONGEST)
@@ -143,7 +166,11 @@ class StationServer(socketserver.ThreadingTCPServer):
             OutputError: host or port cannot be had.
         """
         if token is not None and len(token) < 8:
-            raise InvalidParameter(TOKEN_VARIABLE, f"of {len(token)} letters", "of 8 or more")
+            raise InvalidParameter(
+                TOKEN_VARIABLE,
+                message("simulink.of_letters", "of {count} letters", count=len(token)),
+                message("simulink.eight_or_more", "of 8 or more"),
+            )
         SteppedStation(config)  # what is wrong with it is told here, and not to the first client
         self.config, self.token = config, token or secrets.token_urlsafe(16)
         self.free, self.building = BoundedSemaphore(_MOST), Lock()
@@ -154,4 +181,12 @@ class StationServer(socketserver.ThreadingTCPServer):
                 reason = problem
                 continue
             return
-        raise OutputError(f"nothing can listen at {host}, port {PORT if port is None else port}: {reason.strerror}")
+        raise OutputError(
+            message(
+                "simulink.cannot_listen",
+                "nothing can listen at {host}, port {port}: {problem}",
+                host=host,
+                port=PORT if port is None else port,
+                problem=reason.strerror,
+            )
+        )

@@ -9,6 +9,7 @@ from pydrake.systems.analysis import Simulator, SimulatorStatus
 from simrob_drake import apply_solver, build_station
 from simrob_drake.base.errors import InvalidParameter, UnknownName, Unsuitable
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.stepping.parameters import elements, parameters_of, with_parameters
 from simrob_drake.results.record.state import State
 from simrob_drake.stations.config import StationConfig
@@ -39,7 +40,11 @@ class SteppedStation:
         """
         self.config = config_of(station)
         if not self.config.engine.moves_by_forces:
-            raise InvalidParameter("mode", "kinematic", "dynamic: a kinematic station has no motion of its own")
+            raise InvalidParameter(
+                "mode",
+                "kinematic",
+                message("simulink.dynamic_only", "dynamic: a kinematic station has no motion of its own"),
+            )
         self.parameters = parameters_of(self.config)
         self.reset()
 
@@ -52,7 +57,7 @@ class SteppedStation:
         """
         for name in parameters or ():
             if name not in self.parameters:
-                raise UnknownName("parameter", name, self.parameters)
+                raise UnknownName(message("simulink.parameter", "parameter"), name, self.parameters)
         config = self._with(parameters or {})
         self._changed = dict(parameters or {})
         self._held: dict[str, float] = {}
@@ -109,7 +114,9 @@ class SteppedStation:
             element = self.inputs[name]
             return float(self._inputs[element.port][element.index])
         if name not in self.outputs:
-            raise UnknownName("variable", name, [*self.inputs, *self.outputs, *self.parameters])
+            raise UnknownName(
+                message("simulink.variable", "variable"), name, [*self.inputs, *self.outputs, *self.parameters]
+            )
         element = self.outputs[name]
         if element.port not in self._values:
             self._values[element.port] = self._ports[element.port].Eval(self._context)
@@ -123,16 +130,24 @@ class SteppedStation:
             InvalidParameter: a value that is not finite, or a parameter after the first step.
         """
         if name not in self.inputs and name not in self.parameters:
-            raise UnknownName("input or parameter", name, [*self.inputs, *self.parameters])
+            raise UnknownName(
+                message("simulink.input_or_parameter", "input or parameter"), name, [*self.inputs, *self.parameters]
+            )
         if not np.isfinite(value):
             unit = self.inputs[name].unit if name in self.inputs else self.parameters[name].unit
-            raise InvalidParameter(name, value, f"a finite number [{unit}]")
+            raise InvalidParameter(
+                name, value, message("simulink.finite_number_in", "a finite number [{unit}]", unit=unit)
+            )
         if name in self.inputs:
             self._held[name] = value
             if not self._stale:
                 self._hold(name, value)
         elif self._begun:
-            raise InvalidParameter(name, value, "set before the first step: parameters stay as they are then")
+            raise InvalidParameter(
+                name,
+                value,
+                message("simulink.before_first_step", "set before the first step: parameters stay as they are then"),
+            )
         else:
             self._changed[name] = value
             self._stale = True
@@ -152,7 +167,11 @@ class SteppedStation:
         """
         self._ready()
         if self.stopped:
-            raise StepFailed(f"{self.config.name} was ended: {self.stopped}")
+            raise StepFailed(
+                message(
+                    "simulink.was_ended", "{station} was ended: {reason}", station=self.config.name, reason=self.stopped
+                )
+            )
         self._values.clear()
         try:
             if not self._begun:
@@ -161,7 +180,15 @@ class SteppedStation:
             status = self._simulator.AdvanceTo(time)
         except (RuntimeError, SystemExit) as problem:  # Drake's failed assertions come as SystemExit
             sentence = " ".join(str(problem).split()).split(". ")[0][:200]
-            raise StepFailed(f"{self.config.name} diverged before {time:.6g} s: {sentence}") from problem
+            raise StepFailed(
+                message(
+                    "simulink.diverged_before",
+                    "{station} diverged before {time:.6g} s: {problem}",
+                    station=self.config.name,
+                    time=time,
+                    problem=sentence,
+                )
+            ) from problem
         if status.reason() == SimulatorStatus.ReturnReason.kReachedTerminationCondition:
             self.stopped = status.message()
 
@@ -208,10 +235,12 @@ def with_fixed_steps(config: StationConfig, step: float) -> StationConfig:
         InvalidParameter: a step that is not positive, or servos that yield to forces or are no PID.
     """
     if not 0 < step <= 0.1:
-        raise InvalidParameter("--step", step, "a time of at most 0.1 s")
+        raise InvalidParameter("--step", step, message("simulink.time_at_most", "a time of at most 0.1 s"))
     servos = [config.servo_of(robot) for robot in config.robots]
     if any(servo.admittance_gain or servo.law != "pid" for servo in servos):
-        expected = "servos that yield, or whose law is not pid, cannot be stepped at a fixed rate"
+        expected = message(
+            "simulink.yielding_servos", "servos that yield, or whose law is not pid, cannot be stepped at a fixed rate"
+        )
         raise Unsuitable("--step", expected)
     solver = ContinuousSolver(kind="continuous", scheme="cenic", max_step=step, error_control=False)
     implicit = {"realization": "implicit"}

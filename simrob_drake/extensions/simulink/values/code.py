@@ -13,6 +13,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.values.evaluate import (
     NUMBERS,
     SEVERAL,
@@ -104,7 +105,9 @@ class CodeRun(Evaluator):
 
     def _lookup(self, name: str) -> Any:
         if name in self.unknown:
-            raise UndefinedVariable(name, "it is set by mask code outside the subset")
+            raise UndefinedVariable(
+                name, message("simulink.set_by_mask_code", "it is set by mask code outside the subset")
+            )
         return self.variables[name] if name in self.variables else super()._lookup(name)
 
     def value(self, text: str) -> Any:
@@ -141,13 +144,15 @@ class CodeRun(Evaluator):
         if name.startswith("value@"):
             return self._lookup(name.removeprefix("value@"))
         if name not in self._texts:
-            raise NotUnderstood(f"get_param of {name[:40]}")
+            raise NotUnderstood(message("simulink.get_param_of", "get_param of {name}", name=name[:40]))
         return self._texts[name]
 
     def _first_of(self, name: str, *arguments: Any) -> Any:
         (first, *_) = self.called(name, list(arguments)) or [None]
         if first is None:
-            raise UndefinedVariable(name, f"what {name}.m gives is not known")
+            raise UndefinedVariable(
+                name, message("simulink.unknown_script", "what {name}.m gives is not known", name=name)
+            )
         return first
 
     def _inner(self, variables: dict[str, Any]) -> Self:
@@ -163,7 +168,7 @@ class CodeRun(Evaluator):
         """
         function = self.functions[name]
         if self.depth > _MOST_CALLS:
-            raise NotUnderstood(f"{function.name} calls itself")
+            raise NotUnderstood(message("simulink.calls_itself", "{function} calls itself", function=function.name))
         arguments_in = {"nargin": matrix(len(arguments)), **dict(zip(function.inputs, arguments, strict=False))}
         if function.inputs[-1:] == ["varargin"]:
             arguments_in["varargin"] = arguments[len(function.inputs) - 1 :]
@@ -187,7 +192,9 @@ class CodeRun(Evaluator):
     def _count(self) -> None:
         self._steps += 1
         if self._steps > MOST_STEPS:
-            raise NotUnderstood(f"runs for more than {MOST_STEPS} statements")
+            raise NotUnderstood(
+                message("simulink.too_many_statements", "runs for more than {most} statements", most=MOST_STEPS)
+            )
 
     def _do(self, line: Statement) -> None:
         if isinstance(line, str):
@@ -215,7 +222,7 @@ class CodeRun(Evaluator):
         match parse(text):
             case ("call", (("name", ("eval",)), (code,))):
                 if self.depth > _MOST_CALLS:
-                    raise NotUnderstood("makes code that makes code without end")
+                    raise NotUnderstood(message("simulink.code_without_end", "makes code that makes code without end"))
                 self.depth += 1
                 self._block(statements(str(self.evaluated(code))))
                 self.depth -= 1
@@ -273,7 +280,12 @@ class CodeRun(Evaluator):
         names = names_in(left.strip("[]"))
         for name, value in zip(names, self._outputs(parse(right)), strict=False):
             if value is None:
-                self._pass_over(f"{name} =", NotUnderstood(f"{right[:40]} gives no {name}"))
+                self._pass_over(
+                    f"{name} =",
+                    NotUnderstood(
+                        message("simulink.gives_no_name", "{text} gives no {name}", text=right[:40], name=name)
+                    ),
+                )
             elif name != "~":
                 self._store(parse(name), value)
 
@@ -284,7 +296,7 @@ class CodeRun(Evaluator):
         if name in self.functions or self.find(name):
             return self.called(name, values)
         if name not in SEVERAL:
-            raise NotUnderstood(f"several outputs of {name}")
+            raise NotUnderstood(message("simulink.several_outputs", "several outputs of {name}", name=name))
         return SEVERAL[name](*values)
 
     def _store(self, target: Expression, value: Any) -> None:
@@ -300,7 +312,9 @@ class CodeRun(Evaluator):
             case ("call", (owner, index)):
                 self._store(owner, self._changed(self._known(owner), index, value))
             case _:
-                raise NotUnderstood("assigns to what is no name, field or element")
+                raise NotUnderstood(
+                    message("simulink.assigns_to_nothing", "assigns to what is no name, field or element")
+                )
 
     def _known(self, target: Expression, *, outside: bool = False) -> Any:
         """Return what is there already, of the variables outside only structures; None of nothing."""
@@ -342,7 +356,7 @@ class CodeRun(Evaluator):
             return np.arange(size)
         places = self._at(node, size).reshape(-1).astype(int) - 1
         if places.size == 0 or places.min() < 0 or places.max() > _FARTHEST:
-            raise NotUnderstood("has an index that no matrix has")
+            raise NotUnderstood(message("simulink.impossible_index", "has an index that no matrix has"))
         return places
 
     def _switch(self, parts: list[tuple[str, list[Statement]]]) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.values.elementary import CONSTANTS, EACH
 from simrob_drake.extensions.simulink.values.growth import LARGEST, Budget, check_growth, check_size, count_entries
 from simrob_drake.extensions.simulink.values.syntax import Expression, NotUnderstood, written
@@ -23,13 +24,15 @@ _MOST_SIGNAL_PRODUCTS = 30_000
 def matrix(value: Any) -> Vector:
     """Return a value as a matrix of shape (r, c) (raises NotUnderstood: it is no number, or too large)."""
     if isinstance(value, str):
-        raise NotUnderstood(f"uses the text '{value[:20]}' as a number")
+        raise NotUnderstood(message("simulink.text_as_number", "uses the text '{text}' as a number", text=value[:20]))
     if isinstance(value, dict | list):
-        raise NotUnderstood("uses a structure as a number")
+        raise NotUnderstood(message("simulink.structure_as_number", "uses a structure as a number"))
     symbolic = isinstance(value, np.ndarray) and value.dtype == object and all(map(_is_value, value.flat))
     array = np.atleast_2d(value if symbolic else np.asarray(value, dtype=float))
     if array.size > LARGEST:
-        raise NotUnderstood(f"makes a matrix of more than {LARGEST} elements")
+        raise NotUnderstood(
+            message("simulink.matrix_too_large", "makes a matrix of more than {largest} elements", largest=LARGEST)
+        )
     return array
 
 
@@ -42,7 +45,14 @@ def count(value: Any) -> int:
     """Return a whole number that is not negative."""
     number = float(matrix(value).reshape(-1)[0]) if matrix(value).size else -1.0
     if not 0 <= number <= LARGEST or number != int(number):
-        raise NotUnderstood(f"needs a whole number of at most {LARGEST}, not {number:g}")
+        raise NotUnderstood(
+            message(
+                "simulink.whole_number_needed",
+                "needs a whole number of at most {largest}, not {number:g}",
+                largest=LARGEST,
+                number=number,
+            )
+        )
     return int(number)
 
 
@@ -52,7 +62,9 @@ def _shape(arguments: tuple[Any, ...]) -> tuple[int, int]:
         return 1, 1
     rows, columns = sizes[0], math.prod(sizes[1:]) if sizes[1:] else sizes[0]  # further dimensions lie side by side
     if rows * columns > LARGEST:
-        raise NotUnderstood(f"makes a matrix of more than {LARGEST} elements")
+        raise NotUnderstood(
+            message("simulink.matrix_too_large", "makes a matrix of more than {largest} elements", largest=LARGEST)
+        )
     return rows, columns
 
 
@@ -192,9 +204,15 @@ class Evaluator:
         try:
             return self._of(node)
         except MemoryError as problem:
-            raise NotUnderstood("needs more memory than there is") from problem
+            raise NotUnderstood(message("simulink.needs_more_memory", "needs more memory than there is")) from problem
         except (ValueError, ArithmeticError, IndexError, TypeError, RecursionError, np.linalg.LinAlgError) as problem:
-            raised = problem if isinstance(problem, NotUnderstood) else NotUnderstood(f"cannot be computed: {problem}")
+            raised = (
+                problem
+                if isinstance(problem, NotUnderstood)
+                else NotUnderstood(
+                    message("simulink.cannot_be_computed", "cannot be computed: {problem}", problem=problem)
+                )
+            )
             raise raised from problem
 
     def find(self, _: str) -> bool:
@@ -217,7 +235,7 @@ class Evaluator:
             case ("end", ()) if self._ends:
                 return matrix(self._ends[-1])
             case ("end" | "colon", ()):
-                raise NotUnderstood("has an 'end' or a ':' outside an index")
+                raise NotUnderstood(message("simulink.end_outside_index", "has an 'end' or a ':' outside an index"))
         return getattr(self, f"_{node.kind}")(*node.parts)
 
     def _named(self, name: str, arguments: tuple[Expression, ...]) -> Any:
@@ -265,7 +283,9 @@ class Evaluator:
             shape = index.shape if 1 not in array.shape or array.size == 1 else row
             return np.asarray(flat[index.reshape(-1, order="F")].reshape(shape, order="F"))
         if len(arguments) != 2:
-            raise NotUnderstood(f"has an index of {len(arguments)} dimensions")
+            raise NotUnderstood(
+                message("simulink.index_dimensions", "has an index of {count} dimensions", count=len(arguments))
+            )
         places = [self._index(*one).reshape(-1) for one in zip(arguments, array.shape, strict=True)]
         self._budget.spend(check_size(math.prod(map(len, places))))
         return np.asarray(array[np.ix_(*places)])
@@ -275,7 +295,14 @@ class Evaluator:
             return np.arange(size).reshape(1, -1)
         index = self._at(node, size)
         if np.any(index != np.round(index)) or np.any(index < 1) or np.any(index > size):
-            raise NotUnderstood(f"has the index {index.reshape(-1)[0]:g} of something that has {size} elements")
+            raise NotUnderstood(
+                message(
+                    "simulink.index_out_of_range",
+                    "has the index {index:g} of something that has {size} elements",
+                    index=index.reshape(-1)[0],
+                    size=size,
+                )
+            )
         return index.astype(int) - 1
 
     def _at(self, node: Expression, size: int) -> Vector:
@@ -294,7 +321,13 @@ class Evaluator:
                 raise
             value = self._lookup(f"{problem.name}.")  # a structure that has a function's name
         if not isinstance(value, dict):
-            raise NotUnderstood(f"asks for the field '{name}' of something that is no structure")
+            raise NotUnderstood(
+                message(
+                    "simulink.field_of_no_structure",
+                    "asks for the field '{name}' of something that is no structure",
+                    name=name,
+                )
+            )
         if name not in value:
             raise UndefinedVariable(f"{written(target)}.{name}")
         return value[name]
@@ -303,7 +336,9 @@ class Evaluator:
         first, last, by = (1.0 if end is None else float(matrix(self._of(end))[0, 0]) for end in (start, stop, step))
         steps = np.floor((last - first) / by * (1 + 1e-12) + 1e-9) if by else -1
         if not steps < LARGEST:
-            raise NotUnderstood(f"makes a range of more than {LARGEST} elements")
+            raise NotUnderstood(
+                message("simulink.range_too_large", "makes a range of more than {largest} elements", largest=LARGEST)
+            )
         return matrix(first + by * np.arange(max(int(steps) + 1, 0)))
 
     def _matrix(self, rows: tuple[tuple[Expression, ...], ...]) -> Any:
@@ -348,7 +383,13 @@ class Evaluator:
             and object in (first.dtype, second.dtype)
             and first.size * second.shape[1] > _MOST_SIGNAL_PRODUCTS
         ):
-            raise NotUnderstood(f"multiplies matrices of signals by more than {_MOST_SIGNAL_PRODUCTS} products")
+            raise NotUnderstood(
+                message(
+                    "simulink.too_many_signal_products",
+                    "multiplies matrices of signals by more than {most} products",
+                    most=_MOST_SIGNAL_PRODUCTS,
+                )
+            )
         if operator in ("/", "\\"):  # A \\ B is (B' / A')'
             return self._quotient(first, second) if operator == "/" else self._quotient(second.T, first.T).T
         with np.errstate(all="ignore"):

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.values.syntax import NotUnderstood
 
 LARGEST = 1_000_000
@@ -139,10 +140,26 @@ def check_growth(name: str, values: Sequence[Any]) -> int:
     rule = _RULES.get(name, _elementwise)
     call_size = rule([shape_of(value) for value in values] or [MatrixShape(1, 1)])
     if call_size.elements > LARGEST:
-        raise NotUnderstood(f"makes {call_size.elements:.3g} elements by '{name}'; at most {LARGEST} can be")
+        raise NotUnderstood(
+            message(
+                "simulink.elements_by",
+                "makes {elements:.3g} elements by '{name}'; at most {largest} can be",
+                elements=call_size.elements,
+                name=name,
+                largest=LARGEST,
+            )
+        )
     # A result can be small and still take long, such as an inverse.
     if call_size.products > MOST_PRODUCTS:
-        raise NotUnderstood(f"takes {call_size.products:.3g} products by '{name}'; at most {MOST_PRODUCTS:.3g} can be")
+        raise NotUnderstood(
+            message(
+                "simulink.products_by",
+                "takes {products:.3g} products by '{name}'; at most {most:.3g} can be",
+                products=call_size.products,
+                name=name,
+                most=MOST_PRODUCTS,
+            )
+        )
     return call_size.elements
 
 
@@ -153,7 +170,14 @@ def check_size(elements: int) -> int:
         NotUnderstood: there are too many.
     """
     if elements > LARGEST:
-        raise NotUnderstood(f"makes {elements:.3g} elements; at most {LARGEST} can be")
+        raise NotUnderstood(
+            message(
+                "simulink.too_many_elements",
+                "makes {elements:.3g} elements; at most {largest} can be",
+                elements=elements,
+                largest=LARGEST,
+            )
+        )
     return elements
 
 
@@ -194,4 +218,6 @@ class Budget:
         """
         self._elements_left -= elements
         if self._elements_left < 0:
-            raise NotUnderstood(f"makes more than {MOST_ELEMENTS:.3g} elements in all")
+            raise NotUnderstood(
+                message("simulink.elements_in_all", "makes more than {most:.3g} elements in all", most=MOST_ELEMENTS)
+            )

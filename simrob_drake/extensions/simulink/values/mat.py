@@ -17,6 +17,7 @@ import numpy as np
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.files import content_of
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.values.evaluate import matrix
 from simrob_drake.extensions.simulink.values.syntax import NotUnderstood
 
@@ -56,7 +57,11 @@ class _Scan:
 
     def _check_matrix(self, data: memoryview, depth: int) -> None:
         if depth > _DEEPEST:
-            raise UnboundedMat(f"it nests cells or structures more than {_DEEPEST} deep")
+            raise UnboundedMat(
+                message(
+                    "simulink.mat_too_deep", "it nests cells or structures more than {deepest} deep", deepest=_DEEPEST
+                )
+            )
         sparse = False
         for place, (kind, content) in enumerate(self._elements_of(data)):
             if kind == _MATRIX:
@@ -66,7 +71,13 @@ class _Scan:
             elif place == 1 and kind == _INT32 and not sparse:
                 sizes = self._numbers(content)
                 if min(sizes, default=0) < 0 or math.prod(sizes) > len(data):
-                    raise UnboundedMat(f"it counts {' x '.join(map(str, sizes))} entries, and has no bytes for them")
+                    raise UnboundedMat(
+                        message(
+                            "simulink.mat_without_bytes",
+                            "it counts {size} entries, and has no bytes for them",
+                            size=" x ".join(map(str, sizes)),
+                        )
+                    )
 
     def _elements_of(self, data: memoryview) -> Iterator[tuple[int, memoryview]]:
         """Yield type and content of each element; one that is cut off is for the library to tell."""
@@ -74,7 +85,9 @@ class _Scan:
         while start + 8 <= len(data):
             self._elements -= 1
             if self._elements < 0:
-                raise UnboundedMat(f"it holds more than {_MOST_ELEMENTS} elements")
+                raise UnboundedMat(
+                    message("simulink.mat_too_large", "it holds more than {most} elements", most=_MOST_ELEMENTS)
+                )
             kind, size = struct.unpack(f"{self._order}II", data[start : start + 8])
             if kind >> 16:  # a small one: its content stands in the second half of its own tag
                 yield kind & 0xFFFF, data[start + 4 : start + 4 + (kind >> 16)]
@@ -94,7 +107,11 @@ class _Scan:
             return b""
         self._room -= len(found)
         if self._room <= 0:
-            raise UnboundedMat(f"it unpacks to more than {LARGEST // 1_000_000} MB")
+            raise UnboundedMat(
+                message(
+                    "simulink.mat_unpacks", "it unpacks to more than {megabytes} MB", megabytes=LARGEST // 1_000_000
+                )
+            )
         return found
 
 
@@ -106,9 +123,13 @@ def contents_of_mat(file: Path, option: str) -> dict[str, Any]:
     try:
         return _contents(content_of(file, LARGEST))
     except NotImplementedError as problem:
-        raise InvalidParameter(option, str(file), "saved with -v7: version 7.3 is not read") from problem
+        raise InvalidParameter(
+            option, str(file), message("simulink.saved_with_v7", "saved with -v7: version 7.3 is not read")
+        ) from problem
     except Exception as problem:  # readers of damaged files raise whatever they like
-        raise InvalidParameter(option, str(file), f"readable: {problem}") from problem
+        raise InvalidParameter(
+            option, str(file), message("simulink.readable", "readable: {problem}", problem=problem)
+        ) from problem
 
 
 def _contents(data: bytes) -> dict[str, Any]:

@@ -9,6 +9,8 @@ import re
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
+from simrob_drake.base.messages import message
+
 KEYWORD = re.compile(r"(if|elseif|else|end|for|while|switch|case|otherwise|try|catch|function|return|break)\b")
 _SIGNATURE = re.compile(r"function(?:\s+|(?=\[))(?:(?:\[([^\]]*)\]|(\w+))\s*=\s*)?(\w+)\s*(?:\(([^)]*)\))?\s*")
 _OPENS = "if", "for", "while", "switch", "try", "function"
@@ -159,7 +161,9 @@ class _Token(NamedTuple):
 def _tokens_of(text: str) -> list[_Token]:
     """Return the pieces of an expression; between elements of a matrix that blanks part there is a comma."""
     if len(text) > LONGEST:
-        raise NotUnderstood(f"is longer than {LONGEST} letters")
+        raise NotUnderstood(
+            message("simulink.expression_too_long", "is longer than {longest} letters", longest=LONGEST)
+        )
     tokens, brackets, place, spaced = list[_Token](), "", 0, False
     while place < len(text):
         if text[place] == "\n":
@@ -177,7 +181,9 @@ def _tokens_of(text: str) -> list[_Token]:
         elif match := _TOKEN.match(text, place):
             token = _Token(str(match.lastgroup), match[0])
         else:
-            raise NotUnderstood(f"has '{text[place]}', which stands in no expression")
+            raise NotUnderstood(
+                message("simulink.stray_text", "has '{text}', which stands in no expression", text=text[place])
+            )
         place = match.end()
         begins = token.kind != "operator" or token.text in ("(", "[", "{", "~", "!") or (
             token.text in ("+", "-") and not _SPACE.match(text, place))  # fmt: skip
@@ -199,7 +205,7 @@ def parse(text: str) -> Expression:
     parser = _Parser([*_tokens_of(text.strip()), _END])
     node = parser.expression()
     if parser.here is not _END:
-        raise NotUnderstood(f"has '{parser.here.text}' where it should end")
+        raise NotUnderstood(message("simulink.should_end", "has '{text}' where it should end", text=parser.here.text))
     return node
 
 
@@ -239,7 +245,9 @@ class _Parser:
         """Return a value with its signs before it, and its indices, fields and ``'`` behind it."""
         self._depth += 1
         if self._depth > DEEPEST:
-            raise NotUnderstood(f"nests brackets more than {DEEPEST} deep")
+            raise NotUnderstood(
+                message("simulink.brackets_too_deep", "nests brackets more than {deepest} deep", deepest=DEEPEST)
+            )
         if self._stands(*_SIGNS):
             sign = self._next().text.replace("!", "~")
             node = Expression("unary", (sign, self.expression(_BINDS["unary"])))
@@ -251,7 +259,7 @@ class _Parser:
                 elif self._next().text != ".":
                     node = Expression("unary", ("'", node))
                 elif self.here.kind != "name":
-                    raise NotUnderstood("lacks a name")
+                    raise NotUnderstood(message("simulink.lacks_a_name", "lacks a name"))
                 else:
                     node = Expression("field", (node, self._next().text))
         self._depth -= 1
@@ -260,7 +268,7 @@ class _Parser:
     def _atom(self) -> Expression:
         token = self._next()
         if token is _END:
-            raise NotUnderstood("ends where a value should stand")
+            raise NotUnderstood(message("simulink.ends_without_value", "ends where a value should stand"))
         if token.kind == "number":
             kind = "imaginary" if token.text[-1] in "ij" else "number"
             return Expression(kind, (float(token.text.rstrip("ij").lower().replace("d", "e")),))
@@ -275,12 +283,14 @@ class _Parser:
         if token.text in ("[", "{"):
             kind, closing = ("matrix", "]") if token.text == "[" else ("cell", "}")
             return Expression(kind, (self._rows(closing),))
-        raise NotUnderstood(f"has '{token.text}' where a value should stand")
+        raise NotUnderstood(
+            message("simulink.token_without_value", "has '{token}' where a value should stand", token=token.text)
+        )
 
     def _arguments(self) -> tuple[Expression, ...]:
         rows = self._rows(")" if self._next().text == "(" else "}")
         if len(rows) > 1:
-            raise NotUnderstood("has a ';' among arguments")
+            raise NotUnderstood(message("simulink.semicolon_in_arguments", "has a ';' among arguments"))
         return rows[0] if rows else ()
 
     def _rows(self, closing: str) -> tuple[tuple[Expression, ...], ...]:
@@ -294,13 +304,13 @@ class _Parser:
             else:
                 rows[-1].append(self.expression())
                 if not self._stands(",", ";", closing):
-                    raise NotUnderstood("lacks a closing bracket")
+                    raise NotUnderstood(message("simulink.lacks_a_bracket", "lacks a closing bracket"))
         self._close(closing)
         return tuple(tuple(row) for row in rows if row)
 
     def _close(self, bracket: str) -> None:
         if not self._stands(bracket):
-            raise NotUnderstood(f"lacks a closing '{bracket}'")
+            raise NotUnderstood(message("simulink.lacks_this_bracket", "lacks a closing '{bracket}'", bracket=bracket))
         self._next()
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.linalg import solve_continuous_are
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 
 
 def _numbers(value: Any) -> Vector:
@@ -24,7 +25,14 @@ def _time_series(values: Any, times: Any) -> dict[str, Vector]:
     data, moments = _numbers(values), _numbers(times).reshape(-1, 1)
     data = data if len(data) == len(moments) else data.T
     if len(data) != len(moments):
-        raise ValueError(f"a time series of {len(moments)} times for {len(data)} values")
+        raise ValueError(
+            message(
+                "simulink.time_series_sizes",
+                "a time series of {times} times for {count} values",
+                times=len(moments),
+                count=len(data),
+            )
+        )
     return {"Time": moments, "Data": data}
 
 

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.tables import table
 from simrob_drake.extensions.simulink.values.syntax import Expression, NotUnderstood, parse
 
@@ -36,7 +37,7 @@ def parse_unit(text: str) -> Unit:
     try:
         return _unit(parse(text if len(text) <= _LONGEST else ""))
     except (NotUnderstood, ArithmeticError):
-        raise UnknownUnit(f"'{text[:40]}' is no unit known here") from None
+        raise UnknownUnit(message("simulink.no_known_unit", "'{text}' is no unit known here", text=text[:40])) from None
 
 
 def _unit(tree: Expression, *, counts: bool = False) -> Unit:
@@ -54,14 +55,21 @@ def _unit(tree: Expression, *, counts: bool = False) -> Unit:
             return Unit(1.0).times(_unit(base), int(power))
         case ("binary", ("^", base, ("unary", ("-", ("number", (power,)))))) if power in _POWERS:
             return Unit(1.0).times(_unit(base), -int(power))
-    raise NotUnderstood("is no unit")
+    raise NotUnderstood(message("simulink.no_unit", "is no unit"))
 
 
 def factor(text: str, like: str) -> float:
     """Return what one unit is in SI, of the dimension of another, such as ``m`` (raises UnknownUnit: it is not)."""
     unit, target = parse_unit(text), parse_unit(like)
     if unit.dimension != target.dimension:
-        raise UnknownUnit(f"the unit {text} does not fit; it must be one like {like}")
+        raise UnknownUnit(
+            message(
+                "simulink.unit_does_not_fit",
+                "the unit {text} does not fit; it must be one like {like}",
+                text=text,
+                like=like,
+            )
+        )
     return unit.factor
 
 

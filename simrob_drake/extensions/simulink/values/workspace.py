@@ -14,6 +14,7 @@ from typing import Any
 
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.files import content_of
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.values.code import CodeRun, undefined
 from simrob_drake.extensions.simulink.values.evaluate import UndefinedVariable
 from simrob_drake.extensions.simulink.values.mat import Files, variables_of_mat
@@ -44,7 +45,11 @@ def find_octave(folders: Iterable[Path] = ()) -> Octave:
     """
     program = shutil.which("octave-cli") or shutil.which("octave")
     if program is None:
-        raise Unsuitable("--octave", "no program octave-cli is found", "install GNU Octave, or leave it out")
+        raise Unsuitable(
+            "--octave",
+            message("simulink.no_octave", "no program octave-cli is found"),
+            message("simulink.install_octave", "install GNU Octave, or leave it out"),
+        )
 
     paths = "".join(f"addpath('{str(folder.resolve()).replace(chr(39), 2 * chr(39))}');\n" for folder in folders)
 
@@ -64,7 +69,11 @@ def find_octave(folders: Iterable[Path] = ()) -> Octave:
             try:
                 subprocess.run(command, cwd=folder, stdin=quiet, capture_output=True, timeout=_PATIENCE, check=False)
             except subprocess.TimeoutExpired as problem:
-                expected = f"quicker: code of a mask has not ended after {_PATIENCE:g} s"
+                expected = message(
+                    "simulink.quicker_mask_code",
+                    "quicker: code of a mask has not ended after {seconds:g} s",
+                    seconds=_PATIENCE,
+                )
                 raise InvalidParameter("--octave", code[:60], expected) from problem
             found = Path(folder, "found.mat")
             return variables_of_mat(found, "--octave") if found.is_file() else {}
@@ -112,10 +121,24 @@ class Variables:
         if (value := self.spare(name)) is not None:
             return self.variables.setdefault(name, value)
         if name in self.unknown:
-            raise UndefinedVariable(name, f"it is set by code of '{self.name}' that only MATLAB runs")
+            raise UndefinedVariable(
+                name,
+                message(
+                    "simulink.set_by_code_of", "it is set by code of '{name}' that only MATLAB runs", name=self.name
+                ),
+            )
         if self.outer is None:
             missing = ", ".join(sorted(self.absent))
-            why = f"'{self.name}' takes variables from {missing}, which is not there" if missing else ""
+            why = (
+                message(
+                    "simulink.variables_missing",
+                    "'{name}' takes variables from {missing}, which is not there",
+                    name=self.name,
+                    missing=missing,
+                )
+                if missing
+                else ""
+            )
             raise UndefinedVariable(name, why)
         return self.outer.lookup(name)
 
@@ -159,12 +182,16 @@ def variables_of(settings: Mapping[str, str], files: list[Path], named: Files | 
             try:
                 run.run(content_of(file).decode("utf-8", errors="replace"))
             except (OSError, NotUnderstood) as problem:
-                expected = f"a .mat file or a script of assignments: {problem}"
+                expected = message(
+                    "simulink.mat_or_script", "a .mat file or a script of assignments: {problem}", problem=problem
+                )
                 raise InvalidParameter("--variables", str(file), expected) from problem
     for name, text in settings.items():
         try:
             run.assign(f"{name}={text}")
         except (NotUnderstood, UndefinedVariable) as problem:
-            expected = f"an expression such as [0 0 1] or 30*pi/180: it {problem}"
+            expected = message(
+                "simulink.an_expression", "an expression such as [0 0 1] or 30*pi/180: it {problem}", problem=problem
+            )
             raise InvalidParameter(f"--set {name}", text, expected) from problem
     return run.variables

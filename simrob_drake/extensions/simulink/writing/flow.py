@@ -8,6 +8,7 @@ from pydantic import ValidationError
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.mechanics.bodies import PUSH, frame_place
 from simrob_drake.extensions.simulink.mechanics.joints import Freedom
 from simrob_drake.extensions.simulink.model.network import Connections, Place
@@ -82,7 +83,11 @@ class FlowWriter:
         """Return what a station does not measure: by what it does measure, or as an open input."""
         if term.kind == "a":
             joint = getattr(term.of, "name", "")
-            self._report.add("approximated", joint, f"its acceleration is filtered, by {LAG:g} s")
+            self._report.add(
+                "approximated",
+                joint,
+                message("simulink.acceleration_filtered", "its acceleration is filtered, by {lag:g} s", lag=LAG),
+            )
             name = self._names.give(f"{joint or 'joint'}_a")
             self.blocks[name] = {"kind": "transfer_function", "numerator": [1.0, 0.0], "denominator": [LAG, 1.0]}
             self.blocks[name]["of"] = [self.sum(Form({Term("w", term.of): 1.0}))]
@@ -99,8 +104,13 @@ class FlowWriter:
         self.blocks[name] = {"kind": "input"}
         if isinstance(node, Node) and term.kind == "open":
             self.opened.setdefault(node, {})[term.index] = f"{self.name}.{name}"
-        message = f"it is the input {self.name}.{name} of the station, at 0 until something drives it"
-        self._report.add("open", path, message)
+        text = message(
+            "simulink.input_of_station",
+            "it is the input {block}.{port} of the station, at 0 until something drives it",
+            block=self.name,
+            port=name,
+        )
+        self._report.add("open", path, text)
         return {name: 1.0}
 
     def name_of(self, node: Node) -> str:
@@ -129,7 +139,9 @@ class FlowWriter:
             if sums or block.kind != "step":
                 self.blocks[name]["of"] = sums[0] if len(sums) == 1 else sums
             if (problem := _problem(name, self.blocks[name])) is not None and block.node is not None:
-                block.node.note("open", f"{problem}: it is left open, at 0")
+                block.node.note(
+                    "open", message("simulink.left_open_at_zero", "{problem}: it is left open, at 0", problem=problem)
+                )
                 self.blocks[name] = {"kind": "input"}
                 outputs[:] = [name] * block.size
         return self._known[block]
@@ -223,7 +235,7 @@ def _force(writer: FlowWriter, push: ExternalForce, files: StationFiles) -> dict
     """Return what a block applies, along the axes of the link or piece that it acts on; nothing of what cannot move."""
     named = files.named(push.body)
     if named is None or push.body.grounded:
-        push.node.note("dropped", "a force on what stands fixed")
+        push.node.note("dropped", message("simulink.force_on_fixed", "a force on what stands fixed"))
         return {}
     place, own = named
     pose = own @ push.pose
@@ -232,7 +244,9 @@ def _force(writer: FlowWriter, push: ExternalForce, files: StationFiles) -> dict
     for what, vector in (("force", push.force), ("torque", push.torque)):
         if any(vector):
             section[what] = [writer.sum(part) for part in axes.dot(signal(vector))]
-    push.node.note("read", f"it acts on {place}, by {writer.name}")
+    push.node.note(
+        "read", message("simulink.acts_on", "it acts on {place}, by {writer}", place=place, writer=writer.name)
+    )
     return section
 
 
@@ -254,7 +268,15 @@ def frame_sensors(files: StationFiles) -> tuple[dict[str, dict[str, Any]], dict[
             rotation = files.turn.rotation().matrix() if section["axes"] == "world" else np.eye(3)
             sections[name] = section
             measured |= {Term("sensed", node, index): _part(name, index, rotation) for index in range(len(PARTS))}
-            node.note("read", f"{node.kind}: the sensor {name}, with the signals frame.{name}.*")
+            node.note(
+                "read",
+                message(
+                    "simulink.sensor_with_signals",
+                    "{kind}: the sensor {name}, with the signals frame.{name}.*",
+                    kind=node.kind,
+                    name=name,
+                ),
+            )
     return sections, measured
 
 
@@ -271,7 +293,12 @@ def _sensor(node: Node, places: list[Place], files: StationFiles) -> dict[str, A
         body = files.model.bodies.by_place[place]
         named = files.named(body)
         if named is None:
-            node.note("dropped", f"{node.kind}: its {end} is on no robot or piece")
+            node.note(
+                "dropped",
+                message(
+                    "simulink.end_on_nothing", "{kind}: its {end} is on no robot or piece", kind=node.kind, end=end
+                ),
+            )
             return None
         poses.append((named[0], pose_list(named[1] @ body.frames[place])))
     (frame, offset), (base, base_offset), *_ = *poses, (WORLD, pose_list(files.turn))

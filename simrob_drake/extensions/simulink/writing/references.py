@@ -13,6 +13,7 @@ from pydrake.math import RigidTransform
 from simrob_drake.base.arguments import SHORTEST
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.mechanics.bodies import GEARS, ROD, SPRING, Coupling
 from simrob_drake.extensions.simulink.mechanics.joints import Freedom
 from simrob_drake.extensions.simulink.mechanics.trees import Tree
@@ -96,7 +97,11 @@ class JointMotions:
             if len(moving) > 1:
                 return dict(ChainMap(*(self._computed({one: value}, times) for one, value in moving.items())))
             (freedom,) = moving
-            self.files.report.add("lost", freedom.name, f"its motion is not there, it is held: {problem}")
+            self.files.report.add(
+                "lost",
+                freedom.name,
+                message("simulink.motion_missing", "its motion is not there, it is held: {problem}", problem=problem),
+            )
             return {}
 
     def _held(self, freedom: Freedom) -> float:
@@ -150,16 +155,27 @@ def coupling_sections(files: StationFiles, *, kinematic: bool) -> dict[str, Any]
 
     def add(node: Node, section: dict[str, Any]) -> None:
         if kinematic:
-            node.note("lost", "holds nothing in a station whose motion is given")
+            node.note("lost", message("simulink.holds_nothing", "holds nothing in a station whose motion is given"))
             return
         name = files.names.give(node.path)
         sections[name] = section
-        node.note("read", f"it is the coupling {name}, of kind {section['kind']}")
+        node.note(
+            "read",
+            message(
+                "simulink.is_the_coupling", "it is the coupling {name}, of kind {kind}", name=name, kind=section["kind"]
+            ),
+        )
 
     def tie(tied: Coupling, kind: str, **values: float) -> None:
         ends = _ends(tied, files, framed=kind in ("weld", "hinge"))
         if ends is None:
-            tied.node.note("lost", "one of its ends is on nothing that moves here, or both are on one body")
+            tied.node.note(
+                "lost",
+                message(
+                    "simulink.end_on_nothing_moving",
+                    "one of its ends is on nothing that moves here, or both are on one body",
+                ),
+            )
         else:
             add(tied.node, {"kind": kind, **ends, **values})
 
@@ -183,7 +199,10 @@ def _tell_of_loose(model: SimulinkModel) -> None:
     held = {coupling for tree in model.trees for coupling in tree.couplings}
     for coupling in model.bodies.couplings:
         if coupling.node.kind in (*GEARS, ROD) and coupling not in held:
-            coupling.node.note("lost", "couples mechanisms of which one is held by nothing")
+            coupling.node.note(
+                "lost",
+                message("simulink.couples_held_by_nothing", "couples mechanisms of which one is held by nothing"),
+            )
 
 
 def _ends(held: Coupling, files: StationFiles, *, framed: bool) -> dict[str, Any] | None:

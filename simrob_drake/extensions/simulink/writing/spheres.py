@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.mechanics.shapes import load_mesh
 from simrob_drake.extensions.simulink.mechanics.solids import SolidBody
 from simrob_drake.importer.meshes.checks import UnreadableMesh
@@ -63,7 +64,7 @@ def _mesh_spheres(solid: SolidBody) -> Spheres:
     elif solid.file is not None:
         points = solid.scale * load_mesh(solid.file).vertices
     else:
-        raise UnreadableMesh("its mesh was not found")
+        raise UnreadableMesh(message("simulink.mesh_not_found", "its mesh was not found"))
     hull = hull_of(points).part
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     surface = Trimesh(hull.vertices, hull.faces, process=False)

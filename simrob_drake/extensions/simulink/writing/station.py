@@ -13,6 +13,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.base.constants import STANDARD_GRAVITY
 from simrob_drake.base.files import PIECE_FILE, ROBOT_FILE
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.mechanics.bodies import PUSH
 from simrob_drake.extensions.simulink.mechanics.joints import Freedom
 from simrob_drake.extensions.simulink.mechanics.solids import SolidBody
@@ -87,7 +88,11 @@ class StationWriter:
             robot.axes = dict(sorted(robot.axes.items(), key=lambda entry: self._place(entry[0])))
         pieces = self._pieces(base_solids)
         if not self._files.robots and not any(entry.get("free") for entry in pieces.values()):
-            self._report.add("dropped", name, "the station: everything stands fixed, so only pieces are written")
+            self._report.add(
+                "dropped",
+                name,
+                message("simulink.only_pieces", "the station: everything stands fixed, so only pieces are written"),
+            )
             return self._files
         self._files.content = self._station(name, pieces)
         header = f"# From the Simulink model {self._model.path.name}; report.json tells what became of each block.\n"
@@ -127,7 +132,9 @@ class StationWriter:
         name = self._names.give(path)
         fixed = "free" not in entry
         if not fixed and sum(solid.weight.mass for solid in solids) <= 0:
-            self._report.add("dropped", path, "is free and weighs nothing: it cannot move")
+            self._report.add(
+                "dropped", path, message("simulink.free_and_weightless", "is free and weighs nothing: it cannot move")
+            )
             return ""
         writer = UrdfWriter(self._folder / name, self._report, self._names)
         if not writer.piece(name, solids, self._touching.colliding, weighs=not fixed):
@@ -135,7 +142,9 @@ class StationWriter:
         pieces[name] = {"model": f"{name}/{PIECE_FILE}", **entry}
         self._files.pieces.append(name)
         if not any(solid.node in self._touching.colliding for solid in solids) and not fixed:
-            self._report.add("read", path, "falls freely: nothing holds or touches it")
+            self._report.add(
+                "read", path, message("simulink.falls_freely", "falls freely: nothing holds or touches it")
+            )
         return name
 
     def _station(self, name: str, pieces: dict[str, Any]) -> dict[str, Any]:
@@ -143,7 +152,11 @@ class StationWriter:
         for piece, entry in pieces.items() if kinematic else ():
             if entry.pop("free", False):
                 entry["parent"] = "world"
-                self._report.add("approximated", piece, "stands fixed: nothing falls in a kinematic station")
+                self._report.add(
+                    "approximated",
+                    piece,
+                    message("simulink.stands_fixed", "stands fixed: nothing falls in a kinematic station"),
+                )
         content: dict[str, Any] = {
             "description": f"{name}, from a Simulink model",
             "mode": "kinematic" if kinematic else "dynamic",
@@ -167,7 +180,12 @@ class StationWriter:
         if not kinematic and any(robot.pushed for robot in self._files.robots.values()):
             content["inputs"] = self._pushes()
         for push in self._model.pushes if kinematic else ():
-            push.node.note("dropped", "a force, in a station without forces: what moves is prescribed")
+            push.node.note(
+                "dropped",
+                message(
+                    "simulink.force_in_kinematic", "a force, in a station without forces: what moves is prescribed"
+                ),
+            )
         content |= coupling_sections(self._files, kinematic=kinematic)
         content |= {} if kinematic else self._dynamics(sensors | seen, measured)
         return {**content, "duration": self._model.duration}
@@ -217,11 +235,18 @@ class StationWriter:
         bound = any(robot.tree.closings or robot.tree.gears or not robot.tree.root.grounded for robot in robots)
         if robots and (bound or not (self._files.free or any(robot.mass for robot in self._files.robots.values()))):
             names = [name for robot in robots for name in robot.weightless.values()]
-            message = f"kinematic, nothing moves by forces: these links weigh nothing: {', '.join(names[:5])}"
-            self._report.add("lost", "motion by forces", message)
+            text = message(
+                "simulink.weightless_links",
+                "kinematic, nothing moves by forces: these links weigh nothing: {names}",
+                names=", ".join(names[:5]),
+            )
+            self._report.add("lost", message("simulink.motion_by_forces", "motion by forces"), text)
             return True
         for branch in (branch for robot in robots for branch in robot.tree.branches if branch.body in robot.weightless):
-            branch.link.joint.node.note("lost", "what it moves weighs nothing: it is held where it starts")
+            branch.link.joint.node.note(
+                "lost",
+                message("simulink.held_where_it_starts", "what it moves weighs nothing: it is held where it starts"),
+            )
             for freedom in branch.freedoms:
                 freedom.driven = "motion"
                 self._model.laws.pop(freedom, None)
@@ -232,7 +257,12 @@ class StationWriter:
         kept = [tree for tree in trees if tree.root.grounded or _weighs(tree)]
         for tree in (tree for tree in trees if any(map(_weighs, kept)) and tree not in kept):
             for branch in tree.branches:
-                branch.link.joint.node.note("lost", "nothing holds what it joins, which weighs nothing: left out")
+                branch.link.joint.node.note(
+                    "lost",
+                    message(
+                        "simulink.weightless_left_out", "nothing holds what it joins, which weighs nothing: left out"
+                    ),
+                )
         return kept if any(map(_weighs, kept)) else trees
 
     def _robot(self, name: str, robot: RobotFile, kinematic: bool) -> dict[str, Any]:
@@ -275,7 +305,11 @@ class StationWriter:
         file = self._folder / f"{name}_reference.csv"
         entry["reference"] = JointMotions(self._files, robot.axes, forms, start, file).reference()
         if kinematic and any(freedom.start_speed for freedom in robot.axes):
-            self._report.add("dropped", name, "speeds at the start: what moves it is its reference")
+            self._report.add(
+                "dropped",
+                name,
+                message("simulink.speeds_at_start", "speeds at the start: what moves it is its reference"),
+            )
         return entry
 
     def _prescribed(self) -> dict[str, Any]:
@@ -295,8 +329,13 @@ class StationWriter:
             desired = freedom.start or 0.0
             starts[axis] = taken = float(np.clip(desired, freedom.lower + _INSIDE, freedom.upper - _INSIDE))
             if abs(taken - desired) > 2 * _INSIDE:
-                message = f"starts at {desired:.4g}, out of its limits: at {taken:.4g}"
-                self._report.add("repaired", freedom.name, message)
+                text = message(
+                    "simulink.start_out_of_limits",
+                    "starts at {desired:.4g}, out of its limits: at {taken:.4g}",
+                    desired=desired,
+                    taken=taken,
+                )
+                self._report.add("repaired", freedom.name, text)
         return starts
 
     def _law(self, freedom: Freedom) -> Law:
@@ -304,22 +343,46 @@ class StationWriter:
         if freedom.driven == "motion":
             return law if self._moved else Law()
         if freedom.stiffness and law.is_idle:
-            self._report.add("read", freedom.name, f"its spring of {freedom.stiffness:g} is its servo's kp")
+            self._report.add(
+                "read",
+                freedom.name,
+                message(
+                    "simulink.spring_is_kp",
+                    "its spring of {stiffness:g} is its servo's kp",
+                    stiffness=freedom.stiffness,
+                ),
+            )
             return Law(kp=freedom.stiffness, reference=freedom.rest)
         return law
 
     def _tell(self, robot: str, axis: str, freedom: Freedom, law: Law, *, kinematic: bool) -> None:
         gains = {"kp": law.kp, "ki": law.ki, "kd": law.kd, "limit": law.limit if isfinite(law.limit) else 0.0}
         shown = ", ".join(f"{key} {value:.6g}" for key, value in gains.items() if value)
-        drive = f"servo {shown}" if shown else "no servo"
+        drive = (
+            message("simulink.servo_with", "servo {gains}", gains=shown)
+            if shown
+            else message("simulink.no_servo", "no servo")
+        )
         if terms_of(law.net):
-            drive = "driven by the blocks of its law"
+            drive = message("simulink.driven_by_blocks", "driven by the blocks of its law")
         elif kinematic or freedom.driven == "motion":
-            drive = "moved as its reference" if kinematic else "its motion is prescribed"
+            drive = (
+                message("simulink.moved_as_reference", "moved as its reference")
+                if kinematic
+                else message("simulink.motion_prescribed", "its motion is prescribed")
+            )
             motion = self._model.law_of(freedom).reference
             if isinstance(motion, Form) and of_time(motion):
-                drive += f" for {self._model.duration:g} s, and holds then"
-        self._report.add("read", freedom.name, f"axis {axis} of {robot}: {drive}")
+                drive += message(
+                    "simulink.for_seconds_then_holds",
+                    " for {duration:g} s, and holds then",
+                    duration=self._model.duration,
+                )
+        self._report.add(
+            "read",
+            freedom.name,
+            message("simulink.axis_of_robot", "axis {axis} of {robot}: {drive}", axis=axis, robot=robot, drive=drive),
+        )
 
     def _place(self, freedom: Freedom) -> tuple[int, int]:
         """Return where a joint stands among the model's inputs; joints without one keep their order behind."""
@@ -391,5 +454,13 @@ def _upright(model: SimulinkModel) -> tuple[RigidTransform, float]:
     axis = np.cross(up, [0.0, 0.0, 1.0])
     axis = axis / length if (length := np.linalg.norm(axis)) > 1e-9 else np.array([1.0, 0.0, 0.0])
     turn = RotationMatrix(AngleAxis(float(np.arccos(np.clip(up[2], -1, 1))), axis))
-    model.report.add("read", "gravity", f"points along {vector.round(4).tolist()}: the world is turned to put it down")
+    model.report.add(
+        "read",
+        "gravity",
+        message(
+            "simulink.world_is_turned",
+            "points along {direction}: the world is turned to put it down",
+            direction=vector.round(4).tolist(),
+        ),
+    )
     return RigidTransform(turn), strength

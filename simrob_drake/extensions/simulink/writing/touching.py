@@ -8,6 +8,7 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.base.errors import InvalidModel
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.mechanics.bodies import (
     CLOUD,
     GRID,
@@ -62,10 +63,12 @@ def read_touching(model: SimulinkModel, turn: RigidTransform) -> Touching:
         try:
             points = {node: node.numbers("CoordinatesMatrix", "[0 0 0]", unit="m").reshape(-1, 3) for node in clouds}
             if not all(map(len, points.values())):
-                raise contact.node.refusal("its point cloud is empty")
+                raise contact.node.refusal(message("simulink.point_cloud_empty", "its point cloud is empty"))
         except (InvalidModel, ValueError) as problem:  # which have not three figures, or cannot be computed
             why = str(problem).removeprefix(f"{model.report.source}: ")
-            contact.node.note("lost", f"its point cloud is not read: {why}")
+            contact.node.note(
+                "lost", message("simulink.point_cloud_not_read", "its point cloud is not read: {why}", why=why)
+            )
             continue
         for node, body in clouds.items():
             if node not in touching.colliding:
@@ -91,7 +94,10 @@ def _stand(
             thin = Shape("cylinder", (*positive(node, "Radius", "1", 1), 2 * POINT))
             body.solids.append(SolidBody(node, NOTHING, thin, _GREY, pose=pose))
     elif not body.grounded:
-        contact.note("lost", f"contact of {node.path}, a surface that moves")
+        contact.note(
+            "lost",
+            message("simulink.contact_of_moving_surface", "contact of {path}, a surface that moves", path=node.path),
+        )
     elif node.kind == GRID:
         _lay(touching, node, there, flat=flat)
     elif node.kind == _PLANE and flat and abs(there.translation()[2]) < 1e-6:
@@ -104,7 +110,11 @@ def _lay(touching: Touching, node: Node, pose: RigidTransform, *, flat: bool) ->
     """Make a grid of heights in the world the terrain; one that is tilted, or a second one, is lost."""
     try:
         if touching.laid not in (None, node) or not flat:
-            raise node.refusal("is a second grid" if flat else "is tilted: only upright grids are read")
+            raise node.refusal(
+                message("simulink.second_grid", "is a second grid")
+                if flat
+                else message("simulink.tilted_grid", "is tilted: only upright grids are read")
+            )
         if touching.laid is None:
             touching.terrain, touching.heights = _field(node, pose)
             touching.laid, touching.floor = node, True
@@ -119,7 +129,15 @@ def _field(node: Node, pose: RigidTransform) -> tuple[dict[str, Any], Vector]:
     x, y = (node.numbers(f"{axis}GridVector", "[0 1]", unit="m") for axis in "XY")
     heights = node.matrix("ZHeights", "[0 0; 0 0]") * node.unit("ZHeights", "m")
     if heights.shape != (x.size, y.size) or min(x.size, y.size) < 2 or min(np.diff(x).min(), np.diff(y).min()) <= 0:
-        raise node.refusal(f"has {' x '.join(map(str, heights.shape))} heights for {x.size} x {y.size} rising places")
+        raise node.refusal(
+            message(
+                "simulink.heights_of_grid",
+                "has {heights} heights for {columns} x {rows} rising places",
+                heights=" x ".join(map(str, heights.shape)),
+                columns=x.size,
+                rows=y.size,
+            )
+        )
     turn = pose.rotation().matrix()
     x0, y0, z0 = turn.T @ pose.translation()
     surface = RegularGridInterpolator((x + x0, y + y0), heights + z0, bounds_error=False)
@@ -134,8 +152,13 @@ def _field(node: Node, pose: RigidTransform) -> tuple[dict[str, Any], Vector]:
         size *= 1.05
     corners = surface(tuple(np.meshgrid(along - size / 2, across - size / 2, indexing="ij")))
     off = float(np.nanmax(np.abs(corners - tiles), initial=0.0))
-    message = f"level tiles of {size:.3g} m, off by up to {off:.2g} m; around it the ground is at z = 0"
-    node.note("approximated", message)
+    text = message(
+        "simulink.level_tiles",
+        "level tiles of {size:.3g} m, off by up to {off:.2g} m; around it the ground is at z = 0",
+        size=size,
+        off=off,
+    )
+    node.note("approximated", text)
     section = {"kind": "grid", "size": size, "start": float(x[0] + x0)}
     heading = float(np.rad2deg(np.arctan2(turn[1, 0], turn[0, 0])))
     return section | ({"heading_deg": heading} if heading else {}), tiles
@@ -152,7 +175,16 @@ def _slab(node: Node, pose: RigidTransform) -> SolidBody:
 def _cloud(node: Node, points: Vector, pose: RigidTransform) -> list[SolidBody]:
     """Return the points (n, 3) of a cloud as small spheres; of many, those that are farthest apart."""
     taken = far_apart(points, _MOST_POINTS)
-    node.note("approximated", f"{len(taken)} of its {len(points)} points touch, as spheres of {POINT:g} m")
+    node.note(
+        "approximated",
+        message(
+            "simulink.points_touch",
+            "{taken} of its {count} points touch, as spheres of {radius:g} m",
+            taken=len(taken),
+            count=len(points),
+            radius=POINT,
+        ),
+    )
     sphere, places = Shape("sphere", (POINT,)), [pose @ RigidTransform(points[place]) for place in taken]
     return [SolidBody(node, NOTHING, sphere, _GREY, visible=False, pose=place) for place in places]
 
@@ -174,13 +206,22 @@ def feet_of(robot: RobotFile, files: "StationFiles") -> dict[str, Any] | None:
             try:
                 spheres = [spheres_of(solid) for solid in solids]
             except UnreadableMesh as problem:
-                report.add("lost", contact.node.path, f"contact of {node.path}, whose shape is not known: {problem}")
+                report.add(
+                    "lost",
+                    contact.node.path,
+                    message(
+                        "simulink.contact_of_unknown_shape",
+                        "contact of {path}, whose shape is not known: {problem}",
+                        path=node.path,
+                        problem=problem,
+                    ),
+                )
                 continue
             touching.standing.add(node)
             _, radius, share, what = spheres[0]
             if what != "sphere" or solids[0].shape is None or solids[0].shape.mesh is not None:
-                message = _TOUCHES[what].format(f"spheres of {radius:.3g} m")
-                report.add("approximated", node.path, message)
+                text = _TOUCHES[what].format(f"spheres of {radius:.3g} m")
+                report.add("approximated", node.path, text)
             surface = contact.surface
             for solid, (middles, *_) in zip(solids, spheres, strict=True):
                 pose = robot.frames[body].inverse() @ solid.pose
@@ -202,7 +243,11 @@ def _feet_surfaces(
     written: dict[tuple[float, ContactParameters], dict[str, Any]] = {}
     for link, ones in by_link.items():
         if len(set(ones)) > 1:
-            report.add("approximated", f"{where}: {link}", "its contacts differ: all get the figures of the first")
+            report.add(
+                "approximated",
+                f"{where}: {link}",
+                message("simulink.contacts_differ", "its contacts differ: all get the figures of the first"),
+            )
         if ones[0] not in written:
             radius, surface = ones[0]
             damping = bounded_dissipation(surface, weight, report, where)
@@ -219,16 +264,26 @@ def bounded_dissipation(surface: ContactParameters, weight: float, report: Impor
     Simscape adds k x and b dx/dt; Drake multiplies, k x (1 + d dx/dt). They are equal at the depth b / (k d), which is
     put to twice the depth at rest: as deep as a body sinks that is laid down, whose ``weight`` [N] presses on it.
     """
-    depth, message = 2 * weight / surface.stiffness, "contact without damping"
+    depth, text = 2 * weight / surface.stiffness, message("simulink.contact_without_damping", "contact without damping")
     exact = surface.damping / (surface.stiffness * max(depth, 1e-6))
     taken = float(f"{min(exact, MOST_DISSIPATION):.6g}")
     if taken:
         equal = surface.damping / surface.stiffness / taken
-        message = f"contact damper {surface.damping:g} N·s/m beside the spring as dissipation {taken:g} s/m: "
-        message += f"equal at a depth of {equal:.2g} m"
+        text = message(
+            "simulink.contact_damper",
+            "contact damper {damping:g} N·s/m beside the spring as dissipation {taken:g} s/m: ",
+            damping=surface.damping,
+            taken=taken,
+        )
+        text += message("simulink.equal_at_depth", "equal at a depth of {equal:.2g} m", equal=equal)
     if exact > MOST_DISSIPATION:
-        message += f" (for {depth:.2g} m it would be {exact:.3g}: neither bounces)"
-    report.add("approximated", where, message)
+        text += message(
+            "simulink.exact_at_depth",
+            " (for {depth:.2g} m it would be {exact:.3g}: neither bounces)",
+            depth=depth,
+            exact=exact,
+        )
+    report.add("approximated", where, text)
     return taken
 
 
@@ -291,7 +346,11 @@ def contact_section(files: StationFiles) -> dict[str, Any]:
         "stiction_speed": surface.speed,
     }
     if len({other.surface for other, _ in own}) > 1:
-        files.report.add("approximated", "contact", "contacts differ: all pieces get the figures of the first")
+        files.report.add(
+            "approximated",
+            "contact",
+            message("simulink.all_contacts_differ", "contacts differ: all pieces get the figures of the first"),
+        )
     return section
 
 

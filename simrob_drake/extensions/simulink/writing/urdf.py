@@ -14,6 +14,7 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.base.files import PIECE_FILE
 from simrob_drake.base.frames import pose_from_transform
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.simulink.mechanics.bodies import PUSH, RigidPart
 from simrob_drake.extensions.simulink.mechanics.joints import Freedom
 from simrob_drake.extensions.simulink.mechanics.shapes import load_mesh, write_obj
@@ -165,7 +166,12 @@ class UrdfWriter:
                 mesh = load_mesh(solid.file).moved(np.diag([*[solid.scale] * 3, 1.0]))
                 self._copied[key] = "mesh", self._write(solid.file.stem, mesh)
             except UnreadableMesh as problem:
-                solid.node.note("dropped", f"the mesh {solid.file.name} {problem}")
+                solid.node.note(
+                    "dropped",
+                    message(
+                        "simulink.mesh_with_problem", "the mesh {file} {problem}", file=solid.file.name, problem=problem
+                    ),
+                )
                 self._copied[key] = None
         return self._copied.get(key)
 
