@@ -94,7 +94,7 @@ def _shadowed_names(extension: Extension) -> list[str]:
     """Find the names of an extension that mean something else, since the core has them. One sentence for each."""
     # The core registers its names when its module is imported. It has no names for folders of models, which are not in
     # _REGISTRIES.
-    problems = []
+    problems = list[str]()
     for point, described in POINTS.items():
         names = getattr(extension, point)
         if names and point in _REGISTRIES:
@@ -114,7 +114,7 @@ def _shadowed_names(extension: Extension) -> list[str]:
 
 def _hidden_models(entry: InstalledExtension) -> list[str]:
     """Find the robots, pieces and stations of an extension that nobody can use, since others have their names."""
-    problems = []
+    problems = list[str]()
     for point in MODELS:
         for addition in entry.additions_at(point):
             folder = addition_path(addition)

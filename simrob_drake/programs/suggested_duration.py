@@ -52,4 +52,5 @@ def _speeds_without_lag(robot: ResolvedRobot) -> Vector:
     lags = np.where(robot.model.prismatic, SLIDING_LAG, LAG)
     # Without damping nothing lags; without stiffness no duration helps. Neither limits the speed.
     has_lag = (gains.kd > 0.0) & (gains.kp > 0.0)
-    return np.divide(lags * gains.kp, gains.kd, out=np.full(len(lags), np.inf), where=has_lag)
+    speeds: Vector = np.divide(lags * gains.kp, gains.kd, out=np.full(len(lags), np.inf), where=has_lag)
+    return speeds

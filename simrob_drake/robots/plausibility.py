@@ -142,7 +142,7 @@ def doubts_by_shapes(own: MassProperties, shapes: MassProperties) -> list[str]:
         own: mass properties of the body.
         shapes: mass properties of its shapes with a density of 1 kg/m³, so that their mass [kg] is their volume [m³].
     """
-    texts = []
+    texts = list[str]()
     density = own.mass / shapes.mass
     if not LIGHTEST <= density <= HEAVIEST:
         texts.append(
@@ -187,7 +187,7 @@ def _doubts_by_size(own: MassProperties, size: float) -> list[str]:
         own: mass properties of the link.
         size: size of the link by the joints at it [m].
     """
-    texts = []
+    texts = list[str]()
     apart = float(np.linalg.norm(own.centre))
     if apart > _FAR + _SIZES * size:
         texts.append(
@@ -266,9 +266,9 @@ def _joint_doubts(robot: ET.Element) -> Iterator[Doubt]:
             yield Doubt(message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)), text)
             break
     for joint in robot.iterfind("joint"):
-        text = _limit_doubt(joint)
-        if text:
-            yield Doubt(message("robots.limit_of_joint", "joint '{joint}' <limit>", joint=name_of(joint)), text)
+        doubt = _limit_doubt(joint)
+        if doubt:
+            yield Doubt(message("robots.limit_of_joint", "joint '{joint}' <limit>", joint=name_of(joint)), doubt)
 
 
 def _limit_doubt(joint: ET.Element) -> str:

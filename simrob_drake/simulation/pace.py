@@ -425,7 +425,7 @@ class PaceWatch:
         advanced = context.get_time() - self._since
         left = self.config.duration - context.get_time()
         share = self._worked / self._waited
-        rate = message("simulation.times_real_time", "{rate:.2g} × real time", rate=advanced / self._waited)
+        rate: str = message("simulation.times_real_time", "{rate:.2g} × real time", rate=advanced / self._waited)
         rate_alone = advanced / self._worked if self._worked > 0 else np.inf
         is_machine_busy = share < _BUSY
         if is_machine_busy:
@@ -436,7 +436,7 @@ class PaceWatch:
                 rate=rate_alone,
             )
         if is_machine_busy and rate_alone >= _SLOWEST:
-            cause = message("simulation.machine_is_busy", "the machine is busy with other work")
+            cause: str = message("simulation.machine_is_busy", "the machine is busy with other work")
         else:
             step = advanced / self._steps
             cost = self._worked / self._steps

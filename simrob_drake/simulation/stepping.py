@@ -242,7 +242,7 @@ class Stepper:
         block = status.system()
         if isinstance(block, Monitor):
             return block.reason(block.GetMyContextFromRoot(self.simulator.get_context()))
-        return status.message()
+        return str(status.message())
 
     def step(self, history: StateHistory, time: float) -> StateHistory:
         """Compute the state at a time by stepping from the last recorded state before it.

@@ -93,7 +93,7 @@ def _losses(robot: ResolvedRobot, lost: list[Entry]) -> Iterator[Entry]:
     Yields:
         the losses that remain.
     """
-    axis_of_element = {
+    axis_of_element: dict[str, str] = {
         message("stations.joint_called", "joint '{joint}'", joint=axis.joint): name
         for name, axis in robot.model.axes.items()
     }

@@ -112,7 +112,7 @@ def load_station(
         if not culprits:
             raise
     # Load once more: the error is raised again, and now names the overrides that cause it instead of the file.
-    names = {key: message("stations.override", "override {key}", key=key) for key in culprits}
+    names: dict[str, str] = {key: message("stations.override", "override {key}", key=key) for key in culprits}
     names.update(called or {})
     return load(changes, join_texts(names[key] for key in culprits))
 

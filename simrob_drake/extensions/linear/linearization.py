@@ -106,7 +106,7 @@ def _smooth(config: StationConfig) -> tuple[StationConfig, list[str]]:
         "controllers": message("linear.controllers_left_out", "controllers: their inputs are those of the model"),
         "forces": message("linear.forces_left_out", "forces that act at given times"),
     }
-    notes = [note for section, note in left_out.items() if getattr(config, section)]
+    notes: list[str] = [note for section, note in left_out.items() if getattr(config, section)]
     if config.engine.has_discrete_states:
         notes.append(
             message(

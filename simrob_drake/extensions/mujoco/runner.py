@@ -178,7 +178,7 @@ class Stepped:
         silent = message(
             "mujoco.left_out_in_rollouts", "are left out by quick roll-outs; a run with solver.kind mujoco has them"
         )
-        left = (
+        left: list[str] = (
             [compound("{left_out} {silent}", left_out=", ".join(built.left_out), silent=silent)]
             if built.left_out
             else []

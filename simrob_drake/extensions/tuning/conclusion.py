@@ -39,7 +39,7 @@ def conclusion(rows: Sequence[Row], undoubted: Sequence[str] = (), *, moved: boo
         count=len(own),
         sure=sure,
     )
-    words = [
+    words: list[str] = [
         held
         + (
             message("tuning.and_of_start", ", and {held} of {count} of the start.", held=_held(start), count=len(start))

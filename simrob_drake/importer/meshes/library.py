@@ -95,7 +95,7 @@ class MeshLibrary:
             raise UnreadableMesh(message("importer.no_area", "holds no triangle with an area"))
         parts = decimate(mended)
         good, few = face_count(mended), face_count(parts)
-        changes = (
+        changes: list[str] = (
             [
                 message(
                     "importer.textures_missing", "textures or materials missing: {missing}", missing=", ".join(missing)

@@ -137,7 +137,7 @@ class Walk(LoopSection):
         commands = {f"commands[{n}]": row.command for n, row in enumerate(self.commands)}
         if self.path is not None:
             commands["path"] = Command(complex(self.path.speed))
-        found = []
+        found = list[str]()
         for place, command in commands.items():
             for part, value, limit, unit in beyond(command, max_speed):
                 name = f"{key}.{place}.{'speed' if place == 'path' else part}"

@@ -84,7 +84,7 @@ class MoveList:
 
     def _edit_change(self, index: int) -> None:
         change = self._session.book.program.changes[index].model_dump(mode="json", exclude_none=True)
-        form = partial(yaml_form, self._phrases.t("legs.as_yaml"), change)
+        form = partial(yaml_form, self._phrases.t, self._phrases.t("legs.as_yaml"), change)
         self._edit(form, partial(self._session.book.edit_change, index))
 
     def _edit(self, form: Callable[[], Read], store: Callable[[Any], bool]) -> None:
