@@ -13,6 +13,7 @@ from simrob_drake.base.folders import check_ending, check_new_file, written_at_o
 from simrob_drake.base.messages import in_language, message
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.cli import ExitCode
+from simrob_drake.cli.language import LANGUAGE_VARIABLE, set_language
 from simrob_drake.cli.options import Force
 from simrob_drake.cli.screen import console, errors, say, table
 from simrob_drake.extensions.course.exercise import (
@@ -40,7 +41,9 @@ _STATE_WIDTH = 8  # characters; the longest word for a state and a space
 _ExerciseArgument = Annotated[
     str, typer.Argument(metavar="EXERCISE", help="A number of `simrob course list`, or the folder of one of your own.")
 ]
-_Spoken = Annotated[Language, typer.Option("--language", help="Of titles, templates and points.")]
+_Spoken = Annotated[
+    Language, typer.Option("--language", envvar=LANGUAGE_VARIABLE, help="Of titles, templates, points and errors.")
+]
 
 
 def teaching() -> None:
@@ -49,6 +52,7 @@ def teaching() -> None:
 
 def list_exercises(language: _Spoken = "en") -> None:
     """List the exercises, and how long each takes a student."""
+    set_language(language)
     words = _words(language)
     rows = []
     for entry in exercises():
@@ -69,6 +73,7 @@ def start(
 
         simrob course start 3 --out exercise-3
     """
+    set_language(language)
     words = _words(language)
     answer = exercise_of(exercise).start(out, language, force=force)
     say(f"{words['answer']:<10}{answer}")
@@ -104,6 +109,7 @@ def check(
         simrob course check 3 exercise-3/answer.py --allow-code
         simrob course check 3 submissions/ --allow-code --csv points.csv
     """
+    set_language(language)
     entry = exercise_of(exercise)
     if answer.is_dir():
         _check_folder(entry, answer, csv, language, allow_code=allow_code, seconds=seconds, memory=memory, force=force)

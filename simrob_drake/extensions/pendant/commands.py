@@ -7,6 +7,7 @@ import typer
 
 from simrob_drake.base.extras import needed
 from simrob_drake.base.messages import message
+from simrob_drake.cli.language import LANGUAGE_VARIABLE, set_language
 from simrob_drake.cli.options import AllowCode, with_mesh_path
 from simrob_drake.cli.screen import say
 
@@ -21,7 +22,7 @@ def teach(
     ] = None,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Tell the address, and open no browser.")] = False,
     folder: Annotated[Path, typer.Option(help="For what is taught, and what is taken away.")] = Path("taught"),
-    language: Annotated[Literal["en", "es"], typer.Option(help="Of the page.")] = "en",
+    language: Annotated[Literal["en", "es"], typer.Option(envvar=LANGUAGE_VARIABLE, help="Of the page.")] = "en",
     allow_code: AllowCode = False,
     lessons: Annotated[Path | None, typer.Option(help="A folder with lessons, beside those that there are.")] = None,
     root_path: Annotated[
@@ -35,6 +36,7 @@ def teach(
         simrob teach
         simrob teach humanoid
     """
+    set_language(language)
     with needed(message("pendant.teach_pendant", "the teach pendant"), "gui"):
         import nicegui  # noqa: F401
     from simrob_drake.extensions.pendant.server import serve

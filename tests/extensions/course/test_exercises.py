@@ -171,6 +171,15 @@ def test_what_cannot_be_is_told(tmp_path, capsys):
     assert "none.py: cannot be read" in capsys.readouterr().err
 
 
+def test_errors_are_in_the_language_of_the_course(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    run_command(["course", "start", "1", "--language", "es"])
+    assert run_command(["course", "start", "2", "--language", "es"]) == ExitCode.BAD_INPUT
+    assert "ya existe answer.py; elige otra carpeta, como --out exercise-2" in capsys.readouterr().err
+    assert run_command(["course", "check", "1", "answer.py", "--language", "es"]) == ExitCode.BAD_INPUT
+    assert "es código que se ejecutaría" in capsys.readouterr().err
+
+
 def test_readings_keep_their_bounds():
     assert at_most(2, 2).ok
     assert not at_most(float("nan"), 2).ok
