@@ -71,8 +71,8 @@ class Message(str):
         Raises:
             KeyError: the template has a field without a value.
         """
-        text = _filled(template, fields, SOURCE_LANGUAGE)
-        created = super().__new__(cls, _finished(text, longest, is_sentence=is_sentence))
+        text = _fill(template, fields, SOURCE_LANGUAGE)
+        created = super().__new__(cls, _with_attributes(text, longest, is_sentence=is_sentence))
         created.id = message_id
         created.template = template
         created.fields = dict(fields)
@@ -121,7 +121,7 @@ def message(message_id: str, template: str, /, **fields: object) -> Message:
         fields: values of the template's fields. Give numbers as numbers, with a format in the template, so that a
             language writes its own decimal sign. An error stands for its message.
     """
-    return Message(message_id, template, {name: _kept(value) for name, value in fields.items()})
+    return Message(message_id, template, {name: _field_value(value) for name, value in fields.items()})
 
 
 def compound(template: str, /, **fields: object) -> Message:
@@ -166,20 +166,22 @@ def in_language(text: str, language: str) -> str:
     template = _template(text.id, language)
     if template is not None:
         try:
-            filled = _filled(template, text.fields, language)
-            return _finished(filled, text.longest, is_sentence=text.is_sentence)
+            filled = _fill(template, text.fields, language)
+            return _with_attributes(filled, text.longest, is_sentence=text.is_sentence)
         except (KeyError, IndexError, ValueError) as problem:
             reason = f"{type(problem).__name__}: {problem}"
             sentence = f"the template of {text.id} in '{language}' cannot be filled ({reason}); English is shown"
             warnings.warn(sentence, MessageWarning, stacklevel=2)
-    return _finished(_filled(text.template, text.fields, language), text.longest, is_sentence=text.is_sentence)
+    return _with_attributes(_fill(text.template, text.fields, language), text.longest, is_sentence=text.is_sentence)
 
 
 def as_data(text: str) -> Any:
     """Convert a message to data that JSON has, with all that other languages need. Other texts stay texts."""
     if not isinstance(text, Message):
         return text
-    fields = {name: as_data(value) if isinstance(value, str) else _plain(value) for name, value in text.fields.items()}
+    fields = {
+        name: as_data(value) if isinstance(value, str) else _python_number(value) for name, value in text.fields.items()
+    }
     return {
         "id": text.id,
         "template": text.template,
@@ -225,7 +227,7 @@ def core_packages() -> list[str]:
     return sorted(path.stem for path in _CORE.iterdir() if path.stem.isidentifier())
 
 
-def _kept(value: object) -> Any:
+def _field_value(value: object) -> Any:
     """Value of a field as a message keeps it: numbers and texts, which survive pickling and have no references.
 
     An error becomes its message, and any other object its text.
@@ -235,7 +237,7 @@ def _kept(value: object) -> Any:
     return value if isinstance(value, str | Number) else str(value)
 
 
-def _plain(value: Any) -> Any:
+def _python_number(value: Any) -> Any:
     """Convert a number of numpy to one of Python, for JSON."""
     return value.item() if hasattr(value, "item") else value
 
@@ -256,14 +258,14 @@ def one_line(text: str, length: int) -> str:
     return shown if is_whole else shown[: length - 1] + "…"
 
 
-def _finished(text: str, longest: int | None, *, is_sentence: bool) -> str:
+def _with_attributes(text: str, longest: int | None, *, is_sentence: bool) -> str:
     """Apply the attributes ``longest`` and ``is_sentence`` of a message to its filled template."""
     if longest is not None:
         text = one_line(text, longest)
     return text[:1].upper() + text[1:] if is_sentence else text
 
 
-def _filled(template: str, fields: Mapping[str, Any], language: str) -> str:
+def _fill(template: str, fields: Mapping[str, Any], language: str) -> str:
     """Fill a template with the values of its fields, in a language."""
     # Python's own formatting is ten times as fast, and English without plurals needs nothing else.
     if language == SOURCE_LANGUAGE and "|" not in template:

@@ -571,7 +571,7 @@ def _in_short_form(text: str) -> str:
         fields = {
             name: _in_short_form(value) if isinstance(value, str) else value for name, value in text.fields.items()
         }
-        return Message(text.id, text.template, fields, text.longest)
+        return Message(text.id, text.template, fields, text.longest, text.is_sentence)
     return re.sub(rf"\brobots\.{ONLY_ROBOT}\b", ONLY_ROBOT, text)
 
 
