@@ -56,7 +56,7 @@ def place(module: str) -> int:
 
 @cache
 def imported(file: Path) -> set[str]:
-    nodes = list(ast.walk(parsed(file)))
+    nodes = list(structure.import_statements(parsed(file)))
     froms = {node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module}
     plain = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
     return froms | plain

@@ -78,6 +78,7 @@ def test_a_weak_motor_lets_the_arm_fall_to_its_stop(overloaded):
     assert others.max() > np.deg2rad(0.5)  # they are disturbed
 
 
+@pytest.mark.long
 def test_a_heavy_load_is_too_much():
     result = simulate(load_station("irb120_dynamic", {"pieces.load.mass": 200}), duration=2.0)
     assert np.rad2deg(result["q.joint_2"][-1]) == pytest.approx(110, abs=1)

@@ -175,6 +175,7 @@ class TestInTheLoop:
         gc.collect()
         assert not [each for each in gc.get_objects() if issubclass(type(each), InertialUnit)]
 
+    @pytest.mark.long
     def test_it_stands_in_the_picture_and_in_the_plots(self, tmp_path):
         config = load_station("irb120_kinematic", {"sensors": {"imu": {"in_loop": True}}})
         assert "IMU\\nimu" in station_dot(config)

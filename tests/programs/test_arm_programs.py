@@ -214,6 +214,7 @@ class TestFiles:
         assert one.axes("q")[29, 4] != 0
         assert Program.model_validate({"moves": [{"move_l": [0, 0, 1]}]}).moves[0].targets == (0, 0, 1)
 
+    @pytest.mark.long
     def test_two_arms_and_a_moved_piece(self, tmp_path):
         cell = Workcell("two_arms")
         left, right = cell.arm("left"), cell.arm("right")

@@ -66,6 +66,7 @@ class TestOnThePhysics:
         other.simulate()
         np.testing.assert_array_equal(other.position, carrier.position)
 
+    @pytest.mark.long
     def test_a_hand_takes_where_the_robot_has_walked_to(self, carrier):
         carrier.walk(4)
         went = carrier.base_pose.translation()[1]

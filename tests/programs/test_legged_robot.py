@@ -639,6 +639,7 @@ class TestFalls:
         np.testing.assert_array_equal(robot.position, result.axes("q")[-1])
 
 
+@pytest.mark.long
 def test_a_walk_leaves_arms_where_they_were_taught_to_be(standing):
     """Earlier in the same program too; legs and the other arm are the gait's own."""
     arm, other = (standing.axes.index(f"{side}_elbow") for side in ("left", "right"))

@@ -101,6 +101,7 @@ class TestTheWay:
         one, other = (beside.plan.move_free(RIGHT, seed=seed) for seed in (0, 1))
         assert one.duration != other.duration
 
+    @pytest.mark.long
     def test_a_free_turn_and_a_frame_of_a_piece_will_do(self, arm):
         arm.move_free("shelf.left", free_turn=True)
         np.testing.assert_allclose(arm.pose()[:3], LEFT[:3], atol=1e-6)

@@ -18,13 +18,9 @@ from simrob_drake.extensions.course.wire import decode, encode
 ROOT = Path(__file__).parents[3]
 SOLUTIONS = ROOT / "examples" / "course"
 ENTRIES = {entry.folder.name: entry for entry in exercises()}
-QUICK = {"kinematics"}
 
 pytestmark = pytest.mark.usefixtures("no_plots")
 each_exercise = pytest.mark.parametrize("name", ENTRIES)
-each_solution = pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.long]) for name in ENTRIES]
-)
 
 
 def own_exercise(folder, *points):
@@ -59,7 +55,8 @@ def test_a_point_is_a_function_and_templates_are_alike(name):
     assert names[0] == names[1]
 
 
-@each_solution
+@pytest.mark.long  # quick exercises of the tests below pass and fail in all ways
+@each_exercise
 def test_a_solution_holds_all_points_and_zeros_few(name, tmp_path):
     entry = ENTRIES[name]
     solved = list(checked_points(entry, SOLUTIONS / f"{name}.py", allow_code=True))
@@ -78,7 +75,8 @@ def test_a_template_holds_no_point(name, language):
     assert not any(point.ok for point in checked_points(ENTRIES[name], template, allow_code=True))
 
 
-@each_solution
+@pytest.mark.long  # quick exercises of the tests below pass and fail in all ways
+@each_exercise
 def test_a_solution_draws_its_figure(name, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     spec = spec_from_file_location(name, SOLUTIONS / f"{name}.py")

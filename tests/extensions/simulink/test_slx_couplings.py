@@ -341,6 +341,7 @@ def driven_crank(slope, spring="0"):
     return shop
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("slope", [2, 300])
 def test_couplings_too_soft_for_what_they_hold_become_constraints(tmp_path, slope):
     """At 300 rad/s a pin of 0.3 m is held against 27 km/s²: springs of 2000 rad/s would open by some 7 mm."""
@@ -367,6 +368,7 @@ def test_couplings_that_short_steps_do_not_hold_get_shorter_ones(tmp_path):
     assert far[0] > 4 * far[1]
 
 
+@pytest.mark.long
 def test_a_loop_that_comes_apart_is_lost(tmp_path):
     """A crank longer than its rod is driven past where that can reach."""
     shop = driven_crank("10")

@@ -205,6 +205,7 @@ def test_moments_are_spread_over_two_steps_of_a_loop_that_walks():
     assert [trial.moment for trial in trials] == pytest.approx([3.0, 3.1151, 3.2302, 3.3453])  # steps of 0.2302 s
 
 
+@pytest.mark.long
 def test_a_block_bears_the_slope_that_mechanics_has(block):
     """It tips on a slope of atan(b / h), 0.1 m before and 0.06 m beside its middle."""
     asked = Burdens(station=block, vary=["slope"], seconds=2.5, close=0.15)

@@ -57,6 +57,7 @@ def test_the_humanoid_falls_on_its_real_sole_if_it_does_not_lean():
     assert not found.upright
 
 
+@pytest.mark.long
 def test_the_march_of_the_thesis_walks_with_its_gains():
     motion = march("humanoid", 4)
     config = motion.station()
