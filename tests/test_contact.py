@@ -125,6 +125,7 @@ class TestBouncingBall:
         assert summary["final"]["piece_pose"]["ball"][2] == pytest.approx(ball["piece.ball.z"][-1])
         assert summary["peak"]["force"]["floor"] == pytest.approx(ball["force.floor.z"].max())
 
+    @pytest.mark.long
     def test_its_result_can_be_saved_and_run_again(self, tmp_path):
         result = simulate(load_station("bouncing_ball"), duration=0.4)
         folder = result.save(tmp_path / "ball")

@@ -251,6 +251,7 @@ class TestItsMemory:
 
 
 class TestWhatIsLeft:
+    @pytest.mark.long
     def test_a_block_stands_in_the_picture_and_in_the_plots(self, tmp_path):
         result = simulate(arm(), blocks={"watch": Mirror("torque")}, duration=0.1, progress=False)
         text = station_dot(result.config)

@@ -122,6 +122,7 @@ class TestNoise:
             assert np.abs((white[1:] * white[:-1]).mean(axis=0)).max() < 5 / np.sqrt(3000)  # no memory
             np.testing.assert_allclose(np.corrcoef(white.T), np.eye(3), atol=5 / np.sqrt(3000))
 
+    @pytest.mark.long
     def test_a_bias_stays_and_is_drawn_from_the_seed(self):
         quiet = {"accelerometer_bias": 0.1, "gyroscope_bias": 0.02}
         drawn = []

@@ -174,6 +174,7 @@ PLANS = {"zjudancer": (walk, 2.5, 0.1), "yobotics": (trot, 2.0, 0.4)}
 """Who goes how long [s], and how far at least [m]."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("robot", PLANS)
 def test_it_follows_a_walk(robot):
     """What it tells is a sample late. Bounds are a third above what was measured: they keep what the tables say."""

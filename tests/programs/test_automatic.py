@@ -59,6 +59,7 @@ def test_a_legged_robot_goes_through_its_references_slow_or_not(part):
     assert robot.runs[-1].summary()["cells"] == robot.runs[-1].cells
 
 
+@pytest.mark.long
 def test_no_cell_is_skipped_while_one_joint_is_late():
     """An elbow that is five times as slow as the others sets the time of its own cells alone."""
     quick = standing().simulate(automatic=True).cells["automatic"]
@@ -69,6 +70,7 @@ def test_no_cell_is_skipped_while_one_joint_is_late():
     assert extra[[1, 3]] == pytest.approx(0, abs=0.1)
 
 
+@pytest.mark.long
 def test_the_robot_goes_on_from_its_end_and_undo_takes_it_back():
     robot = standing()
     result = robot.simulate(automatic=True)

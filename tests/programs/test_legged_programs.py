@@ -92,6 +92,7 @@ class TestOnThePhysics:
         assert len(carrier.runs) == 1
         assert snapshot(carrier) == before
 
+    @pytest.mark.long
     @pytest.mark.parametrize("name", ["roid1", "yobotics"])
     def test_a_walk_is_what_the_robot_knows_as_one(self, name):
         robot = LeggedRobot(f"{name}_dynamic")
@@ -130,6 +131,7 @@ class TestEditing:
         held.undo()
         assert snapshot(held) == before
 
+    @pytest.mark.long
     def test_what_is_not_to_be_stored_is_not(self, carrier):
         carrier.act("wave")
         carrier.attach("parcel", pose=IN_HAND)

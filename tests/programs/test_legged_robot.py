@@ -225,6 +225,7 @@ class TestEveryRobot:
             else:
                 np.testing.assert_allclose(moved, 0, atol=1e-9)
 
+    @pytest.mark.long
     @pytest.mark.parametrize(("name", "steps", "least"), [("humanoid", 1, 0.08), ("yobotics", 2, 0.25)])
     def test_it_walks_from_where_it_stands(self, name, steps, least):
         robot = LeggedRobot(f"{name}_dynamic")
@@ -303,6 +304,7 @@ class TestStep:
         robot.test_move({robot.axes[0]: np.rad2deg(robot.reference[0])}, 1.0)
         np.testing.assert_allclose(robot.base_pose.translation(), stays, atol=0.015)  # the humanoid's servos lag by 1 s
 
+    @pytest.mark.long
     def test_the_act_of_that_name_goes_as_far(self, standing):
         """Neither is told the reference's velocity, as in the thesis; the act stands for 2 s behind the step."""
         act = standing.act("step").summary()["locomotion"]

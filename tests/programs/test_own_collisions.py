@@ -66,6 +66,7 @@ def test_a_recorded_move_without_the_check_is_written_so_that_it_runs_again():
     assert move["move_abs_j"]["check"] == "limits"
 
 
+@pytest.mark.long
 def test_programs_in_files_are_refused(tmp_path, capsys):
     file = tmp_path / "folded.yaml"
     station = {"name": "alone", "mode": "kinematic", "robot": {"model": "ur5"}}

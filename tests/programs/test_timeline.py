@@ -35,6 +35,7 @@ def test_a_program_with_changes_is_the_same_twice_and_ends_on_the_grid() -> None
     assert once.times[-1] == pytest.approx(1.05, abs=1e-12)
 
 
+@pytest.mark.long
 def test_changes_that_come_while_it_runs_give_what_the_program_says_afterwards() -> None:
     """A page adds them at ticks, a drag target by target; the program that it keeps gives the same to the last bit."""
     robot = LeggedRobot("humanoid_dynamic")

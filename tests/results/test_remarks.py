@@ -74,11 +74,11 @@ def test_contact_is_the_remedy_of_an_arm_that_sinks_through_the_floor_of_a_stati
 
 
 def test_a_move_that_is_too_fast_gets_the_duration_at_which_it_is_not():
-    fast = {"reference.duration": 0.2, "contact": {}}
-    speed = remark_about(run("irb120_dynamic", fast), "of its speed")
+    fast = {"reference.duration": 0.2}
+    speed = remark_about(run("irb120_dynamic", fast, duration=1.0), "of its speed")
     assert speed.remedy.key == "reference.duration"
     assert speed.remedy.value > 0.2
-    slower = run("irb120_dynamic", with_remedy(fast, speed))
+    slower = run("irb120_dynamic", with_remedy(fast, speed), duration=1.0)
     assert not [warning for warning in slower.warnings if "of its speed" in warning]
 
 

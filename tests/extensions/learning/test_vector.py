@@ -135,6 +135,7 @@ def task(folder, more):
     return file
 
 
+@pytest.mark.long
 def test_each_episode_is_in_a_station_that_was_drawn(tmp_path):
     keys = "{robot.mass_factors.trunk: uniform:1:2, servo.kp: uniform:50:90, gravity: normal:9.8:0.01}"
     robots = many("Walk", 6, task=task(tmp_path, f"random: {keys}"), variants=3).unwrapped

@@ -80,6 +80,7 @@ def sides(q: np.ndarray) -> int:
     return 4 * (ahead < 0) + 2 * (before_lower_arm < 0) + (q[4] < 0)
 
 
+@pytest.mark.long
 def test_quaternions_and_configurations_are_read_by_others():
     text, table = exported(PROGRAM)
     targets = {found[0]: [float(value) for value in found[1:]] for found in ROBTARGET.findall(text)}

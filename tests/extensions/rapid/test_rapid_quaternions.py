@@ -116,6 +116,7 @@ def test_norient_normalises_without_a_word(tmp_path: Path) -> None:
     np.testing.assert_allclose(turn_at_end(program), np.diag([-1.0, 1.0, -1.0]), atol=1e-9)
 
 
+@pytest.mark.long
 def test_the_command_line_rejects_it_unless_losses_are_allowed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

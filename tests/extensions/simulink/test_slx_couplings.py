@@ -250,6 +250,7 @@ def test_a_loop_of_many_joints_is_closed_near_where_it_starts(tmp_path, monkeypa
     assert import_simulink(write_model(tmp_path / "a.slx", shop), tmp_path / "out").fidelity == "mechanics complete"
 
 
+@pytest.mark.long
 def test_a_rod_of_constant_length(tmp_path):
     shop = Shop()
     arm = shop.body("Arm", shop.placed("Stand", **UP), com="[0.3 0 0]")

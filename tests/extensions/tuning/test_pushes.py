@@ -216,6 +216,7 @@ def test_a_block_bears_the_slope_that_mechanics_has(block):
         assert row["figure"] < np.rad2deg(np.arctan(half / HALF[2])) < row["fails_at"]
 
 
+@pytest.mark.long
 def test_a_burden_must_not_hold_the_robot_up(monkeypatch):
     """What goes less far than it is asked to, of its own way, is held up; the trunk bears the load."""
     walk = {"gait.name": "walk", "gait.settle": 0.1, "gait.ramp_steps": 0, "gait.steps": 2}
