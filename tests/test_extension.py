@@ -264,7 +264,8 @@ def test_a_robot_whose_name_is_taken_is_reported_and_the_cores_is_used(install, 
         folder.mkdir(parents=True)
         (folder / "robot.yaml").write_text("description: mine")
     assert run_command(["extensions"]) == 0
-    assert "broken: 'irb120' of its robots is hidden by another one of this name" in capsys.readouterr().out
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "broken: 'irb120' of its robots is hidden by another one of this name" in shown
     assert robot_files()["irb120"].is_relative_to(models_root())
     assert robot_files()["irb12000"].is_relative_to(tmp_path)
     assert list(robot_files()) == sorted(robot_files())
@@ -372,9 +373,9 @@ def test_two_extensions_of_one_package_have_a_row_each(install, capsys):
         ("warm_kit", "kits"),
     ]
     assert run_command(["extensions"]) == 0
-    cold, warm = capsys.readouterr().out.splitlines()[1:]
-    assert " ".join(cold.split()) == "cold_kit kits 1.0 left out: it works with simrob_drake >=99, and this is 0.1.0"
-    assert " ".join(warm.split()) == "warm_kit kits 1.0 sensors: warmth"
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "cold_kit kits 1.0 left out: it works with simrob_drake >=99, and this is 0.1.0" in shown
+    assert "warm_kit kits 1.0 sensors: warmth" in shown
 
 
 def test_a_station_may_name_one_extension_of_a_package(install):
@@ -536,7 +537,8 @@ def test_descriptions_of_files_that_cannot_be_read_disturb_nothing(install, tmp_
     assert run_command(["check", str(tmp_path / "kit.yaml")]) == 2
     assert "warmth: unknown key" in capsys.readouterr().err
     assert run_command(["extensions", "--check"]) == 2
-    assert problem in " ".join(capsys.readouterr().out.split())
+    shown = "".join(capsys.readouterr().out.split())  # a long path goes on in the next line
+    assert problem.replace(" ", "") in shown
 
 
 def test_an_extension_has_messages_in_other_languages(install, tmp_path, capsys):

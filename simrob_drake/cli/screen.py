@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from threading import current_thread, main_thread
-from typing import TextIO
+from typing import Literal, TextIO
 
 from rich.console import Console
 from rich.table import Table
@@ -116,8 +116,9 @@ def table(headings: Sequence[str], *rows: Sequence[str | Text], title: str = "",
     """Return rows of cells below their headings; of ``numbers`` all columns but the first are to the right."""
     found = Table(box=None, pad_edge=False, title=title or None)
     for place, heading in enumerate(headings):
-        # As a text, so that [s] is no mark-up.
-        found.add_column(Text(translate(heading)), justify="right" if numbers and place else "left")
+        # As a text, so that [s] is no mark-up. A word that is longer than its column goes on in the next line.
+        justify: Literal["left", "right"] = "right" if numbers and place else "left"
+        found.add_column(Text(translate(heading)), justify=justify, overflow="fold")
     for row in rows:
         found.add_row(*(translate(cell) if isinstance(cell, str) else cell for cell in row))
     return found

@@ -29,7 +29,7 @@ def test_an_import_writes_urdf_meshes_description_and_report(imported, tmp_path)
     assert sum(name.startswith("meshes/") for name in files) == 17
     report = json.loads(files["report.json"])
     assert report["summary"] == imported.report.summary()
-    assert {"kind", "element", "text"} == set(report["entries"][0])
+    assert {"kind", "element", "text", "messages"} == set(report["entries"][0])
 
 
 def test_defaults_are_told_joint_by_joint(imported):
