@@ -12,6 +12,7 @@ import simrob_drake
 from simrob_drake import Arm, Program, Workcell, load_station, simulate
 from simrob_drake.base.messages import catalogue, in_language
 from simrob_drake.base.remarks import Remark, Remedy, worst_severity
+from simrob_drake.base.yaml_files import parse_yaml
 from simrob_drake.cli.app import run_command
 from simrob_drake.programs.whole_program import perform
 from simrob_drake.results.result import SimulationResult
@@ -34,10 +35,11 @@ def remark_about(result: SimulationResult, words: str) -> Remark:
 
 
 def with_remedy(overrides: dict, remark: Remark) -> dict:
-    """Changes of a station with those of a remark's remedy, which ``--set`` would take as YAML."""
+    """Changes of a station with those of a remark's remedy. The button of a page sets its value, ``--set`` its text."""
     assert remark.remedy is not None
-    key, _, value = remark.remedy.setting.partition("=")
-    return {**overrides, key: {} if value == "{}" else value if value.isalpha() else float(value)}
+    key, _, text = remark.remedy.setting.partition("=")
+    assert (key, parse_yaml(text, "--set")) == (remark.remedy.key, remark.remedy.value)
+    return {**overrides, remark.remedy.key: remark.remedy.value}
 
 
 @pytest.fixture(scope="module")

@@ -121,7 +121,7 @@ def contact_with_floor(run: RecordedRun, entry: WorstValue) -> Remedy | None:
         )
         return Remedy(text)
     text = message("results.remedy_no_contact", "this station has no contact: its floor is only drawn. Turn contact on")
-    return Remedy(text, key="contact", value="{}")
+    return Remedy(text, key="contact", value={})
 
 
 def stiffer_contact(run: RecordedRun, entry: WorstValue) -> Remedy | None:
