@@ -117,10 +117,10 @@ def test_the_core_works_without_extensions(without):
     copy = without("extensions")
     listed = copy.simrob("extensions")
     assert listed.returncode == 0
+    text = " ".join(listed.stdout.split())  # a long reason goes on in the next lines
     for name in EXTENSIONS:
         reason = f"left out: its module simrob_drake.extensions.{name}.extension is not installed"
-        (line,) = [line for line in listed.stdout.splitlines() if line.startswith(f"{name} ")]
-        assert " ".join(line.split()) == f"{name} simrob-drake 0.1.0 {reason}"
+        assert f"{name} simrob-drake 0.1.0 {reason}" in text
 
     shown = copy.simrob("--help").stdout
     assert "diagram" in shown
