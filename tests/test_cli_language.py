@@ -59,6 +59,16 @@ def test_errors_are_in_the_language(capsys, setting, text):
     assert "did you mean" not in shown
 
 
+def test_a_command_without_the_option_follows_the_environment_alone(capsys, monkeypatch):
+    wrong = ["check", "irb120_dynamic", "--set", "servo.Kp=3"]
+    run_command(["list", "--language", "es"])
+    run_command(wrong)
+    assert "did you mean 'kp'" in capsys.readouterr().err
+    monkeypatch.setenv(LANGUAGE_VARIABLE, "es")
+    run_command(wrong)
+    assert "¿querías decir 'kp'?" in capsys.readouterr().err
+
+
 def test_an_unknown_language_is_refused(capsys):
     assert run_command(["list", "--language", "fr"]) == ExitCode.BAD_INPUT
     assert "'fr'" in capsys.readouterr().err
