@@ -139,6 +139,7 @@
       handles[name] = { position, rotation, path: body };
     }
     if (kept && held.handle in handles) Object.assign(handles[held.handle], kept);
+    if (kept && !(held.handle in handles)) cancel(); // the station is built anew while a handle is dragged
     dots.clear();
     for (const name of Object.keys(handles)) {
       const dot = new Mesh(new three.SphereGeometry(1), paint(COLOURS[name.split(":")[0]]));
@@ -230,6 +231,12 @@
       return { move() {}, end() {} };
     }
     return hit && hit.name in links ? bend(hit) : null;
+  };
+  const cancel = () => { // nothing is reported of a drag whose handle is gone
+    const { end: done } = held;
+    held = null;
+    board.held = false;
+    done();
   };
   const end = () => {
     if (!held) return;

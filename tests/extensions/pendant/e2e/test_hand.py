@@ -16,7 +16,7 @@ _ON_SCREEN = """
 """
 _DOT = f"(name) => {{ {_NAMED} const point = found.getWorldPosition(new MeshCat.THREE.Vector3()); {_ON_SCREEN} }}"
 _THERE = f"(name) => {{ {_NAMED} return !!found; }}"
-_AT = f"([name, x]) => {{ {_NAMED} return Math.abs(found.position.x - x) < 1e-6; }}"
+_AT = f"([name, x]) => {{ {_NAMED} return !!found && Math.abs(found.position.x - x) < 1e-6; }}"
 _POINT = f"(at) => {{ const point = viewer.scene.localToWorld(new MeshCat.THREE.Vector3(...at)); {_ON_SCREEN} }}"
 _GIZMO = """() => {
   const gizmo = viewer.scene.children.find((one) => one.isGroup && one.visible && one.children.length === 15);
