@@ -132,6 +132,8 @@ def test_a_limb_of_a_humanoid_sets_joints_to_be_tested(page, tmp_path):
         tip = np.add(place, [0, 0, size])
         hand.drag(tip, np.add(tip, [0, 0, 0.08]))
         expect(page.get_by_text(re.compile("To be tested: .*left elbow"))).to_be_visible()
+        # The suggested duration, which the slow servos need, is longer than a test may take.
+        page.get_by_role("spinbutton", name="Duration", exact=True).first.fill("1")
         page.get_by_role("button", name=re.compile("Test$")).click()
         expect(page.get_by_role("status")).to_contain_text("Ran to its end")
         expect(page.get_by_text("Tested and not added yet")).to_be_visible()
