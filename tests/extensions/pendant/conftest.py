@@ -30,4 +30,5 @@ def _pages_without_leisure(monkeypatch):
         from simrob_drake.extensions.pendant.pages import elements, station
 
         monkeypatch.setattr(elements, "_PAUSE", 0.01)
+        monkeypatch.setattr(elements, "_PAUSE_OF_TICKS", 0.01)
         monkeypatch.setattr(station, "_PAUSE", 0.03)
