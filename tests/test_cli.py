@@ -251,11 +251,11 @@ MISTAKES = {
     ),
     "a bad duration": (
         ["run", "double_pendulum", "--duration", "-1"],
-        "simrob: --duration: input should be greater than 0",
+        "simrob: --duration: must be greater than 0",
     ),
     "a bad setting": (
         ["run", "double_pendulum", "--set", "duration=-1"],
-        "simrob: --set duration: input should be greater",
+        "simrob: --set duration: must be greater",
     ),
     "bad YAML": (
         ["run", "double_pendulum", "--set", "servo.kp=[1"],
@@ -436,7 +436,7 @@ def test_check_says_what_a_file_is_that_is_no_station(file, said, capsys):
     ("station", "setting", "said"),
     [
         ("irb120_dynamic", "start=/etc/passwd", "/etc/passwd: is not JSON"),
-        ("roid1_walking", "controllers.walk.gait.max_speed.ahead=1e9", "max_speed.ahead: input should be less than"),
+        ("roid1_walking", "controllers.walk.gait.max_speed.ahead=1e9", "max_speed.ahead: must be at most"),
     ],
 )
 def test_check_says_nothing_ok_that_is_none(station, setting, said, capsys):

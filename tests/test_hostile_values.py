@@ -170,7 +170,7 @@ MANY = np.array([1, 2])
             r"kp: a figure is zero or 1e-100",
         ),
         (lambda arm, legged: sim.Program(moves=[{"wait": 5e-324}]), r"Program: moves\[0\].wait: a figure is zero or"),
-        (lambda arm, legged: sim.Program(moves=None), "Program: moves: input should be a list"),
+        (lambda arm, legged: sim.Program(moves=None), "Program: moves: must be a list"),
         (lambda arm, legged: JointMove(target_deg=None), "JointMove: target_deg: must be a section"),
     ],
 )

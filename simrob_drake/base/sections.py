@@ -29,7 +29,8 @@ from pydantic_core import CoreSchema
 
 from simrob_drake.base.arguments import LONGEST, SHORTEST
 from simrob_drake.base.errors import InvalidConfig, nearest, quoted, shortened
-from simrob_drake.base.messages import Message, message, message_of
+from simrob_drake.base.messages import message
+from simrob_drake.base.value_problems import value_problem
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass
@@ -292,25 +293,10 @@ def _first_finding(problem: ValidationError, model: type[BaseModel], where: Path
                 "base.must_be_section", "must be {section} (it is {found})", section=section, found=quoted(found)
             )
         case _:
-            text = _value_problem(finding)
+            text = value_problem(finding)
             if key:  # otherwise the value is the whole file
                 text = message("base.problem_of_value", "{problem} (it is {value})", problem=text, value=quoted(found))
     return InvalidConfig(where, key, text)
-
-
-def _value_problem(finding: Any) -> str:
-    """Describe a finding of pydantic about one value: the message of the validator that raised it, or pydantic's own.
-
-    Args:
-        finding: the finding, one of ``ValidationError.errors()``.
-    """
-    raised = finding.get("ctx", {}).get("error")
-    if isinstance(raised, ValueError):
-        own = message_of(raised)
-        if isinstance(own, Message):
-            return own
-    text = str(finding["msg"]).removeprefix("Value error, ").replace("a valid tuple", "a list")
-    return f"{text[:1].lower()}{text[1:]}"
 
 
 def _no_such(name: str, expected: str) -> str:
