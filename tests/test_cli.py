@@ -261,7 +261,7 @@ MISTAKES = {
         ["run", "double_pendulum", "--set", "servo.kp=[1"],
         "simrob: --set servo.kp=[1: is not YAML: while parsing",
     ),
-    "endless samples": (["run", "double_pendulum", "--set", "sample_rate=1e9"], "less than or equal to 10000"),
+    "endless samples": (["run", "double_pendulum", "--set", "sample_rate=1e9"], "at most 10000"),
     "an endless run": (["run", "double_pendulum", "--duration", "1e9"], "at most 10000 s at a sample_rate of 100 Hz"),
     "a folder as station": (["run", "/"], "simrob: /: is a folder"),
     "a setting of a URDF": (

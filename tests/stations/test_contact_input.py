@@ -29,7 +29,7 @@ EULER = {"solver.scheme": "explicit_euler", "solver.max_step": 1e-3}
         ("bouncing_ball", {"pieces.ball.mass": 0}, r"pieces\.ball\.free .* a piece with mass and inertia"),
         ("bouncing_ball", {"pieces.ball.parent": "robot"}, "a free piece hangs on nothing"),
         ("bouncing_ball", {"contact.stiffness": -1}, r"contact\.stiffness: must be greater than 0"),
-        ("bouncing_ball", {"contact.dissipation": -0.1}, r"contact\.dissipation: .* greater than or equal to 0"),
+        ("bouncing_ball", {"contact.dissipation": -0.1}, r"contact\.dissipation: .* at least 0"),
         ("bouncing_ball", {"contact.friction.dynamic": 2}, r"contact\.friction: dynamic friction \(2\) is not more"),
         ("bouncing_ball", {"monitors.force_limit": {"limit": 0}}, r"monitors\.force_limit\.limit: .*greater than 0"),
         ("bouncing_ball", {"monitors.force_limit": {"limit": "hand"}}, "no body region 'hand'"),

@@ -223,7 +223,7 @@ WRONG = [
     ({"robot.base": [0, 0, 0]}, r"robot\.base: needs 6 values"),
     ({"robot.initial_deg": {"joint_2": 400}}, r"initial_deg of joint_2 is 400; it must be within -110 to 110 deg"),
     ({"robot.tcp": "lod"}, r"no tool of robot 'lod'; did you mean 'load'\?"),
-    ({"pieces.load.mass": -1}, r"pieces\.load\.mass: .*greater than or equal to 0"),
+    ({"pieces.load.mass": -1}, r"pieces\.load\.mass: .*at least 0"),
     ({"pieces.load.model": "pencl"}, r"no piece 'pencl'; did you mean 'pencil'\?"),
     ({"pieces.load.parent": "griper"}, r"no parent for pieces\.load 'griper'; did you mean 'gripper'\?"),
     ({"pieces.gripper.parent": "load"}, r"pieces\.gripper\.parent is load; .* hangs on"),
