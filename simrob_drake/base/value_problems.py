@@ -80,9 +80,7 @@ def _too_few_values(context: Context) -> Message:
 
 def _too_many_values(context: Context) -> Message:
     """Message for a list or mapping that is too long."""
-    return message(
-        "base.takes_at_most_values", "takes at most {most} {most:value|values}", most=context["max_length"]
-    )
+    return message("base.takes_at_most_values", "takes at most {most} {most:value|values}", most=context["max_length"])
 
 
 def _text_too_short(context: Context) -> Message:

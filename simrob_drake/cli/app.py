@@ -18,7 +18,7 @@ from typer.exceptions import TyperException
 
 import simrob_drake
 from simrob_drake.base.errors import InvalidParameter, SimrobError, UnknownName, shortened
-from simrob_drake.base.messages import SOURCE_LANGUAGE, message
+from simrob_drake.base.messages import SOURCE_LANGUAGE, message, message_of
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.command_table import (
     CommandEntry,
@@ -155,7 +155,7 @@ class _Commands(_Group):
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
-            raise Interrupted("interrupted") from None
+            raise Interrupted(message("cli.interrupted", "interrupted")) from None
 
     def _add_extensions(self) -> None:
         """Add the commands of installed extensions, with name and help alone, see `_named_command`."""
@@ -246,7 +246,7 @@ def run_command(arguments: list[str]) -> int:
             tell(text)
         return ExitCode.BAD_INPUT
     except Interrupted as interrupt:
-        tell(str(interrupt))
+        tell(message_of(interrupt))
         return ExitCode.INTERRUPTED
     return code if isinstance(code, int) else ExitCode.DONE
 

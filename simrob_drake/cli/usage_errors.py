@@ -15,6 +15,7 @@ from simrob_drake.base.value_problems import value_problem
 
 _PROGRAM = "simrob"
 
+
 def usage_problem(problem: TyperException) -> str:
     """Describe an error in how a command is called.
 
@@ -81,7 +82,11 @@ def _wrong_value(problem: Any, finding: Any) -> Message:
     """
     choices = problem.param.type_descriptor.choices
     if choices:
-        finding = {**finding, "type": "literal_error", "ctx": {"expected": ", ".join(f"'{choice}'" for choice in choices)}}
+        finding = {
+            **finding,
+            "type": "literal_error",
+            "ctx": {"expected": ", ".join(f"'{choice}'" for choice in choices)},
+        }
     text = value_problem(finding)
     value = finding.get("input")
     if value is not None:
