@@ -236,7 +236,10 @@ MISTAKES = {
     ),
     "a missing URDF to check": (["check", "no.urdf"], "no.urdf: there is no such file"),
     "a duration of nothing": (["run", "irb120_dynamic", "--duration", "0"], "duration"),
-    "a word for a duration": (["run", "irb120_dynamic", "--duration", "long"], "--duration: must be a number (it is 'long')"),
+    "a word for a duration": (
+        ["run", "irb120_dynamic", "--duration", "long"],
+        "--duration: must be a number (it is 'long')",
+    ),
     "an unknown option": (["run", "irb120_dynamic", "--ot", "x"], "there is no option --ot; did you mean '--out'?"),
     "an unknown command": (["rum"], "there is no command 'rum'; did you mean 'run'?"),
     "no station": (["run"], "simrob run needs STATION; for example: simrob run irb120_dynamic"),

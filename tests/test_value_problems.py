@@ -13,13 +13,22 @@ from simrob_drake.base.value_problems import value_problem
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.solver_config import ContinuousSolver
 
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+TwoOrMore = Annotated[list[int], Field(min_length=2)]
+ShortText = Annotated[str, Field(max_length=2)]
+
 CASES: list[tuple[Any, Any, str, str]] = [
     (Annotated[float, Field(gt=0)], -1.5, "must be greater than 0", "debe ser mayor que 0"),
     (Annotated[float, Field(ge=0.5)], 0, "must be at least 0.5", "debe ser 0,5 como mínimo"),
     (Annotated[float, Field(lt=2)], 2, "must be less than 2", "debe ser menor que 2"),
     (Annotated[float, Field(le=1e4)], 1e6, "must be at most 10000", "debe ser 10000 como máximo"),
     (Annotated[int, Field(multiple_of=5)], 7, "must be a multiple of 5", "debe ser un múltiplo de 5"),
-    (Annotated[float, Field(allow_inf_nan=False)], float("nan"), "must be a finite number", "debe ser un número finito"),
+    (
+        Annotated[float, Field(allow_inf_nan=False)],
+        float("nan"),
+        "must be a finite number",
+        "debe ser un número finito",
+    ),
     (float, "x", "must be a number", "debe ser un número"),
     (Annotated[float, Field(strict=True)], "1", "must be a number", "debe ser un número"),
     (int, 1.5, "must be an integer", "debe ser un número entero"),
@@ -27,10 +36,20 @@ CASES: list[tuple[Any, Any, str, str]] = [
     (str, 3, "must be a text", "debe ser un texto"),
     (tuple[float, float], 3, "must be a list", "debe ser una lista"),
     (list[int], "a", "must be a list", "debe ser una lista"),
-    (Annotated[list[int], Field(min_length=2)], [1], "needs at least 2 values, not 1", "necesita al menos 2 valores, no 1"),
+    (
+        Annotated[list[int], Field(min_length=2)],
+        [1],
+        "needs at least 2 values, not 1",
+        "necesita al menos 2 valores, no 1",
+    ),
     (Annotated[list[int], Field(max_length=1)], [1, 2], "takes at most 1 value", "admite como mucho 1 valor"),
     (Annotated[str, Field(min_length=1)], "", "must have at least 1 character", "debe tener al menos 1 carácter"),
-    (Annotated[str, Field(max_length=2)], "abc", "must have at most 2 characters", "debe tener como mucho 2 caracteres"),
+    (
+        Annotated[str, Field(max_length=2)],
+        "abc",
+        "must have at most 2 characters",
+        "debe tener como mucho 2 caracteres",
+    ),
     (Annotated[str, Field(pattern="^a")], "b", "must match the pattern ^a", "debe seguir el patrón ^a"),
     (Literal["a", "b"], "c", "must be one of 'a', 'b'", "debe ser uno de 'a', 'b'"),
     (None, 3, "must be null", "debe ser null"),

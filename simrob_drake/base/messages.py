@@ -15,6 +15,7 @@ folder for each language and one YAML file for each package; an extension announ
 import string
 import warnings
 from collections.abc import Callable, Iterable, Mapping
+from contextvars import ContextVar
 from functools import cache
 from numbers import Number
 from pathlib import Path
@@ -32,6 +33,29 @@ _WITH_DECIMAL_COMMA = frozenset({"es"})
 """Languages that write 23,5 for the number 23.5."""
 
 _SWAPPED_SEPARATORS = str.maketrans(".,", ",.")
+
+
+_output_language: ContextVar[str] = ContextVar("output_language", default=SOURCE_LANGUAGE)
+
+
+def set_output_language(language: str) -> None:
+    """Set the language of what this context writes from now on, such as lines on the screen and words in plots.
+
+    Args:
+        language: code of the language, such as ``es``.
+    """
+    _output_language.set(language)
+
+
+def translate(text: str) -> str:
+    """Render a message in the language of the output, see :func:`set_output_language`. Other texts stay."""
+    return in_language(text, _output_language.get())
+
+
+def with_decimal_sign(number: str) -> str:
+    """Write a number, given as Python formats it, with the decimal sign of the language of the output."""
+    is_with_comma = _output_language.get() in _WITH_DECIMAL_COMMA
+    return number.translate(_SWAPPED_SEPARATORS) if is_with_comma else number
 
 
 class MessageWarning(UserWarning):

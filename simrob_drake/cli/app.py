@@ -18,7 +18,7 @@ from typer.exceptions import TyperException
 
 import simrob_drake
 from simrob_drake.base.errors import InvalidParameter, SimrobError, UnknownName, shortened
-from simrob_drake.base.messages import SOURCE_LANGUAGE, message, message_of
+from simrob_drake.base.messages import SOURCE_LANGUAGE, message, message_of, set_output_language
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.command_table import (
     CommandEntry,
@@ -29,7 +29,7 @@ from simrob_drake.cli.command_table import (
     find_command,
     subcommand_functions,
 )
-from simrob_drake.cli.language import LANGUAGE_VARIABLE, set_language
+from simrob_drake.cli.language import LANGUAGE_VARIABLE
 from simrob_drake.cli.screen import Interrupted, console, say_warning, tell
 from simrob_drake.cli.usage_errors import command_name, unexpected_arguments, usage_problem
 
@@ -223,7 +223,7 @@ def load(arguments: list[str]) -> None:
 
 def run_command(arguments: list[str]) -> int:
     """Run a command and return its exit code; errors of the user go to the error stream in one line."""
-    set_language(os.environ.get(LANGUAGE_VARIABLE, SOURCE_LANGUAGE))
+    set_output_language(os.environ.get(LANGUAGE_VARIABLE, SOURCE_LANGUAGE))
     try:
         _check_surroundings(arguments)
         with _own_warnings():

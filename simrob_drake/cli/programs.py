@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError
 from simrob_drake.base.extension import code_of_extension
 from simrob_drake.base.folders import check_new_file, written_at_once
-from simrob_drake.base.messages import compound, message
+from simrob_drake.base.messages import compound, message, translate
 from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import changes_of, refuse, station_from
-from simrob_drake.cli.language import translate
 from simrob_drake.cli.options import LanguageOptions, Saving
 from simrob_drake.cli.saving import Frames, done_in_workcell, way_of
 from simrob_drake.cli.screen import NEXT, PROGRAM, errors, say_place, say_text

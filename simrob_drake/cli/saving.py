@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from simrob_drake.base.folders import check_folder
-from simrob_drake.base.messages import Message, compound, message
+from simrob_drake.base.messages import Message, compound, message, translate
 from simrob_drake.base.remarks import SEVERITY_WORDS, Remark, Remedy
 from simrob_drake.cli import ExitCode
-from simrob_drake.cli.language import translate
 from simrob_drake.cli.options import Saving
 from simrob_drake.cli.screen import (
     PROGRAM as PROGRAM_LABEL,

@@ -13,9 +13,8 @@ from rich.table import Table
 from rich.text import Text
 
 from simrob_drake.base.errors import shortened
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import message, translate
 from simrob_drake.base.remarks import SEVERITY_WORDS, Remark, Severity
-from simrob_drake.cli.language import translate
 
 _LONGEST = 2000
 

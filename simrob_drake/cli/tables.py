@@ -6,9 +6,8 @@ from rich.text import Text
 
 from simrob_drake.base.errors import listed
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import compound, join_texts, message
+from simrob_drake.base.messages import compound, join_texts, message, translate
 from simrob_drake.base.remarks import SEVERITY_WORDS, Severity
-from simrob_drake.cli.language import translate
 from simrob_drake.cli.screen import SEVERITY_STYLES, table
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.results.result import SimulationResult

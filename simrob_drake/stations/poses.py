@@ -13,6 +13,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import Selector, SelectorParams
 
 from simrob_drake.base.frames import Indices, Vector
+from simrob_drake.base.messages import message
 from simrob_drake.base.signals import POSE, VELOCITY, Panel, Role, Signal
 from simrob_drake.blocks.frame_poses import FramePoses
 from simrob_drake.parts.captions import wrapped
@@ -100,12 +101,12 @@ def _piece_signal(piece: str, output: str, content: tuple[tuple[str, ...], tuple
     Args:
         piece: name of the piece.
         output: ``pose`` or ``velocity``.
-        content: names of the components, their units, and the quantity with its unit for the plot.
+        content: names of the components, their units, and the quantity for the plot.
     """
     parts, units, quantity = content
     names = tuple(f"piece.{piece}.{part}" for part in parts)
-    title = quantity.partition(" ")[0]
-    panel = Panel(f"piece_{piece}", f"the piece '{piece}' in the world", title, quantity, names[:3])
+    heading = message("stations.piece_in_world", "the piece '{piece}' in the world", piece=piece)
+    panel = Panel(f"piece_{piece}", heading, quantity, quantity, names[:3])
     role: Role = "pose" if output == "pose" else "motion"
     return Signal(names, units, role, f"piece_{output}.{piece}", part=piece, panel=panel)
 

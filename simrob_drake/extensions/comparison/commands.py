@@ -8,9 +8,8 @@ import typer
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.extension import needed_extension
 from simrob_drake.base.folders import check_folder
-from simrob_drake.base.messages import compound, message
+from simrob_drake.base.messages import compound, message, translate
 from simrob_drake.cli.arguments import refuse, station_from
-from simrob_drake.cli.language import translate
 from simrob_drake.cli.options import Force, Settings, StationArgument, with_mesh_path
 from simrob_drake.cli.screen import RESULT, console, errors, say_place, say_text, table
 from simrob_drake.cli.tables import AT_TIME, LARGEST_DIFFERENCE, in_units

@@ -7,9 +7,8 @@ from typing import Annotated
 
 import typer
 
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import message, translate
 from simrob_drake.cli.arguments import station_from
-from simrob_drake.cli.language import translate
 from simrob_drake.cli.options import Force, Settings, StationArgument, with_mesh_path
 from simrob_drake.cli.screen import STATION, say_place, say_text
 from simrob_drake.stations.config import StationConfig
