@@ -12,6 +12,7 @@ folder for each language and one YAML file for each package; an extension announ
 ``Extension.messages``).
 """
 
+import re
 import string
 import warnings
 from collections.abc import Callable, Iterable, Mapping
@@ -216,11 +217,37 @@ def as_data(text: str) -> Any:
 
 
 def from_data(data: Any) -> Any:
-    """Return the message that :func:`as_data` converted. Other data, such as texts and numbers, stay as they are."""
+    """Return the message that :func:`as_data` converted. Other data, such as texts and numbers, stay as they are.
+
+    Raises:
+        ValueError: the template is none of a message, such as one that would make a text of a gigabyte. The data may
+            come from a file that somebody else wrote.
+        TypeError: the data are damaged in another way.
+    """
     if not (isinstance(data, Mapping) and {"id", "template", "fields"} <= data.keys()):
         return data
+    _check_template(data["template"])
     fields = {name: from_data(value) for name, value in data["fields"].items()}
     return Message(data["id"], data["template"], fields, data.get("longest"), data.get("is_sentence", False))
+
+
+def _check_template(template: str) -> None:
+    """Check that a template has plain fields only: names, with short format specifications or plurals.
+
+    Raises:
+        ValueError: the template takes attributes or entries of its fields, or gives a field a width.
+    """
+    for _, name, specification, conversion in string.Formatter().parse(template):
+        if name is None:  # text after the last field
+            continue
+        is_plain = name.isidentifier() and conversion is None
+        is_short = "|" in (specification or "") or _SPECIFICATION.fullmatch(specification or "")
+        if not (is_plain and is_short) or "{" in (specification or ""):
+            raise ValueError(f"a field {name!r} with the format {specification!r} is none of a message")
+
+
+_SPECIFICATION = re.compile(r"[+z]?,?(\.\d{1,2})?[a-z%]?")
+"""Format specifications of templates: sign, precision and type, without a width."""
 
 
 def catalogue(package: str, language: str) -> Mapping[str, str]:

@@ -173,7 +173,8 @@ def _known_formats() -> str:
     """
     of_stations = [flag_of(name) for name, exporter in _FORMATS.items() if isinstance(exporter, StationExporter)]
     of_programs = [flag_of(name) for name, exporter in _FORMATS.items() if isinstance(exporter, ProgramExporter)]
-    listed = [" or ".join(flags) for flags in (of_stations, of_programs) if flags]
+    either = message("cli.or", " or ")
+    listed = [join_texts(flags, either) for flags in (of_stations, of_programs) if flags]
     return join_texts(listed, message("cli.or_format", ", or ")) or message(
         "cli.format_of_extension", "a format of an installed extension, and none adds one"
     )

@@ -104,7 +104,7 @@ def add_force(
         site.picture.draw(system, "force", label, key=f"force.{name}")
     site.spatial_forces.append(block.get_spatial_forces_output_port())
     output = f"applied_force.{name}"
-    title = f"applied force '{name}' at {place}, in its axes"
+    title = message("parts.applied_force", "applied force '{name}' at {place}, in its axes", name=name, place=place)
     site.outputs.add(output, force, applied_signal(output, "N", title, part=name))
 
 

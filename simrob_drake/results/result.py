@@ -54,13 +54,17 @@ FILM_ENDINGS = (".html", ".png", ".mp4")  # of files with the motion of a run
 
 
 def table_of(result: RecordedRun) -> list[list[str]]:
-    """Return headings, and where every joint ended and its torques; without robots, where the free pieces ended."""
+    """Rows of the table of ends: the headings, then position and torques of each joint at the end of a run.
+
+    A station without robots has the position and the speed of each free piece instead.
+    """
     if not result.plant.robots:
         speed = message("results.heading_speed", "speed [m/s]")
         table = [[message("results.heading_piece", "piece"), "x [m]", "y [m]", "z [m]", speed]]
         for piece in result.config.free_pieces:
             place, velocity = result.piece_pose(piece)[-1, :3], result.piece_velocity(piece)[-1, :3]
-            table.append([piece, *(f"{value:.4f}" for value in place), f"{np.linalg.norm(velocity):.4f}"])
+            ends = [compound("{value:.4f}", value=value) for value in (*place, np.linalg.norm(velocity))]
+            table.append([piece, *ends])
         return table
     kinematic = not result.config.engine.moves_by_forces
     unit_heading = message("results.heading_unit", "unit")
@@ -79,11 +83,15 @@ def table_of(result: RecordedRun) -> list[list[str]]:
     for robot in result.plant.robots.values():
         for index, (axis, limit) in enumerate(zip(robot.axes, robot.gains.torque_limit, strict=True)):
             reference, position, torque = (result[f"{robot.prefix}{s}.{axis}"] for s in ("q_ref", "q", "tau"))
-            ends = [f"{values[-1] / robot.model.user_units[index]:z.3f}" for values in (reference, position)]
+            ends = [
+                compound("{value:z.3f}", value=values[-1] / robot.model.user_units[index])
+                for values in (reference, position)
+            ]
             unit, effort = robot.model.unit_names[index], robot.model.effort_units[index]
             peak = torque[np.argmax(np.abs(torque))]
-            shown_limit = "–" if kinematic else f"{limit:g}"
-            efforts = f"{torque[-1]:z.3f}", f"{peak:z.3f}", shown_limit, effort
+            shown_limit = "–" if kinematic else compound("{limit:g}", limit=limit)
+            last_torque = compound("{value:z.3f}", value=torque[-1])
+            efforts = (last_torque, compound("{value:z.3f}", value=peak), shown_limit, effort)
             table.append([f"{robot.prefix}{axis}", *ends, unit, *efforts])
     return table
 

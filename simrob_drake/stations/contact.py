@@ -30,7 +30,7 @@ from pydrake.systems.primitives import ConstantVectorSource, Saturation
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import compound, message
+from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.blocks.block import fed, mapped, summed
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.parts.targets import FLOOR, piece_of_shape
@@ -169,7 +169,7 @@ def pairs_without_surface(plant: MultibodyPlant, inspector: SceneGraphInspector)
         is_fixed = all(plant.IsAnchored(body) for body in bodies)
         if not is_fixed and not inspector.CollisionFiltered(first, second):
             names = sorted(body.scoped_name().get_full() for body in bodies)
-            pairs.add(" and ".join(names))
+            pairs.add(join_texts(names, message("base.and", " and ")))
     return sorted(pairs)
 
 

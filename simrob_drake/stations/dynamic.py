@@ -62,7 +62,10 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
             builder.Connect(entry.get_output_port(), block.get_command_input_port())
             ports.inputs[name] = entry.get_input_port()
             output, unit = name.replace("external", "applied"), "N·m" if turns else "N"
-            title = f"{external.replace('_', ' ')} at {robot.prefix}{robot.tcp}, in its axes"
+            place = f"{robot.prefix}{robot.tcp}"
+            title = message("stations.external_force_at", "external force at {place}, in its axes", place=place)
+            if turns:
+                title = message("stations.external_torque_at", "external torque at {place}, in its axes", place=place)
             ports.outputs.add(output, entry.get_output_port(), applied_signal(output, unit, title))
             ports.spatial_forces.append(block.get_spatial_forces_output_port())
             label = f"{external.replace('_', ' ').capitalize()}\nat {robot.prefix}{robot.tcp}"

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import Formatter, MaxNLocator
+from matplotlib.ticker import Formatter, MaxNLocator, ScalarFormatter
 
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message, translate, with_decimal_sign
@@ -122,6 +122,7 @@ def style(axes: Axes, title: str) -> None:
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=_TICK)
     axes.yaxis.set_major_formatter(_Numbers())
+    axes.xaxis.set_major_formatter(_LocalNumbers())
     axes.spines[["top", "right"]].set_visible(False)
     axes.set_title(translate(title), loc="left", fontsize=10, y=1.0)  # matplotlib would measure for a place
 
@@ -148,6 +149,14 @@ class _Numbers(Formatter):
             if np.abs(np.array(texts, dtype=float) - values).max(initial=0.0) <= 1e-3 * step:
                 break
         return [self.fix_minus(with_decimal_sign(text)) for text in texts]
+
+
+class _LocalNumbers(ScalarFormatter):
+    """Numbers at an axis of time as matplotlib writes them, with the decimal sign of the language of the output."""
+
+    def __call__(self, value: float, pos: int | None = None) -> str:
+        """Write one number."""
+        return with_decimal_sign(super().__call__(value, pos))
 
 
 class _Grid:

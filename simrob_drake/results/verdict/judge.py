@@ -17,6 +17,7 @@ import numpy as np
 from simrob_drake.base.errors import shortened
 from simrob_drake.base.extension import ExtensionWarning, register_core_names, usable_objects
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import join_texts, message
 from simrob_drake.blocks.servo import AT_LIMIT
 from simrob_drake.parts.couplings import Between
 from simrob_drake.parts.station_plant import StationRobot
@@ -375,7 +376,8 @@ def _penetration(run: RecordedRun) -> Measured | None:
     if not depths:
         return None
     values, times = np.array(list(depths.values())).T
-    return Measured([f"{first} and {second}" for first, second in depths], values, times)
+    pairs = [join_texts(bodies, message("base.and", " and ")) for bodies in depths]
+    return Measured(pairs, values, times)
 
 
 def _foot_slip(run: RecordedRun) -> Measured | None:

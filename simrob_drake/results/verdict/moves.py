@@ -242,11 +242,11 @@ def table_of_moves(moves: Sequence[MoveVerdict]) -> list[list[str]]:
     for move in moves:
         row = [
             move.move,
-            f"{move.end:.2f}",
-            "yes" if move.reached else "no",
-            f"{1e3 * move.position_error:.1f}",
-            f"{1e3 * move.following_error:.1f}",
-            f"{move.speed:.3g}",
+            compound("{time:.2f}", time=move.end),
+            message("results.yes", "yes") if move.reached else message("results.no", "no"),
+            compound("{error:.1f}", error=1e3 * move.position_error),
+            compound("{error:.1f}", error=1e3 * move.following_error),
+            compound("{speed:.3g}", speed=move.speed),
             _in_table(move.distance),
             _in_table(move.own_distance),
         ]
