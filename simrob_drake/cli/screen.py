@@ -106,8 +106,10 @@ def say_remark(remark: Remark, *, with_remedy: bool = True) -> None:
     if remark.remedy is None or not with_remedy:
         return
     _say_hanging(target, Text(""), f"→ {translate(remark.remedy.text)}")
-    if remark.remedy.setting:
-        _say_hanging(target, Text(""), f"  --set {remark.remedy.setting}")
+    settings = remark.remedy.settings
+    if settings:
+        options = " ".join(f"--set {setting}" for setting in settings)
+        _say_hanging(target, Text(""), f"  {options}")
     elif remark.remedy.key:
         _say_hanging(target, Text(""), f"  --set {remark.remedy.key}=...")
 
