@@ -109,7 +109,12 @@ def view(
     robot: Annotated[str, typer.Argument(metavar="FILE|ROBOT", help="A URDF, or a robot of `simrob list`.")],
     options: ImportOptions | None,
 ) -> None:
-    """Show a robot in the browser, with a slider for every joint."""
+    """Show a robot in the browser, with a slider for every joint.
+
+    For example:
+
+        simrob view irb120
+    """
     from simrob_drake.results.animation.robot_view import RobotView
 
     if is_robot_file(robot):
@@ -138,7 +143,12 @@ def station(
     options: ImportOptions | None,
     force: Force = False,
 ) -> None:
-    """Write a first station for a robot's file, one that runs at once."""
+    """Write a first station for a robot's file, one that runs at once.
+
+    For example:
+
+        simrob station arm.urdf --out arm.yaml
+    """
     target = out or Path(f"{file.stem}.yaml")
     check_ending(target, YAML_SUFFIXES, "--out")
     check_new_file(target, force=force)

@@ -117,6 +117,8 @@ def _pose_differences(poses: Vector, others: Vector) -> list[tuple[str, Vector, 
 
 def in_units(value: float, unit: str) -> str:
     """Write a value with its unit, for a table; an angle is also written in degrees."""
+    if unit == "1":  # a share, or an entry of a quaternion
+        return compound("{value:.2e}", value=value)
     if unit == "rad":
         return compound("{value:.2e} rad = {degrees:.2e} deg", value=value, degrees=float(np.rad2deg(value)))
     return compound("{value:.2e} {unit}", value=value, unit=unit)
