@@ -115,7 +115,7 @@ def test_an_output_has_no_english_words(command, capsys, monkeypatch, tmp_path):
     text = shown.out + shown.err
     assert text
     # Names of axes and files are the same in each language, and so are commands.
-    assert ENGLISH.findall(re.sub(r"\w*[_/.]\w+|simrob \w+", "", text)) == []
+    assert ENGLISH.findall(re.sub(r"\S*/\S+|\w*[_.]\w+|simrob \w+", "", text)) == []
     assert too_wide(shown.out) == []
 
 

@@ -305,6 +305,23 @@ def test_a_measure_of_an_extension_is_judged_by_its_own_bound_or_that_of_the_sta
         load_station("box_on_floor", {"verdict": {"woble": 1.0}})
 
 
+def test_a_measure_of_an_extension_has_words_in_other_languages(install, tmp_path):
+    messages._catalogue_file.cache_clear()
+    content = WOBBLE.replace("default_bound=1e-9", "default_bound=1e-9, catalogue='wobble_kit'")
+    announced = "measures={'wobble': 'wobble_kit.verdict:WOBBLE'}, messages={'wobble_kit': 'wobble_kit:languages'}"
+    install("wobble-kit", f"core='>=0', {announced}", verdict=content)
+    folder = tmp_path / "wobble_kit" / "languages"
+    folder.mkdir()
+    (folder / "es.yaml").write_text(
+        "wobble_kit.title_wobble: oscilación\nwobble_kit.beyond_wobble: '{of} osciló {value}'\n"
+    )
+    verdict = simulate(load_station("box_on_floor", {"duration": 0.1}), progress=False).verdict
+    assert messages.in_language(verdict["wobble"].criterion.title_message, "es") == "oscilación"
+    assert messages.in_language(verdict["wobble"].warning, "es").startswith("box osciló ")
+    assert messages.in_language(verdict["wobble"].warning, "en").startswith("box wobbled by ")
+    messages._catalogue_file.cache_clear()
+
+
 def test_without_the_extension_the_bound_of_its_measure_is_an_unknown_key():
     with pytest.raises(InvalidConfig, match=r"verdict.wobble: unknown key"):
         load_station("box_on_floor", {"verdict": {"wobble": 1.0}})

@@ -140,7 +140,7 @@ def _cause(problem: Exception) -> Exception:
     cause: Any = problem
     while getattr(cause, "exc", None) is not None:
         cause = cause.exc
-    return cause if isinstance(cause, LookupError | MemoryError | OSError | SyntaxError) else problem
+    return cause if isinstance(cause, NotAllowed | LookupError | MemoryError | OSError | SyntaxError) else problem
 
 
 if __name__ == "__main__":
