@@ -99,7 +99,9 @@ def add_force(
     force = section.shaped(builder, site, f"force.{name}", frame, point, output_port)
     block = add_external_force(builder, site.plant.stepped, frame, name=f"force.{name}", point=point)
     builder.Connect(force, block.get_command_input_port())
-    label = f"Force '{name}'\n{caption}\nat {place}"
+    label = message(
+        "parts.block_force", "Force '{name}'\n{caption}\nat {place}", name=name, caption=caption, place=place
+    )
     for system in (f"force.{name}", f"force.{name}.source"):
         site.picture.draw(system, "force", label, key=f"force.{name}")
     site.spatial_forces.append(block.get_spatial_forces_output_port())

@@ -367,7 +367,9 @@ def _sliding(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, 
     """
     name = f"{robot.prefix}friction"
     friction = robot.model.friction
-    ports.picture.draw(name, "force", f"Friction\nof {robot.model.name}", robot)
+    ports.picture.draw(
+        name, "force", message("stations.block_friction", "Friction\nof {robot}", robot=robot.model.name), robot
+    )
     # The lower half of the state matrix gives the speeds of the axes.
     speeds_of_state = robot.axis_map.state_matrix[len(friction) :]
     slope = (friction / speed)[:, np.newaxis] * speeds_of_state

@@ -244,7 +244,12 @@ def add_prescribed_motion(
         name = f"{robot.prefix}prescribed.{robot.axes[axis]}"
         block = builder.AddNamedSystem(name, PassThrough(_MOTION_SIZE))
         ports.inputs[name] = block.get_input_port()
-        ports.picture.draw(name, "reference", f"Prescribed motion\nof {axis_name}", robot)
+        ports.picture.draw(
+            name,
+            "reference",
+            message("stations.block_prescribed", "Prescribed motion\nof {axis}", axis=axis_name),
+            robot,
+        )
         motions.append(block.get_output_port())
     name = f"{robot.prefix}prescribed"
     multiplexer = Multiplexer([_MOTION_SIZE] * len(motions))
@@ -320,7 +325,9 @@ def add_prescribed_torque(
     matrix = np.hstack([every_axis, every_axis[:, axes] @ motion_torque])
     efforts = joined(builder, f"{name}.efforts", *signals)
     ports.picture.draw_nothing(f"{name}.bus", f"{name}.efforts", f"{name}.torque")
-    ports.picture.draw(f"{name}.force", "force", "What moves\nprescribed joints", robot)
+    ports.picture.draw(
+        f"{name}.force", "force", message("stations.block_moves_prescribed", "What moves\nprescribed joints"), robot
+    )
     return mapped(builder, f"{name}.torque", matrix, efforts)
 
 

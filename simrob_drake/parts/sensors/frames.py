@@ -64,7 +64,15 @@ class Imu(SampledSensor):
             heading = message("parts.the_imu", "the IMU '{name}'", name=name)
             panel = Panel(f"imu_{name}", heading, QUANTITY_WORDS[part], QUANTITY_WORDS[part], names)
             signals[part] = Signal(names, (unit,) * len(names), "inertial", part=name, panel=panel)
-        self._give(builder, site, name, block=block, title="IMU", inputs={"state": site.state}, signals=signals)
+        self._give(
+            builder,
+            site,
+            name,
+            block=block,
+            title=message("parts.block_imu", "IMU"),
+            inputs={"state": site.state},
+            signals=signals,
+        )
         site.outputs.notes[name] = {"kind": self.kind, "frame": frame}
 
     def _frame_name(self, station: Surroundings, key: str) -> str:
@@ -167,7 +175,9 @@ class FrameSensor(Sensor):
         )
         block = RelativeMotion(plant=site.plant.plant, ends=ends, axes=self.axes, turning=self.turning)
         fed(builder, f"sensor.{name}", block, site.state)
-        site.picture.draw(f"sensor.{name}", "sensor", sensor_label("Transform sensor", name))
+        site.picture.draw(
+            f"sensor.{name}", "sensor", sensor_label(message("parts.block_transform_sensor", "Transform sensor"), name)
+        )
         for part, (columns, units, quantity) in _RELATIVE.items():
             names, output = axis_names("frame", name, columns), f"frame_{part}.{name}"
             heading = message("parts.frame_from", "'{frame}' from '{base}'", frame=self.frame, base=self.base)

@@ -57,7 +57,16 @@ class Encoders(SampledSensor):
             panel = Panel(f"encoders_{name}", heading, quantity, quantity, names)
             signals[output] = Signal(names, units, "motion", part=name, panel=panel)
         inputs = {"position": site.port(builder, f"{robot.prefix}position")}
-        self._give(builder, site, name, block=block, title="Encoders", inputs=inputs, signals=signals, robot=robot)
+        self._give(
+            builder,
+            site,
+            name,
+            block=block,
+            title=message("parts.block_encoders", "Encoders"),
+            inputs=inputs,
+            signals=signals,
+            robot=robot,
+        )
         site.outputs.notes[name] = {"kind": self.kind}
 
 
@@ -131,7 +140,9 @@ def _port(builder: DiagramBuilder, site: Site, name: str, robot: StationRobot) -
     if not site.station.engine.moves_by_forces:  # what inverse dynamics gives is what the joints hand on
         return site.outputs[f"{robot.prefix}torque"]
     block = JointTorqueSensor(joints=robot.joints, signs=robot.axis_map.signs)
-    site.picture.draw(f"sensor.{name}", "sensor", sensor_label("Joint torques", name), robot)
+    site.picture.draw(
+        f"sensor.{name}", "sensor", sensor_label(message("parts.block_joint_torques", "Joint torques"), name), robot
+    )
     return fed(builder, f"sensor.{name}", block, site.plant.plant.get_reaction_forces_output_port())
 
 
@@ -181,7 +192,7 @@ class ExternalTorque(SampledSensor):
             site,
             name,
             block=observer,
-            title="Momentum observer",
+            title=message("parts.block_momentum_observer", "Momentum observer"),
             inputs={"state": site.state, "torque": torque},
             signals=signals,
             robot=robot,

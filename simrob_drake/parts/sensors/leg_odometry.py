@@ -158,7 +158,16 @@ class LegOdometry(SampledSensor):
             panel = Panel(f"odometry_{name}", heading, QUANTITY_WORDS[output], label, names[:3])
             signals[output] = Signal(names, units, "estimate", part=name, panel=panel)
         inputs = {what: known[output] for what, output in outputs.items()}
-        self._give(builder, site, name, block=block, title="Leg odometry", inputs=inputs, signals=signals, robot=robot)
+        self._give(
+            builder,
+            site,
+            name,
+            block=block,
+            title=message("parts.block_leg_odometry", "Leg odometry"),
+            inputs=inputs,
+            signals=signals,
+            robot=robot,
+        )
 
 
 def _of_kind(sensors: Mapping[str, Any], kind: str) -> list[str]:

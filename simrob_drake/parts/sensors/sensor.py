@@ -13,7 +13,7 @@ from pydrake.systems.primitives import ZeroOrderHold
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.lifetime import release_with
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Boolean, NotNegative, Positive, Strict
 from simrob_drake.base.signals import Compute, Recorded, Signal
 from simrob_drake.blocks.block import fed
@@ -92,8 +92,16 @@ def axis_names(signal: str, sensor: str, axes: Sequence[str] = "xyz") -> tuple[s
 
 
 def sensor_label(kind: str, name: str, rate: float | None = None) -> str:
-    """Return what a sensor's block says in the picture."""
-    return f"{kind}\n{name}" + (", sampled" if rate is not None else "")
+    """Label of a sensor's block in the picture.
+
+    Args:
+        kind: words for the kind of the sensor.
+        name: name of the sensor.
+        rate: rate of its samples [Hz]. None if it is not sampled, or if its kind always is.
+    """
+    if rate is None:
+        return compound("{kind}\n{name}", kind=kind, name=name)
+    return message("parts.block_sampled", "{kind}\n{name}, sampled", kind=kind, name=name)
 
 
 class SampledSensor(Sensor):

@@ -48,7 +48,11 @@ class Distance(ShapeSensor):
         scene_graph = site.plant.scene_graph
         block = DistanceSensor(body=body, other=other, inspector=scene_graph.model_inspector())
         distance = fed(builder, f"sensor.{name}", block, scene_graph.get_query_output_port())
-        site.picture.draw(f"sensor.{name}", "sensor", sensor_label("Distance sensor", name, self.rate))
+        site.picture.draw(
+            f"sensor.{name}",
+            "sensor",
+            sensor_label(message("parts.block_distance_sensor", "Distance sensor"), name, self.rate),
+        )
         port, output = sampled(builder, f"sensor.{name}.hold", distance, self.rate), f"distance.{name}"
         panel = sensor_panel(message("parts.distance_of", "distance '{name}'", name=name), "distance", [output])
         site.outputs.add(output, port, Signal((output,), ("m",), "distance", output, part=name, panel=panel))
@@ -126,7 +130,11 @@ class Force(ShapeSensor):
         block = ForceSensor(plant=plant, body=body, other=other, frame=frame, normal_only=normal_only)
         poses = site.plant.stepped.get_body_poses_output_port()
         wrench = fed(builder, f"sensor.{name}", block, _contacts(builder, site), poses)
-        site.picture.draw(f"sensor.{name}", "sensor", sensor_label("Force sensor", name, self.rate))
+        site.picture.draw(
+            f"sensor.{name}",
+            "sensor",
+            sensor_label(message("parts.block_force_sensor", "Force sensor"), name, self.rate),
+        )
         split = Demultiplexer([3, 3])
         fed(builder, f"sensor.{name}.split", split, self._reported(builder, f"sensor.{name}.hold", wrench))
         tangential = self._tangential(site, body[0])
