@@ -387,7 +387,14 @@ def test_a_remedy_that_is_a_key_of_the_station_has_a_button_that_sets_it():
         assert not apply.enabled, "the station is loaded anew by it"
         await heard(pendant.session, "phase", phase="idle")
         press(user, apply)
-        assert ("set", "servo.feedforward", "gravity") in pendant.session.calls
+        assert ("set_all", {"servo.feedforward": "gravity"}) in pendant.session.calls
+
+        contact = Remedy("turn contact on", "contact", {}, further=(("solver.kind", "discrete"),))
+        await heard(pendant.session, "message", message=Notice.of_remarks([remarks[0], Remark("warning", "", contact)]))
+        (apply,) = (one for one in elements(user) if isinstance(one, ui.button) and one.text.startswith("Apply"))
+        assert apply.text.endswith(", solver.kind = discrete")
+        press(user, apply)
+        assert ("set_all", {"contact": {}, "solver.kind": "discrete"}) in pendant.session.calls
 
     visit(scenario)
 
