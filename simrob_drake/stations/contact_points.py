@@ -195,7 +195,8 @@ def filter_contact_points(scene_graph: SceneGraph, points: ContactPoints) -> lis
     polyhedra = set(points.polyhedra)
     planes_and_polyhedra = polyhedra.union(planes)
     replaced = []
-    # Without the pairs of balls, which are thousands and would take most of the time of building a station. Sorted, so that the order of the pairs is the same in every run.
+    # Without the pairs of balls, which can be thousands and would take most of the time of building a station.
+    # Sorted, so that the order of the pairs is the same in every run.
     for pair in sorted(inspector.GetCollisionCandidates()):
         has_polyhedron = not polyhedra.isdisjoint(pair)
         if has_polyhedron and planes_and_polyhedra.issuperset(pair):
