@@ -317,9 +317,9 @@ def all_postures(arm: SixAxisArm, targets: Vector, starts: Vector) -> ClosedForm
     postures[..., 0] = first[:, :, np.newaxis, np.newaxis]
     if arm.parallel:
         total_of_start = starts[:, 1] + third * starts[:, 2] + fourth * starts[:, 3]
-        wanted = _closest_total(arm, planar, total_of_start)
+        desired = _closest_total(arm, planar, total_of_start)
         no_forearm = np.zeros((len(targets), 2, 1))
-        wrist, is_any_wrist = _solve_wrist(arm, rotations, first, no_forearm, fourth * wanted)
+        wrist, is_any_wrist = _solve_wrist(arm, rotations, first, no_forearm, fourth * desired)
         total = fourth * wrist[..., 0]  # of axes 2, 3 and 4
         postures[..., 1], postures[..., 2], out_of_arm = _solve_elbow(arm, planar - arm.hand * np.exp(1j * total))
         postures[..., 3] = fourth * (total - postures[..., 1] - third * postures[..., 2])
@@ -376,7 +376,7 @@ def _column(values: Vector) -> Vector:
 
 
 def _closest_total(arm: SixAxisArm, target: Complex, total: Vector) -> Vector:
-    """Find the sum of the parallel angles, closest to a wanted one, with which axes 2, 3 and 4 reach a target.
+    """Find the sum of the parallel angles, closest to a desired one, with which axes 2, 3 and 4 reach a target.
 
     If axis 6 is parallel to axis 4, the pose allows any sum. But not for each sum can upper arm, forearm and hand close
     the way to the target: the end of the forearm must be in reach of the other two. The sum is then moved to the limit
@@ -385,13 +385,13 @@ def _closest_total(arm: SixAxisArm, target: Complex, total: Vector) -> Vector:
     Args:
         arm: the arm.
         target: wrist centres across axis 2, shape (k, 2, 1, 1) [m].
-        total: the wanted sums, shape (k,) [rad].
+        total: the desired sums, shape (k,) [rad].
 
     Returns:
         the sums, shape (k, 2, 1, 1) [rad].
     """
-    wanted = np.broadcast_to(_column(total), target.shape)
-    distance = np.abs(target - arm.hand * np.exp(1j * wanted))  # from axis 2 to axis 4
+    desired = np.broadcast_to(_column(total), target.shape)
+    distance = np.abs(target - arm.hand * np.exp(1j * desired))  # from axis 2 to axis 4
     least = abs(abs(arm.upper) - abs(arm.fore))
     most = abs(arm.upper) + abs(arm.fore)
     reach = np.clip(distance, least, most)
@@ -400,8 +400,8 @@ def _closest_total(arm: SixAxisArm, target: Complex, total: Vector) -> Vector:
     away = np.maximum(np.abs(target), _SINGULAR)
     ahead = np.angle(target * np.conj(arm.hand))
     swing = np.arccos(np.clip((away**2 + hand**2 - reach**2) / (2.0 * away * hand), -1.0, 1.0))
-    at_limit = ahead + np.copysign(swing, np.sin(wanted - ahead))
-    return np.where(reach == distance, wanted, at_limit)
+    at_limit = ahead + np.copysign(swing, np.sin(desired - ahead))
+    return np.where(reach == distance, desired, at_limit)
 
 
 def _solve_elbow(arm: SixAxisArm, target: Complex) -> tuple[Vector, Vector, Vector]:
