@@ -99,17 +99,10 @@ def overlay_figure(results: Sequence[SavedSignals], patterns: Sequence[str] = ()
     row_count = ceil(len(names) / column_count)
     width, height = _FRAME
     figure, frames = panels(
-<<<<<<< HEAD
         message("results.overlaid", "results over each other"),
-        rows,
-        count,
-        size=(count * width, rows * height + 0.9),
-=======
-        "results over each other",
         row_count,
         column_count,
         size=(column_count * width, row_count * height + 0.9),
->>>>>>> main
         titles=names,
         sharex=True,
     )
@@ -119,25 +112,16 @@ def overlay_figure(results: Sequence[SavedSignals], patterns: Sequence[str] = ()
         shown_unit, factor = _USER_UNITS.get(unit, (unit, 1.0))
         for result, (colour, line) in zip(results, styles, strict=True):
             if name in result.columns:
-<<<<<<< HEAD
                 curve: dict[str, Any] = {"color": colour, "linestyle": line, "linewidth": 1.4}
                 values = factor * result.columns[name]
                 axes.plot(result.times, values, label=translate(result.name), **curve)
         quantity = QUANTITIES.get(shown_unit) if _OF_JOINTS.fullmatch(name) else None
         label = f"[{shown_unit}]" if quantity is None else f"{translate(quantity)} [{shown_unit}]"
         axes.set_ylabel(label, fontsize=9)
-    for axes in frames[-1]:
-        axes.set_xlabel(translate(TIME_LABEL))
-=======
-                how: dict[str, Any] = {"color": colour, "linestyle": line, "linewidth": 1.4, "label": result.name}
-                axes.plot(result.times, factor * result.columns[name], **how)
-        quantity = QUANTITIES.get(shown_unit, "") if _OF_JOINTS.fullmatch(name) else ""
-        axes.set_ylabel(f"{quantity} [{shown_unit}]".lstrip(), fontsize=9)
     lowest_of_columns = frames.flat[max(len(names) - column_count, 0) : len(names)]
     for axes in lowest_of_columns:
-        axes.set_xlabel("time [s]")
+        axes.set_xlabel(translate(TIME_LABEL))
         axes.tick_params(labelbottom=True)
->>>>>>> main
     for axes in frames.flat[len(names) :]:
         axes.set_visible(False)
     return figure
