@@ -109,11 +109,11 @@ def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, fol
     if not is_description and _falls_through(robot):
         options = (options or ImportOptions()).model_copy(update={"base": "fixed"})
         robot = robot_from_file(file, options)
-        text = message(
+        reason = message(
             "stations.drafted_unshaped",
             "The robot has no shapes that collide, so that nothing could carry it: it is held by its root.",
         )
-        remarks.append(text)
+        remarks.append(reason)
 
     is_kinematic = bool(robot.links_without_inertia)
     section: dict[str, Any] = {"model" if is_description else "urdf": _path_text(file, own_folder)}
@@ -126,12 +126,12 @@ def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, fol
     }
     if robot.followers:
         content["couplings"] = _couplings(robot)
-        text = message(
+        coupled = message(
             "stations.drafted_followers",
             "By the robot's file these axes follow others, see couplings: {followers}.",
             followers=", ".join(robot.followers),
         )
-        remarks.append(text)
+        remarks.append(coupled)
     remarks += _import_warnings(robot, content, file)
     if is_kinematic:
         remarks += _complete_with_fixed_base(robot, content)
