@@ -18,7 +18,7 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import NotNegative, Number, Speed, Strict
 from simrob_drake.walking.parameters import MaxSpeed
-from simrob_drake.walking.steps import Command, within
+from simrob_drake.walking.steps import Command, clamp
 
 _SAME = 1e-6  # of points [m]
 _HOP = 0.05  # how much further on its path a robot comes in a sample, at most [m]
@@ -158,23 +158,23 @@ class Follower:
         spot = self.path.at(progress)
         off = (complex(x, y) - spot.place) / spot.direction
         hop = off.real / max(1.0 - spot.curvature * off.imag, 0.2)
-        progress = min(max(progress + within(hop, _HOP), 0.0), length)
+        progress = min(max(progress + clamp(hop, _HOP), 0.0), length)
         left = length - progress
         if left < _ARRIVED:
             error = 0.0 if self._heading is None else phase(turned_by(1j * self._heading) / sight)
             if abs(error) < _FACES or not self._turn:
                 return Command(), length + 1.0
-            return Command(0j, within(_TURNS * error, self._turn)), progress
+            return Command(0j, clamp(_TURNS * error, self._turn)), progress
         soon = self.path.at(min(progress + _SOON * self._speed, length))
         speed = min(self._speed, _BRAKES * left + _CREEPS)
         bend = max(abs(spot.curvature), abs(soon.curvature))
         if bend:
             speed = min(speed, _SPARE * self._turn / bend)
-        back = within(-_ACROSS * off.imag, self._speed * tan(_STEEPEST))
+        back = clamp(-_ACROSS * off.imag, self._speed * tan(_STEEPEST))
         error = phase(soon.direction * complex(self._speed, back) / sight)
         way = soon.direction * complex(speed, back) * max(cos(error), 0.0) / sight
-        aside = within(way.imag, self._aside)
-        turn = within(soon.curvature * speed + _TURNS * error, self._turn)
+        aside = clamp(way.imag, self._aside)
+        turn = clamp(soon.curvature * speed + _TURNS * error, self._turn)
         return Command(complex(max(min(way.real, self._speed), 0.0), aside), turn), progress
 
 
@@ -202,8 +202,8 @@ class Commanded(Strict):
 def clipped(command: Command, max_speed: MaxSpeed) -> Command:
     """Return what of a command the legs can follow; the same object if that is all of it."""
     ahead = min(max(command.speed.real, -max_speed.backward), max_speed.ahead)
-    left = within(command.speed.imag, max_speed.sideways)
-    turn = within(command.turn, radians(max_speed.turn_deg))
+    left = clamp(command.speed.imag, max_speed.sideways)
+    turn = clamp(command.turn, radians(max_speed.turn_deg))
     same = ahead == command.speed.real and left == command.speed.imag and turn == command.turn
     return command if same else Command(complex(ahead, left), turn)
 

@@ -87,7 +87,7 @@ def test_a_landing_beside_an_edge_is_planned_for():
     assert abs(place - stride.landing.place) > 0.5 * CELL
     heights = step(np.array([[where.in_world(place).real + side, 0.0, 0.0] for side in (-0.015, 0.015)]))
     assert heights[0] == heights[1]
-    assert made._on_even_ground(stride, None, Landing(0.1, 0.2j)) == Landing(0.1, 0.2j)
+    assert made._shift_to_even_ground(stride, None, Landing(0.1, 0.2j)) == Landing(0.1, 0.2j)
 
 
 def test_a_map_without_feedback_is_refused():

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.walking.parameters import WalkingParameters, load_walking
-from simrob_drake.walking.steps import Command, Divergent, Landing, Steps, weights
+from simrob_drake.walking.steps import Command, DivergentComponent, Landing, Steps, weights
 
 OMEGA = 5.2
 
@@ -39,7 +39,7 @@ def test_weights_are_those_of_the_differential_equation(time: float, transfer: f
 
 
 def test_a_component_goes_where_its_equation_says() -> None:
-    now = Divergent(0.02 + 0.01j, OMEGA, 0.05, 0.1, 0.01j, 0.01 - 0.02j)
+    now = DivergentComponent(0.02 + 0.01j, OMEGA, 0.05, 0.1, 0.01j, 0.01 - 0.02j)
     there = now.at(0.35)
     told = weights(OMEGA, 0.3, 0.05)
     assert told.start * now.zmp + told.rest * now.rest + told.end * there == pytest.approx(now.xi)
@@ -48,19 +48,19 @@ def test_a_component_goes_where_its_equation_says() -> None:
 @pytest.mark.parametrize("command", [Command(), Command(0.2 + 0.03j), Command(0.1, 0.4), Command(-0.1)])
 def test_a_step_as_planned_ends_where_the_next_one_begins(steps: Steps, command: Command) -> None:
     """Seen from the next foot, the component is that of the same step a foot later; looking three steps ahead."""
-    here, landing = steps.rest_points[0], steps.planned(1, command)
+    here, landing = steps.rest_points[0], steps.plan_landing(1, command)
     turn = exp(1j * landing.yaw)
-    a, b = steps.after(0, command, OMEGA)
+    a, b = steps.dcm_at_landing(0, command, OMEGA)
     end = (1 - a) * landing.place + b
     parts = weights(OMEGA, landing.time, steps.transfer)
-    then = steps.start_of(1, command, parts, (here - landing.place) / turn)
+    then = steps.dcm_at_start(1, command, parts, (here - landing.place) / turn)
     assert (end - landing.place) / turn == pytest.approx(then, abs=1e-12)
-    further = steps.start_of(1, command, parts, (here - landing.place) / turn, 12)
+    further = steps.dcm_at_start(1, command, parts, (here - landing.place) / turn, 12)
     assert abs(then - further) < 2e-4
 
 
 def test_commands_turn_and_walk_about_the_middle_of_the_feet(steps: Steps) -> None:
-    landing = steps.planned(1, Command(0.3, pi / 2 / 0.4))
+    landing = steps.plan_landing(1, Command(0.3, pi / 2 / 0.4))
     middle = landing.place - exp(1j * landing.yaw) * 0.06j
     assert (middle, landing.yaw) == (pytest.approx(0.12 + 0.06j), pytest.approx(pi / 2))
 
@@ -71,12 +71,12 @@ class TestAdjustedLandings:
     command = Command(0.2 + 0j)
 
     def landing(self, steps: Steps, error: complex, standing: int = 0, now: float = 0.15) -> tuple[Landing, Landing]:
-        rest, planned = steps.rest_points[standing], steps.planned(1 - standing, self.command)
-        after = steps.after(standing, self.command, OMEGA)
+        rest, planned = steps.rest_points[standing], steps.plan_landing(1 - standing, self.command)
+        after = steps.dcm_at_landing(standing, self.command, OMEGA)
         told = weights(OMEGA, planned.time - now, 0.0)
         own = told.rest * rest + told.end * ((1 - after[0]) * planned.place + after[1])
-        state = Divergent(own + error, OMEGA, now, steps.transfer, rest, rest)
-        return planned, steps.adjusted(1 - standing, planned, state, planned.place / 2, after)
+        state = DivergentComponent(own + error, OMEGA, now, steps.transfer, rest, rest)
+        return planned, steps.adjust_landing(1 - standing, planned, state, planned.place / 2, after)
 
     def test_none_without_an_error(self, steps: Steps) -> None:
         planned, found = self.landing(steps, 0j)

@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from simrob_drake.walking.body import StanceFeet, planes
+from simrob_drake.walking.body import StanceFeet, slope_weights_of
 from simrob_drake.walking.estimator import Estimate
 from simrob_drake.walking.parameters import WalkingParameters
 from simrob_drake.walking.planner import WalkPlanner
 from simrob_drake.walking.steps import Command
-from simrob_drake.walking.stride import Ground, Learnt, Step, Stride, Swing, Trunk, eased
+from simrob_drake.walking.stride import Ground, Corrections, Step, Stride, Swing, Trunk, smoothstep
 
 OMEGA, PERIOD, HALF = 5.2, 0.01, 0.06
 TWO_FEET = StanceFeet([[0], [1]], [[0j], [0j]], [[0j], [0j]], HALF, 1.0)
 PAIR = [0.2 - 0.1j, -0.2 + 0.1j]
-FOUR_FEET = StanceFeet([[0, 1], [2, 3]], [PAIR, PAIR], [planes(PAIR), planes(PAIR)], 0.0, 1.0)
+FOUR_FEET = StanceFeet([[0, 1], [2, 3]], [PAIR, PAIR], [slope_weights_of(PAIR), slope_weights_of(PAIR)], 0.0, 1.0)
 FEEDBACK = {"lean_rate": 4.0, "deadband": [0.01, 0.005], "late_touchdown": 0.05}
 PARAMETERS = {
     "bearing": {"height": 0.4},
@@ -78,8 +78,8 @@ def own_component(made: WalkPlanner, stride: Stride, command: Command = COMMAND)
 
 def seen(made: WalkPlanner, stride: Stride, error: complex = 0j, **other: Any) -> Estimate:
     """Return the estimate of a robot that does what it shall, but for an error of its component and ``other``."""
-    xi = own_component(made, stride) + stride.learnt.sag + error
-    known = Estimate(stride.trunk.com + stride.learnt.sag, xi, 0.0, 0.0, 0.0, 0j, touches=False)
+    xi = own_component(made, stride) + stride.corrections.com_offset + error
+    known = Estimate(stride.trunk.com + stride.corrections.com_offset, xi, 0.0, 0.0, 0.0, 0j, touches=False)
     return known._replace(**other)
 
 
@@ -194,7 +194,7 @@ class TestLandings:
         way, now = OMEGA * 0.2 * 0.3, swinging.step.time
         start = 1.0 - (1.0 - exp(-way)) / way
         rest = made.steps.rest_points[int(swinging.step.standing)]
-        a, b = made.steps.after(int(swinging.step.standing), COMMAND, OMEGA)
+        a, b = made.steps.dcm_at_landing(int(swinging.step.standing), COMMAND, OMEGA)
         assert a == pytest.approx(start)
         xi = own_component(made, swinging) + self.beyond
 
@@ -277,12 +277,12 @@ class TestReferences:
         com = swinging.trunk.com + away
         for push, calm in ((0j, 1.0), (0.05 + 0j, 0.1)):  # who answers an error learns a tenth
             made = planner(offset_rate=0.7, lean_integral=0.9)
-            learnt = sampled(made, swinging, push, com=com, lean=lean, pitch=pitch)[0].learnt
-            assert learnt.sag == pytest.approx(nearer(calm * 0.7) * away)
-            assert learnt.counter == pytest.approx(-calm * 0.9 * PERIOD * complex(lean, pitch))
+            learnt = sampled(made, swinging, push, com=com, lean=lean, pitch=pitch)[0].corrections
+            assert learnt.com_offset == pytest.approx(nearer(calm * 0.7) * away)
+            assert learnt.lean_integral == pytest.approx(-calm * 0.9 * PERIOD * complex(lean, pitch))
 
     def test_what_was_learnt_is_no_error(self, swinging: Stride) -> None:
-        known = swinging._replace(learnt=Learnt(sag=0.02 + 0.01j))
+        known = swinging._replace(corrections=Corrections(com_offset=0.02 + 0.01j))
         assert sampled(planner(), known)[0].landing == sampled(planner(), swinging)[0].landing
 
     @pytest.mark.parametrize(("rate", "level"), [(2.0, 7.0), (0.0, 0.0)])
@@ -297,7 +297,7 @@ class TestReferences:
     def test_the_heading_is_held(self, swinging: Stride, gain: float) -> None:
         stride = swinging._replace(trunk=swinging.trunk._replace(desired_heading=0.1))
         now = sampled(planner(heading_gain=gain), stride, heading=0.04)[0]
-        assert now.learnt.turn_back == pytest.approx(gain * 0.06)
+        assert now.corrections.turn_back == pytest.approx(gain * 0.06)
         assert now.landing.yaw == pytest.approx(gain * 0.06 * 0.3)
         assert sampled(planner(), stride, command=Command(0.2, 0.5))[0].trunk.desired_heading == pytest.approx(0.105)
 
@@ -359,15 +359,15 @@ class TestFootfalls:
         short = landing._replace(swing=landing.swing._replace(place=landing.swing.place - 0.01))
         made = planner(speed_integral=part)
         now, then = sampled(made, short, touches=True)
-        lacks = made.steps.planned(1 - int(landing.step.standing), COMMAND).place - now.swing.place
+        lacks = made.steps.plan_landing(1 - int(landing.step.standing), COMMAND).place - now.swing.place
         assert lacks.real > 0.003
-        assert then.learnt.trim * turned_by(1j * now.swing.yaw) == pytest.approx(part / 0.3 * lacks)
+        assert then.corrections.speed_trim * turned_by(1j * now.swing.yaw) == pytest.approx(part / 0.3 * lacks)
 
     def test_who_cannot_step_aside_braces_itself(self, swinging: Stride) -> None:
         error = 0.03j
         kept: dict[str, Any] = {"step_gain": 0.0, "time_weight": 1e6}
         now, then = sampled(planner(brace_threshold=0.02, **kept), swinging, error)
-        assert (now.step.active, now.step.braced) == (0.0, pytest.approx(0.2))
+        assert (now.step.active, now.step.brace_time) == (0.0, pytest.approx(0.2))
         assert sampled(planner(brace_threshold=0.04, **kept), swinging, error)[0].step.active
         assert sampled(planner(brace_threshold=None, **kept), swinging, error)[0].step.active
         middle = planner().steps.middle(int(now.step.standing), now.swing.place)
@@ -419,7 +419,7 @@ class TestGait:
         keys = {"lift": 0.04, "lift_exponent": 1.0}
         low, high = planner(gait=keys), planner(gait=keys, landing_height=0.01)
         stride = later(low, at_rest(low), 40 + 8)
-        early = eased(2 * high.sample(stride, COMMAND, None, OMEGA)[0].swing.share)
+        early = smoothstep(2 * high.sample(stride, COMMAND, None, OMEGA)[0].swing.share)
         assert 0.3 < early < 0.99
         for samples, part in ((0, early), (12, 1.0)):
             now = later(low, stride, samples) if samples else stride
@@ -446,4 +446,4 @@ class TestGait:
 
     def test_without_turns_no_heading_is_held(self, swinging: Stride) -> None:
         made = planner(gait={"max_speed": {"ahead": 0.4, "backward": 0.2}})
-        assert sampled(made, swinging, heading=0.2)[0].learnt.turn_back == 0.0
+        assert sampled(made, swinging, heading=0.2)[0].corrections.turn_back == 0.0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simrob_drake.walking.stride import NUMBERS, Stride, eased
+from simrob_drake.walking.stride import NUMBERS, Stride, smoothstep
 
 
 @pytest.fixture
@@ -31,7 +31,7 @@ def test_there_and_back_on_the_other_foot(stride: Stride) -> None:
         "swing": ("place", "yaw"),
         "trunk": ("com", "zmp", "heading", "rise"),
         "ground": ("height", "slope", "tilt", "foot_tilt"),
-        "learnt": ("counter", "sag", "trim", "turn_back"),
+        "corrections": ("lean_integral", "com_offset", "speed_trim", "turn_back"),
     }.items():
         for name in names:
             assert getattr(getattr(back, group), name) == pytest.approx(getattr(getattr(stride, group), name)), name
@@ -48,6 +48,6 @@ def test_what_is_fixed_to_the_ground_stays(stride: Stride) -> None:
 
 def test_a_swing_is_at_rest_at_both_ends() -> None:
     near = 1e-4
-    assert (eased(0.0), eased(0.5), eased(1.0)) == (0.0, pytest.approx(0.5), pytest.approx(1.0))
-    assert eased(near) < near**2
-    assert 1 - eased(1 - near) < near**2
+    assert (smoothstep(0.0), smoothstep(0.5), smoothstep(1.0)) == (0.0, pytest.approx(0.5), pytest.approx(1.0))
+    assert smoothstep(near) < near**2
+    assert 1 - smoothstep(1 - near) < near**2

@@ -38,9 +38,9 @@ def pose(rows: Rows) -> RigidTransform:
 def test_legs_put_the_soles_where_they_shall_be(robot: str) -> None:
     builder, loop = loop_of(f"{robot}_walking", {})
     engine, body = loop.engine, loop.engine.body
-    posture = engine.standing(loop.start)[1]
+    posture = engine.stand(loop.start)[1]
     base = np.array([0, 0, 1.0, 1, 0, 0, 0])
-    seen = body.seen(np.concatenate([posture, 0 * posture, base, np.zeros(6)]))
+    seen = body.observe(np.concatenate([posture, 0 * posture, base, np.zeros(6)]))
     feet = [pose(foot) for foot in seen.feet]
     apart = feet[0].inverse() @ feet[1]
     assert apart.translation() == pytest.approx([0, engine.planner.steps.apart[1].imag, 0], abs=2e-6)
@@ -52,10 +52,10 @@ def test_legs_put_the_soles_where_they_shall_be(robot: str) -> None:
     # one foot ahead and up, as far as such legs can
     wanted = [RigidTransform(body.facing @ (foot.translation() * [1, 1, 0])) for foot in feet]
     wanted[0] = RigidTransform([0.03, 0, 0.02]) @ wanted[0]
-    body.take(posture)
+    body.set_posture(posture)
     root = RigidTransform([0.0, 0.0, 1.0 - feet[0].translation()[2]])
-    found = body.reached(np.eye(3), np.array([(root.inverse() @ foot).GetAsMatrix34() for foot in wanted]), 30)
-    there = [pose(foot) for foot in body.seen(np.concatenate([found, 0 * found, base, np.zeros(6)])).feet]
+    found = body.solve_posture(np.eye(3), np.array([(root.inverse() @ foot).GetAsMatrix34() for foot in wanted]), 30)
+    there = [pose(foot) for foot in body.observe(np.concatenate([found, 0 * found, base, np.zeros(6)])).feet]
     step = body.facing @ (there[0].translation() - there[1].translation())
     assert step[[0, 2]] == pytest.approx([0.03, 0.02], abs=1e-5)
     assert builder is not None
@@ -65,11 +65,11 @@ def test_it_carries_itself_as_its_keys_say() -> None:
     """Height and pitch of the trunk, how wide it stands, and the axes that are in no leg."""
     bearing = {"height": 0.49, "pitch_deg": 6, "posture_deg": {"RodD": 40, "RodI": 40, "left_elbow": 30}}
     builder, loop = loop_of("zjudancer_walking", {"bearing": bearing, "widen": 0.03})
-    posture, half = loop.engine.standing(loop.start)[1], loop.engine.stance.half
+    posture, half = loop.engine.stand(loop.start)[1], loop.engine.stance.half_width
     turn = RotationMatrix.MakeZRotation(np.pi / 2) @ RotationMatrix.MakeYRotation(np.deg2rad(6))  # it looks along y
     turn = turn @ RotationMatrix.MakeZRotation(-np.pi / 2)
     base = [0, 0, 0.49, *turn.ToQuaternion().wxyz()]
-    seen = loop.engine.body.seen(np.concatenate([posture, 0 * posture, base, np.zeros(6)]))
+    seen = loop.engine.body.observe(np.concatenate([posture, 0 * posture, base, np.zeros(6)]))
     assert seen.lowest == pytest.approx([0.0, 0.0], abs=1e-4)
     assert [foot[2][2] for foot in seen.feet] == pytest.approx([1.0, 1.0], abs=1e-5)  # flat
     assert abs(seen.feet[0][0][3] - seen.feet[1][0][3]) == pytest.approx(2 * half, abs=1e-5)
@@ -95,7 +95,7 @@ def test_without_feedback_it_goes_as_planned(robot: str) -> None:
         "bearing": {"height": gait.bearing.height},
     }
     builder, loop = loop_of(f"{robot}_walking", {**own, **more})
-    stride, posture = loop.engine.standing(loop.start)
+    stride, posture = loop.engine.stand(loop.start)
     found = [posture]
     for _ in range(round(100 * (gait.settle + 5 * gait.step_time))):
         stride, posture = loop.engine.sample(stride, posture, Command(complex(speed)), None)
@@ -113,7 +113,7 @@ class TestWhatLasts:
     def walked(self, samples: int = 60, **off: Any) -> Stride:
         """Return the stride after a walk on which all is measured as it shall be, but for what is ``off``."""
         builder, loop = loop_of("zjudancer_walking", {})
-        stride, posture = loop.engine.standing(loop.start)
+        stride, posture = loop.engine.stand(loop.start)
         measured = Estimate(stride.trunk.com, stride.trunk.zmp, 0.0, 0.0, 0.0, 0j, touches=False)
         for _ in range(samples):
             trunk = stride.trunk
@@ -123,7 +123,7 @@ class TestWhatLasts:
         step, landing = stride.step._replace(transfer=0.0, nominal=0.28, time=0.0), stride.landing._replace(time=0.28)
         stride = stride._replace(step=step, landing=landing)
         for _ in range(8):
-            free, sag = loop.engine.planner._planned(stride, Command(0.1), 5.2, None)[1], stride.learnt.sag
+            free, sag = loop.engine.planner._plan_step(stride, Command(0.1), 5.2, None)[1], stride.corrections.com_offset
             now = {**{"com": stride.trunk.com + sag, "xi": free + sag}, **off}
             if "away" in now:
                 now["com"] += now.pop("away")
@@ -133,18 +133,18 @@ class TestWhatLasts:
 
     def test_nothing_is_learnt_where_nothing_is_off(self) -> None:
         stride = self.walked()
-        assert abs(stride.learnt.sag) < 1e-3
-        assert (abs(stride.ground.slope), stride.learnt.counter, stride.learnt.turn_back) == (0.0, 0j, 0.0)
+        assert abs(stride.corrections.com_offset) < 1e-3
+        assert (abs(stride.ground.slope), stride.corrections.lean_integral, stride.corrections.turn_back) == (0.0, 0j, 0.0)
 
     def test_a_lean_is_countered_and_a_slope_followed(self) -> None:
         stride = self.walked(lean=0.02, pitch=-0.03, slope=0.1 - 0.05j)
-        assert stride.learnt.counter.real < 0 < stride.learnt.counter.imag
+        assert stride.corrections.lean_integral.real < 0 < stride.corrections.lean_integral.imag
         assert stride.ground.slope.real > 0 > stride.ground.slope.imag
 
     def test_who_stands_learns_the_slope_too(self) -> None:
         """At `slope_rate` = 1/s, so that a second of standing brings 63 % of it."""
         builder, loop = loop_of("zjudancer_walking", {})
-        stride, posture = loop.engine.standing(loop.start)
+        stride, posture = loop.engine.stand(loop.start)
         measured = Estimate(stride.trunk.com, stride.trunk.zmp, 0.0, 0.0, 0.0, 0.1 + 0j, touches=False)
         for _ in range(100):
             stride, posture = loop.engine.sample(stride, posture, Command(), measured)
@@ -157,19 +157,19 @@ class TestWhatLasts:
         assert 0.05 * calm < pushed < 0.2 * calm
 
     def test_a_sag_is_no_error_any_more(self) -> None:
-        assert self.walked(away=-0.01).learnt.sag.real < -1e-4
+        assert self.walked(away=-0.01).corrections.com_offset.real < -1e-4
 
     def test_the_heading_is_held(self) -> None:
-        assert self.walked(heading=0.1).learnt.turn_back < 0 < self.walked(heading=-0.1).learnt.turn_back
+        assert self.walked(heading=0.1).corrections.turn_back < 0 < self.walked(heading=-0.1).corrections.turn_back
 
 
 def test_soles_tell_the_slope_under_them() -> None:
     builder, loop = loop_of("zjudancer_walking", {})
-    posture = loop.engine.standing(loop.start)[1]
+    posture = loop.engine.stand(loop.start)[1]
     turn = RotationMatrix.MakeYRotation(-np.arctan(0.1)) @ RotationMatrix.MakeXRotation(0.05)
     turn = RotationMatrix.MakeZRotation(0.7) @ turn @ RotationMatrix.MakeZRotation(-np.pi / 2)  # it looks along y
     base = [0, 0, 0.5, *turn.ToQuaternion().wxyz()]
-    seen = loop.engine.body.seen(np.concatenate([posture, 0 * posture, base, np.zeros(6)]))
+    seen = loop.engine.body.observe(np.concatenate([posture, 0 * posture, base, np.zeros(6)]))
     assert loop.engine.estimator.estimate(Stride(), seen).slope == pytest.approx(0.1 + 0.05j, abs=1e-3)
     assert builder is not None
 
@@ -218,7 +218,7 @@ def test_who_cannot_step_aside_stops_on_both_feet_and_walks_on() -> None:
 
 def test_it_shifts_its_weight_at_leisure_however_long_it_stood() -> None:
     builder, loop = loop_of("zjudancer_walking", {})
-    stride, posture = loop.engine.standing(loop.start)
+    stride, posture = loop.engine.stand(loop.start)
     for _ in range(120):
         stride, posture = loop.engine.sample(stride, posture, Command(), None)
     shares = []
