@@ -101,7 +101,7 @@ class _Support(NamedTuple):
         remaining = max(time - self.time, 0.0)
         transfer = min(max(self.transfer - self.time, 0.0), remaining)
         start, rest, end = weights(self.omega, remaining, transfer)
-        return start * self.zmp + rest * self.rest + end * self.condition.dcm(foothold)
+        return start * self.zmp + rest * self.rest + end * self.condition.dcm_for(foothold)
 
 
 class WalkPlanner:
@@ -372,7 +372,7 @@ class WalkPlanner:
         return stride._replace(step=step, trunk=stride.trunk._replace(zmp=middle)), middle
 
     def _start_if_needed(self, stride: Stride, command: Command, estimate: Estimate | None) -> Stride:
-        """Begin the first step of a standing robot, if a command or an error asks for it."""
+        """Begin the first step of a standing robot, if there is a command or an error of the divergent component."""
         step = stride.step
         error = estimate.xi - stride.trunk.zmp if estimate is not None else 0j
         if step.brace_time > 0:

@@ -81,7 +81,7 @@ class Command(NamedTuple):
 
     @property
     def moves(self) -> bool:
-        """True if the command asks for a motion, False if it asks the robot to stand."""
+        """True if the command is a motion, False if it is to stand."""
         return abs(self.speed) > _SLOWEST or abs(self.turn) > _SLOWEST
 
     def approach(self, target: Command, largest_change: tuple[float, float, float]) -> Command:
@@ -126,11 +126,11 @@ class LandingCondition(NamedTuple):
     start: float
     offset: complex
 
-    def dcm(self, foothold: complex) -> complex:
+    def dcm_for(self, foothold: complex) -> complex:
         """Divergent component that a foothold [m] requires [m]."""
         return (1.0 - self.start) * foothold + self.offset
 
-    def foothold(self, dcm: complex) -> complex:
+    def foothold_for(self, dcm: complex) -> complex:
         """Foothold that a divergent component [m] requires [m]."""
         return (dcm - self.offset) / (1.0 - self.start)
 
@@ -264,8 +264,9 @@ class Steps:
         """
         step_weights = weights(omega, self._step_time, self.transfer)
         turn = cmath.exp(1j * command.turn * self._pace)
-        # The next step begins at the present rest point, whose position from the next foot depends on the foothold.
-        # So the first zero-moment point is left out here, and added with its weight afterwards.
+        # The next step begins with the zero-moment point at the present rest point r. Seen from the next foot, which
+        # is at u and turned by `turn`, that is (r - u) / turn. It is left out of the sum here, and added by its
+        # weight w_0: u + turn (dcm + w_0 (r - u) / turn) = (1 - w_0) u + (turn dcm + w_0 r).
         dcm = self.dcm_at_start(1 - standing, command, step_weights, 0j)
         offset = turn * dcm + step_weights.start * self.rest_points[standing]
         return LandingCondition(step_weights.start, offset)
@@ -309,7 +310,7 @@ class Steps:
         for time in times:
             if time < earliest - _SAME_TIME:
                 continue  # the planned time may be too early
-            desired = condition.foothold(state.at(time))
+            desired = condition.foothold_for(state.at(time))
             place = self._reachable_place(swinging, planned, desired, foot, time - swing_start, feedback)
             cost = abs(desired - place) ** 2 + feedback.place_weight * abs(place - planned.place) ** 2
             cost += feedback.time_weight * (time - planned.time) ** 2

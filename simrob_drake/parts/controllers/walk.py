@@ -22,7 +22,15 @@ from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.gaits_file import gaits_file
 from simrob_drake.walking.body import Body
-from simrob_drake.walking.commands import Commanded, Commander, Follower, Waypoints, beyond, clipped, command_of
+from simrob_drake.walking.commands import (
+    Commanded,
+    Commander,
+    Follower,
+    Waypoints,
+    clip_command,
+    command_of,
+    find_excess,
+)
 from simrob_drake.walking.engine import WalkingEngine
 from simrob_drake.walking.height_map import HeightMap
 from simrob_drake.walking.parameters import WalkingParameters, load_walking
@@ -139,7 +147,7 @@ class Walk(LoopSection):
             commands["path"] = Command(complex(self.path.speed))
         found = list[str]()
         for place, command in commands.items():
-            for part, value, limit, unit in beyond(command, max_speed):
+            for part, value, limit, unit in find_excess(command, max_speed):
                 name = f"{key}.{place}.{'speed' if place == 'path' else part}"
                 if self.strict:
                     expected = message(
@@ -343,10 +351,10 @@ class WalkingLoop(SampledBlock):
             changes["progress"] = along
         if desired is None:  # the path does not see where the robot is
             return command_of(before)
-        command = clipped(desired, self.engine.max_speed)
+        command = clip_command(desired, self.engine.max_speed)
         less = float(command is not desired)
         if less and self._strict:
-            part, value, limit, unit = beyond(desired, self.engine.max_speed)[0]
+            part, value, limit, unit = find_excess(desired, self.engine.max_speed)[0]
             raise RunEnds(
                 message(
                     "parts.command_beyond_legs",
