@@ -14,7 +14,7 @@ from simrob_drake.walking.estimator import Estimate
 from simrob_drake.walking.parameters import WalkingParameters
 from simrob_drake.walking.planner import WalkPlanner
 from simrob_drake.walking.steps import Command
-from simrob_drake.walking.stride import Ground, Corrections, Step, Stride, Swing, Trunk, smoothstep
+from simrob_drake.walking.stride import Corrections, Ground, Step, Stride, Swing, Trunk, smoothstep
 
 OMEGA, PERIOD, HALF = 5.2, 0.01, 0.06
 TWO_FEET = StanceFeet([[0], [1]], [[0j], [0j]], [[0j], [0j]], HALF, 1.0)
@@ -300,6 +300,52 @@ class TestReferences:
         assert now.corrections.turn_back == pytest.approx(gain * 0.06)
         assert now.landing.yaw == pytest.approx(gain * 0.06 * 0.3)
         assert sampled(planner(), stride, command=Command(0.2, 0.5))[0].trunk.desired_heading == pytest.approx(0.105)
+
+
+class TestLimitsOfCorrections:
+    """A wrong measurement that lasts changes a correction up to its limit, in both directions, and no further."""
+
+    directions = pytest.mark.parametrize("sign", [1.0, -1.0])
+
+    def learnt_after(self, stride: Stride, samples: int, **measured: Any) -> Corrections:
+        """Return the corrections after samples of the same swing, in which something is measured wrongly."""
+        made = planner(offset_rate=5.0, lean_integral=5.0, heading_gain=5.0)
+        corrections = stride.corrections
+        for _ in range(samples):
+            now = sampled(made, stride._replace(corrections=corrections), **measured)[0]
+            corrections = now.corrections
+        return corrections
+
+    @directions
+    def test_the_offset_of_the_centre_of_mass(self, swinging: Stride, sign: float) -> None:
+        com = swinging.trunk.com + sign * (1.0 - 2.0j)
+
+        corrections = self.learnt_after(swinging, 20, com=com)
+
+        assert corrections.com_offset == sign * (0.03 - 0.03j)  # m
+
+    @directions
+    def test_the_lean_of_the_trunk(self, swinging: Stride, sign: float) -> None:
+        corrections = self.learnt_after(swinging, 20, lean=sign * 1.0, pitch=-sign * 0.5)
+
+        assert corrections.lean_integral == sign * (-0.15 + 0.15j)  # rad, against the measured lean
+
+    @directions
+    def test_the_turn_back(self, swinging: Stride, sign: float) -> None:
+        corrections = self.learnt_after(swinging, 1, heading=sign * 1.0)
+
+        assert corrections.turn_back == -sign * 0.3  # rad/s
+
+    @directions
+    def test_the_trim_of_the_speed(self, landing: Stride, sign: float) -> None:
+        lacks = sign * (1.0 - 1.0j)  # m
+        off = landing._replace(swing=landing.swing._replace(place=landing.swing.place - lacks))
+        made = planner(speed_integral=1.0)
+
+        now, then = sampled(made, off, touches=True)
+
+        in_stance_frame = then.corrections.speed_trim * turned_by(1j * now.swing.yaw)
+        assert in_stance_frame == pytest.approx(sign * (0.15 - 0.1j))  # m/s
 
 
 class TestFootfalls:

@@ -123,7 +123,10 @@ class TestWhatLasts:
         step, landing = stride.step._replace(transfer=0.0, nominal=0.28, time=0.0), stride.landing._replace(time=0.28)
         stride = stride._replace(step=step, landing=landing)
         for _ in range(8):
-            free, sag = loop.engine.planner._plan_step(stride, Command(0.1), 5.2, None)[1], stride.corrections.com_offset
+            free, sag = (
+                loop.engine.planner._plan_step(stride, Command(0.1), 5.2, None)[1],
+                stride.corrections.com_offset,
+            )
             now = {**{"com": stride.trunk.com + sag, "xi": free + sag}, **off}
             if "away" in now:
                 now["com"] += now.pop("away")
@@ -134,7 +137,11 @@ class TestWhatLasts:
     def test_nothing_is_learnt_where_nothing_is_off(self) -> None:
         stride = self.walked()
         assert abs(stride.corrections.com_offset) < 1e-3
-        assert (abs(stride.ground.slope), stride.corrections.lean_integral, stride.corrections.turn_back) == (0.0, 0j, 0.0)
+        assert (abs(stride.ground.slope), stride.corrections.lean_integral, stride.corrections.turn_back) == (
+            0.0,
+            0j,
+            0.0,
+        )
 
     def test_a_lean_is_countered_and_a_slope_followed(self) -> None:
         stride = self.walked(lean=0.02, pitch=-0.03, slope=0.1 - 0.05j)
