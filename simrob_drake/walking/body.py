@@ -123,7 +123,8 @@ class Body:
             InvalidParameter: a leg has fewer than three joints or more than seven, or not as many as the others.
         """
         _check_legs(feet, legs)
-        # The plant owns the block that owns this object: a strong reference would keep both alive forever.
+        # The diagram owns both the plant and the block that owns this object. With a strong reference to the plant,
+        # they would form a cycle that Python cannot collect.
         self._plant: MultibodyPlant = weakref.proxy(plant)
         self._instance = instance
         self._axes = axes
@@ -216,12 +217,17 @@ class Body:
         """
         plant = self._plant
         axes = self._axes
-        all_joints = map(plant.get_joint, plant.GetJointIndices(self._instance))
-        joints = {joint.velocity_start(): joint for joint in all_joints if joint.num_velocities() == 1}
+        joints = {}  # by the index of the joint's velocity
+        for index in plant.GetJointIndices(self._instance):
+            joint = plant.get_joint(index)
+            if joint.num_velocities() == 1:
+                joints[joint.velocity_start()] = joint
+
         for leg, foot, tip in zip(legs, self._feet, self._tips, strict=True):
             chain = [joints[start] for start in axes.velocity_places[list(leg)]]
             knee = knee_of(plant, self._goal, chain, plant.get_frame(foot), tip)
             axis = leg[knee.place]
+            # The knee is measured in angles of the joint, the limits are those of the axis.
             knee = replace(knee, straight=axes.signs[axis] * knee.straight)
             limits = knee.limits_on_side_of(posture[axis], self._lower[axis], self._upper[axis])
             self._lower[axis] = limits[0]
@@ -251,7 +257,7 @@ class Body:
             support_points = contact.support_points(link)
             points = support_points @ to_level.T
 
-            # A foot with one sphere is a ball. It rolls, so its middle is what the leg moves.
+            # A foot whose spheres are all on its link's axis is a ball. It rolls, so the leg moves the ball's middle.
             middle = (points.min(axis=0) + points.max(axis=0)) / 2
             lowest = points.min(axis=0)[2]
             is_ball = link in contact.points and np.ptp(points[:, :2]) < _SAME_POINT
@@ -281,6 +287,7 @@ class Body:
         self._measured_state[self._measured_indices] = self._measured_signs * measured
         plant.SetPositionsAndVelocities(context, self._measured_state)
 
+        # Plain lists: the estimator reads single numbers, which takes longer from an array.
         feet = list[Rows]()
         for index, sole in zip(self._feet, self._soles, strict=True):
             pose = plant.get_frame(index).CalcPoseInWorld(context).multiply(sole)
@@ -325,6 +332,7 @@ class Body:
         plant = self._plant
         root = plant.get_frame(self._root)
         links = [plant.get_frame(index) for index in self._feet]
+        # The Jacobians are in the axes of the root link, so the targets are, too.
         to_root = (np.array(trunk) @ self._facing_matrix).T
         targets = to_root @ feet
 
@@ -337,7 +345,7 @@ class Body:
             for number, link in enumerate(links):
                 poses[number] = link.CalcPose(self._goal, root).GetAsMatrix34()
                 jacobians[number] = self._transposed_jacobian(number, link, root)
-            posture = posture.copy()
+            posture = posture.copy()  # the caller keeps the one that was set
             posture[self._legs] += self._newton_step(jacobians, poses @ self._sole_matrices, targets)
             posture = np.minimum(np.maximum(posture, self._lower), self._upper)
         return posture
@@ -383,6 +391,7 @@ class Body:
         right_sides = (jacobians @ errors[..., np.newaxis])[..., 0]
         # LAPACK is called leg by leg: np.linalg.solve takes four times as long for matrices of this size.
         solutions = [dgesv(matrix, side)[2] for matrix, side in zip(matrices, right_sides, strict=True)]
+        # A large step would leave the range in which the linearization holds.
         step = np.array(solutions) * self._leg_signs
         return np.asarray(np.minimum(np.maximum(step, -_LARGEST_STEP), _LARGEST_STEP))
 
@@ -413,6 +422,7 @@ def _lowest_height(upward: Sequence[float], corners: Rows) -> float:
     b = upward[1]
     c = upward[2]
     height = upward[3]
+    # Plain numbers are faster than a NumPy product of this size.
     return height + min([a * x + b * y + c * z for x, y, z in corners])
 
 
@@ -444,9 +454,16 @@ class StanceFeet:
             parameters: parameters of the walk.
             groups: indices of the feet that stand together, the right ones first.
         """
-        homes = [complex(*home[:2]) + 1j * math.copysign(parameters.widen, home[1]) for home in body.homes]
+        homes = list[complex]()
+        for x, y, _ in body.homes:
+            to_side = math.copysign(parameters.widen, y)  # to the foot's own side
+            homes.append(complex(x, y) + 1j * to_side)
         middles = [sum(homes[foot] for foot in group) / len(group) for group in groups]
-        offsets = [[homes[foot] - middle for foot in group] for group, middle in zip(groups, middles, strict=True)]
+
+        offsets = list[list[complex]]()
+        for group, middle in zip(groups, middles, strict=True):
+            offsets.append([homes[foot] - middle for foot in group])
+        # Index 0 is the right group, whose middle has a negative y.
         half_width = 0.5 * (middles[1] - middles[0]).imag
         # A leg of length h - r that turns by an angle a moves the hip by (h - r) a from the middle of its ball. The
         # ball of radius r turns with the leg and rolls by r a, so the robot goes by the factor 1 + r / (h - r) more.

@@ -29,7 +29,7 @@ _SAME = 1e-6
 _TIME_ROUNDING = 1e-9
 
 # Gains and limits of the path follower.
-# Largest progress on the path in one sample [m]. It keeps a robot on its branch where a path crosses itself.
+# Largest progress on the path in one sample [m]. A measured pose that jumps must not skip a part of the path.
 _LARGEST_PROGRESS = 0.05
 # Time from a command to its effect: the follower looks ahead by it [s].
 _LOOK_AHEAD = 0.4
@@ -205,6 +205,7 @@ class Follower:
             facing: direction in which the robot looks if its root is not turned, from the world's x axis [rad].
         """
         self.path = Path(waypoints.corners, waypoints.rounding)
+        # The path is followed at a speed that the legs have. The station warns if that is less than desired.
         self._speed = min(waypoints.speed, max_speed.ahead)
         self._facing = facing
         self._largest_sideways = max_speed.sideways
@@ -332,6 +333,7 @@ def clip_command(command: Command, max_speed: MaxSpeed) -> Command:
     ahead = min(max(command.speed.real, -max_speed.backward), max_speed.ahead)
     left = clamp(command.speed.imag, max_speed.sideways)
     turn = clamp(command.turn, radians(max_speed.turn_deg))
+    # Callers compare the objects: a new one means that the command was clipped.
     is_same = ahead == command.speed.real and left == command.speed.imag and turn == command.turn
     return command if is_same else Command(complex(ahead, left), turn)
 
@@ -386,9 +388,11 @@ class Commander:
         Returns:
             The command and the new progress [m]. The command is None if the path decides and the pose is not finite.
         """
+        # A command that was given in an earlier run, which this one continues, is over.
         user_steers = hand[0] and time
         if user_steers:
             return command_of(hand[1:]), progress
+        # The sum is finite if all values are, and takes one call.
         if by_port is not None and isfinite(by_port.sum()):
             return command_of(by_port), progress
         entry = bisect_right(self._times, time + _TIME_ROUNDING) - 1

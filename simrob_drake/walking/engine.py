@@ -100,6 +100,7 @@ class WalkingEngine:
             trunk=Trunk(com=middle, zmp=middle),
             ground=Ground(slope=slope),
         )
+        # The legs' posture moves the centre of mass, by which the root is placed, which changes the posture again.
         for _ in range(_COM_ITERATIONS):
             self.body.set_posture(posture)
             posture = self._posture(stride, self.body.com_from_root(), 0.0, _FIRST_ROUNDS)
@@ -119,6 +120,7 @@ class WalkingEngine:
         Returns:
             The state for the next sample, and the posture of this one, shape (n,) [rad].
         """
+        # The centre of mass and the Jacobians are those of the last posture: one Newton step follows the references.
         self.body.set_posture(posture)
         com_from_root = self.body.com_from_root()
         omega = self.stance.omega(self._bearing.height + com_from_root[2])
@@ -181,7 +183,7 @@ class WalkingEngine:
             yaw=0.0,
         )
         swing_rotation = on_slope
-        if swing.yaw:
+        if swing.yaw:  # most steps go straight ahead
             swing_rotation = (np.array(on_slope) @ rotation_matrix(0.0, 0.0, swing.yaw)).tolist()
 
         turn = cmath.exp(1j * swing.yaw)
@@ -216,6 +218,7 @@ class WalkingEngine:
         """
         row_x, row_y, row_z = group.rotation
         root_x, root_y, root_z = root
+        # Balls stand with their middles above the floor.
         height = group.height + self.body.ball_radius
         poses = list[Rows]()
         for place, offset in zip(group.places, group.offsets, strict=True):
@@ -237,6 +240,7 @@ def rotation_matrix(roll: float, pitch: float, yaw: float) -> Rows:
         pitch: angle about the fixed y axis [rad].
         yaw: angle about the fixed z axis [rad], the last rotation.
     """
+    # Plain numbers: NumPy and Drake take several times as long for one small matrix.
     cos_roll = math.cos(roll)
     sin_roll = math.sin(roll)
     cos_pitch = math.cos(pitch)

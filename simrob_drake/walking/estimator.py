@@ -97,7 +97,7 @@ class Estimator:
         x, y, z = state.com
         com = turn * (complex(x, y) - origin)
         velocity_x, velocity_y, _ = state.speed
-        # Balls roll with the pendulum, which moves less than the robot by this factor.
+        # Balls roll while they stand: the robot moves by this factor more than a pendulum on a fixed foot.
         velocity = turn * complex(velocity_x, velocity_y) / self._stance.roll_factor
         omega = self._stance.omega(max(z - min(state.lowest), _LEAST_HEIGHT))
 
@@ -156,6 +156,7 @@ class Estimator:
         swing_feet = self._stance.groups[swinging]
         feedback = self._feedback
         if forces is not None and feedback is not None and feedback.touch_force is not None:
+            # A pair has landed when both of its feet carry weight.
             down = tuple(forces[foot] > feedback.touch_force for foot in swing_feet)
             hangs = tuple(forces[foot] < feedback.touch_force for foot in stance_feet)
             return _Contacts(all(down), down, hangs)
@@ -184,6 +185,7 @@ class Estimator:
             upright = sum(z_row[2] for _, _, z_row in poses)
             return -turn * normals / max(upright, _LEAST_UPRIGHT)
 
+        # Two heights determine the slope along the line between the feet. Across it, the known slope stays.
         standing = stride.step.sides[0]
         known_slope = stride.ground.slope + stride.ground.tilt
         heights = []
@@ -214,6 +216,7 @@ class Estimator:
         if feedback is None:
             return ()
         standing, swinging = stride.step.sides
+        # Early in a swing, a foot may still touch the ground that it leaves.
         feet: list[int] = []
         if stride.swing.share > feedback.early_touchdown:
             feet.extend(self._stance.groups[swinging])

@@ -65,7 +65,7 @@ class HeightMap:
             foot: half the side of a square around the middle of a foot that has to be even [m].
         """
         self._beneath = beneath
-        self._foot = max(round(foot / CELL), 1)
+        self._foot = max(round(foot / CELL), 1)  # cells; less than one would compare no heights
         self._blocks = dict[tuple[int, int], _Block]()
 
     def heights(self, places: Sequence[complex]) -> list[float]:
@@ -110,6 +110,7 @@ class HeightMap:
             window = (slice(row, row + size), slice(column, column + size))
             excess = np.maximum(np.abs(block.heights[window] - level) - rise, 0.0)
             roughness += block.roughness[window] + (_ROUGHNESS_WEIGHT * excess) ** 2
+        # Most ground is even, and the foothold then stays as planned.
         if not roughness[_REACH, _REACH]:
             return 0j
 
@@ -125,6 +126,7 @@ class HeightMap:
         x = round(place.real / CELL)
         y = round(place.imag / CELL)
         key = (x // _BLOCK, y // _BLOCK)
+        # A walk needs few blocks of the ground, so each is computed when the robot comes near it.
         if key not in self._blocks:
             self._blocks[key] = self._compute_block(*key)
         return _Window(self._blocks[key], x - key[0] * _BLOCK, y - key[1] * _BLOCK)
@@ -146,6 +148,7 @@ class HeightMap:
         points = np.stack([grid_x, grid_y, grid_z], axis=-1).reshape(-1, 3)
         heights = self._beneath(points).reshape(grid_x.shape)
 
+        # Roughness by the difference of the highest and the lowest cell under a square foot.
         side = 2 * self._foot + 1
         under_foot = np.lib.stride_tricks.sliding_window_view(heights, (side, side))
         difference = under_foot.max(axis=(2, 3)) - under_foot.min(axis=(2, 3))

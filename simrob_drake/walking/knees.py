@@ -87,6 +87,7 @@ def knee_of(plant: MultibodyPlant, context: Context, joints: Sequence[RevoluteJo
         """Direction of a joint's axis in the world, of length one."""
         return np.asarray(joint.frame_on_child().CalcPoseInWorld(context).rotation() @ joint.revolute_axis())
 
+    # The knee is the joint that changes the distance from the hip to the foot most.
     folds = [_find_fold(context, joint, lambda: end() - origin(joints[0])) for joint in joints]
     knee = int(np.argmax([fold for _, fold in folds]))
 
@@ -121,7 +122,7 @@ def _find_fold(context: Context, joint: RevoluteJoint, vector: Callable[[], Vect
     for angle in _ANGLES:
         joint.set_angle(context, angle)
         squares.append(float(np.square(vector()).sum()))
-    joint.set_angle(context, before)
+    joint.set_angle(context, before)  # the caller's context is the same afterwards
 
     # The first Fourier coefficient of a + b cos(q - q0) is b exp(i q0), and its mean is a.
     coefficient = 2.0 / 3.0 * np.exp(1j * _ANGLES) @ squares

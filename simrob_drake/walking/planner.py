@@ -162,6 +162,7 @@ class WalkPlanner:
             offset = stride.corrections.com_offset
             estimate = estimate._replace(com=estimate.com - offset, xi=estimate.xi - offset)
 
+        # The landing first, as the divergent component depends on it; then the feet and the trunk follow.
         before, xi = self._plan_step(stride, command, omega, estimate)
         now, lift = self._move_swing_foot(before, estimate)
         if estimate is not None:
@@ -397,6 +398,8 @@ class WalkPlanner:
             command: desired motion.
             error: error of the divergent component outside of the deadband [m]. The foot on its side steps.
         """
+        # Index 1 is the left foot, and an imaginary part above zero is to the left, too. The foot on the side of the
+        # error must swing, as it can step further out than the other one.
         side_of_stance_foot = stride.step.standing - 0.5
         if error and error.imag * side_of_stance_foot > 0:
             stride = stride.on_the_other_foot()
@@ -463,6 +466,7 @@ class WalkPlanner:
             share=share,
         )
 
+        # The trunk turns during the whole step, the foot only while it swings.
         turn_share = smoothstep(min(time / landing.time, 1.0))
         heading = step.heading_from + turn_share * (landing.yaw - step.heading_from)
         ground = self._ground_of_swing(stride, estimate, share)
@@ -637,12 +641,15 @@ class WalkPlanner:
         is_due = time >= stride.landing.time - _SAME_TIME
         if not is_due and not touches:
             return stride
+        # A foot that is due but does not feel the ground goes on down for a while.
         if estimate is not None and not touches and step.late < feedback.late_touchdown:
             return self._search_ground(stride, estimate)
 
+        # A large error cannot wait for the weight transfer: the next foot lifts at once.
         error = abs(self._outside_deadband(estimate.xi - xi)) if estimate is not None else 0.0
         hurries = estimate is not None and error > feedback.hurry_threshold
         if estimate is not None and not hurries:
+            # A step that answers an error is not as long as planned for a reason, so nothing is learnt from it.
             stride = self._trim_speed(stride)
         return self._change_feet(stride, command, estimate, lift, hurries=hurries)
 
@@ -688,8 +695,10 @@ class WalkPlanner:
         distance = abs(stride.swing.place - side_by_side.place)
         turn_back = abs(stride.corrections.turn_back)
 
+        # An early foot has met higher ground: its present height is that of the ground.
         ground = stride.ground._replace(height=stride.ground.height + lift)
         stride = stride._replace(ground=ground).on_the_other_foot()
+        # The walk ends side by side, and only without a command in the step that has ended.
         is_settled = max(distance / _END_DISTANCE, turn_back / _END_TURN) <= 1.0 and not hurries
         if is_settled and not (command.moves or stride.step.command.moves):
             middle = self.steps.middle(swinging, stride.swing.place)

@@ -156,11 +156,13 @@ class Steps:
                 balls, which roll while they stand.
         """
         self._step_time = parameters.step_time
-        self._pace = parameters.step_time / roll_factor  # s: speed times pace is the length of a step
+        # Speed times pace is the length of a step of the legs [s]. Balls roll on by the rest.
+        self._pace = parameters.step_time / roll_factor
         self._foothold = parameters.foothold
         self._feedback = parameters.feedback
         self.transfer = parameters.double_support * parameters.step_time
 
+        # Inward is to the left of the right foot, and to the right of the left foot.
         right = complex(parameters.zmp_ahead, parameters.zmp_inward)
         left = complex(parameters.zmp_ahead, -parameters.zmp_inward)
         self.rest_points = (right, left)
@@ -209,6 +211,7 @@ class Steps:
             command: the command that the step follows.
             turn: turn of the robot in the step, as a complex number of length one.
         """
+        # From the stance foot to the robot's middle, and from there to the swing foot's side, which has turned.
         to_side = 0.5 * self.apart[swinging]
         return command.speed * self._pace + to_side + turn * to_side
 
@@ -300,6 +303,7 @@ class Steps:
         assert feedback is not None  # a walk without feedback keeps its planned landings
         lift_off = state.lift_off
         swing_start = max(state.now, lift_off)
+        # One sample of the grid must remain for the foot to move, and a swing has a least duration.
         earliest = max(state.now + _TIME_GRID, lift_off + feedback.min_swing_time)
         latest = lift_off + feedback.max_swing_time
         count = max(math.ceil((latest - earliest) / _TIME_GRID), 1)
@@ -350,6 +354,7 @@ class Steps:
         outward = min(max(side * place.imag, foothold.inner), foothold.outer)
         path = complex(ahead, side * outward) - foot
 
+        # The joints of the legs have a largest speed, and so has the foot.
         longest = feedback.max_foot_speed * max(time, 0.0)
         if abs(path) > longest:
             path *= longest / abs(path)

@@ -183,6 +183,7 @@ class Stride(NamedTuple):
 
     def numbers(self) -> Vector:
         """Convert the state to a vector of shape (:data:`NUMBERS`,), as the loop's discrete state stores it."""
+        # Each value takes two numbers, also a real one: one conversion of all values is fastest.
         values = [*chain.from_iterable(self)]
         return np.array(values, dtype=complex).view(float)
 
@@ -207,10 +208,12 @@ def smoothstep(share: float, peak: float = SOFTEST) -> float:
         peak: largest speed over the mean speed: 1.875 for the softest motion, whose acceleration begins and ends at
             zero, and 1.5 for the most even one, whose acceleration jumps.
     """
+    # The quintic: position, speed and acceleration are continuous at both ends.
     soft = share**3 * (10.0 + share * (6.0 * share - 15.0))
     evenness = (SOFTEST - peak) / (SOFTEST - EVENEST)
     if not evenness:
         return soft
+    # The cubic: position and speed are continuous.
     even = share * share * (3.0 - 2.0 * share)
     return soft + evenness * (even - soft)
 
