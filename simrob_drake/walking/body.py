@@ -1,4 +1,4 @@
-"""A robot's kinematics for its walk: its centre of mass, how its feet stand about each other, and its legs."""
+"""Kinematics of a walking robot: its centre of mass, the positions of its feet, and inverse kinematics of its legs."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -19,32 +19,52 @@ from simrob_drake.base.constants import STANDARD_GRAVITY
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
+from simrob_drake.base.renaming import former_names_of, keep_former_attributes
 from simrob_drake.robots.axis_map import AxisMap, in_a_row
 from simrob_drake.robots.feet import FootContact
 from simrob_drake.walking.knees import knee_of
 from simrob_drake.walking.parameters import WalkingParameters
 
 Rows = Sequence[Sequence[float]]
-"""A matrix."""
-_ROWS = {7: [[0, 1, 2, 3, 4, 5]], 6: [[0, 1, 2, 3, 4, 5]], 5: [[0, 1, 3, 4, 5], [1, 2, 3, 4, 5]]}
-_ROWS |= {4: [[0, 1, 3, 5]], 3: [[3, 4, 5]]}
-"""Which of [roll, pitch, yaw, ahead, left, up] of its foot a leg of so many joints is asked for; of several what it
-can best."""
-_ABOUT = np.zeros((9, 3))  # from the entries of a small rotation, a row after the other, to what it turns about
-_ABOUT[[7, 2, 3], [0, 1, 2]], _ABOUT[[5, 6, 1], [0, 1, 2]] = 0.5, -0.5
+"""A matrix as rows of plain numbers."""
+
+# Components of a foot's pose error [roll, pitch, yaw, ahead, left, up] that a leg corrects, by its count of joints.
+# A leg of five joints gives up yaw or roll, whichever leaves the better conditioned Jacobian.
+_CONTROLLED = {
+    7: [[0, 1, 2, 3, 4, 5]],
+    6: [[0, 1, 2, 3, 4, 5]],
+    5: [[0, 1, 3, 4, 5], [1, 2, 3, 4, 5]],
+    4: [[0, 1, 3, 5]],
+    3: [[3, 4, 5]],
+}
+
+# Rotation vector of a small rotation R, from the nine entries of R row by row:
+# 0.5 (R21 - R12, R02 - R20, R10 - R01).
+_TO_ROTATION_VECTOR = np.zeros((9, 3))
+_TO_ROTATION_VECTOR[[7, 2, 3], [0, 1, 2]] = 0.5
+_TO_ROTATION_VECTOR[[5, 6, 1], [0, 1, 2]] = -0.5
+
 _V = JacobianWrtVariable.kV
-_DAMPING = 1e-5  # of a leg that is nearly straight [m², rad²]
-_LARGEST = 0.3  # change of a joint in a sample [rad]
+# Damping of the inverse kinematics: keeps the step finite if a leg is nearly straight [m², rad²].
+_DAMPING = 1e-5
+# Largest change of a joint in one step of the inverse kinematics [rad].
+_LARGEST_STEP = 0.3
+# The points of a sole are one point if they are nearer to each other than this [m].
+_SAME_POINT = 1e-9
+# A root link's position and quaternion (7), and its linear and angular velocity (6).
+_ROOT_VALUES = 13
 
 
-class Seen(NamedTuple):
-    """What a robot does, in the world; matrices are rows of plain numbers, which are quicker than arrays.
+class BodyState(NamedTuple):
+    """Motion of a robot in the world. Matrices are rows of plain numbers, as arrays of this size are slower.
 
     Attributes:
-        com, speed: its centre of mass and the velocity of that, x y z [m, m/s].
-        feet: poses of the soles' middles, turned from flat and ahead, shape (3, 4) each.
-        trunk: how the root is turned from upright and ahead, shape (3, 3).
-        lowest: height of each foot's lowest point [m].
+        com: position x y z of the centre of mass [m].
+        speed: velocity x y z of the centre of mass [m/s].
+        feet: pose of the middle of each sole, shape (3, 4) [1, m]. The rotation is that from a flat sole that looks
+            along the world's x.
+        trunk: rotation of the root from upright and looking along the world's x, shape (3, 3).
+        lowest: height of the lowest point of each foot [m].
     """
 
     com: Sequence[float]
@@ -55,7 +75,18 @@ class Seen(NamedTuple):
 
 
 class Body:
-    """The kinematics of a robot on its feet."""
+    """Kinematics of a robot on its feet.
+
+    The forward kinematics (:meth:`observe`) are those of the measured state. The inverse kinematics
+    (:meth:`solve_posture`) go on from a posture that :meth:`set_posture` sets.
+
+    Attributes:
+        facing: rotation from the robot's root link to a root that looks along x.
+        homes: position of each sole's middle from the root in the stance, in a root that looks along x, shape (3,) [m].
+        ball_radius: height of the foot points above the floor [m]: the radius of feet that are balls, which roll about
+            their middles, and 0 for soles.
+        sole_reach: largest distance of a sole's corner from its middle, along or across the foot [m].
+    """
 
     def __init__(
         self,
@@ -72,233 +103,421 @@ class Body:
         legs: Sequence[Sequence[int]],
         facing: float,
     ) -> None:
-        """Prepare.
+        """Create the kinematics of a robot.
 
         Args:
-            plant: finalized; it need not be part of a diagram.
-            instance: the robot in it, on a free root.
-            root: the frame of its root link.
-            axes: of the robot.
-            limits: of the axes, lower and upper, shape (n,) [rad].
-            posture: near which legs are found, shape (n,) [rad]; knees stay on the side to which they bend there.
-            stance: in which the soles are flat and stand as they shall side by side, shape (n,) [rad].
-            feet: the frames of their links.
-            contact: what touches the ground there.
-            legs: the axes of each foot's leg.
-            facing: where the robot looks while its root is not turned, from the world's x axis [rad].
+            plant: finalized plant, which need not be part of a diagram.
+            instance: model instance of the robot, whose root is free.
+            root: frame of the root link.
+            axes: axes of the robot.
+            limits: lower and upper limits of the axes, shape (n,) [rad].
+            posture: posture near which the inverse kinematics start, shape (n,) [rad]. Knees stay bent to the same
+                side as in this posture.
+            stance: posture in which the soles are flat and in their places side by side, shape (n,) [rad].
+            feet: frames of the feet's links.
+            contact: contact points of the feet.
+            legs: indices of the axes of each foot's leg.
+            facing: direction in which the robot looks if its root is not turned, from the world's x axis [rad].
 
         Raises:
-            InvalidParameter: a leg that has fewer than three joints or more than seven, or not as many as the others.
+            InvalidParameter: a leg has fewer than three joints or more than seven, or not as many as the others.
         """
-        for frame, leg in zip(feet, legs, strict=True):
-            if len(leg) not in _ROWS or len(leg) != len(legs[0]):
-                raise InvalidParameter(
-                    message("walking.leg_of", "leg of {frame}", frame=frame.name()),
-                    message("walking.count_of_joints", "{count} joints", count=len(leg)),
-                    message("walking.three_to_seven", "three to seven, all alike, to walk"),
-                )
-        self._plant, self._instance, self._axes = weakref.proxy(plant), instance, axes
-        self._root, self._feet = root.index(), [foot.index() for foot in feet]
-        self._seen, self._goal = plant.CreateDefaultContext(), plant.CreateDefaultContext()  # set anew each time
-        self._state, self._positions = plant.GetPositionsAndVelocities(self._seen), plant.GetPositions(self._goal)
-        self.facing = RotationMatrix.MakeZRotation(-facing)  # of a root that looks along x
-        self._ahead, self._behind = RigidTransform(self.facing), self.facing.inverse()
-        self._from_com = self._ahead.multiply(root.CalcPoseInWorld(self._goal).inverse())
-        self._places, self._signs = self._read(root.body())
+        _check_legs(feet, legs)
+        # The diagram owns both the plant and the block that owns this object. With a strong reference to the plant,
+        # they would form a cycle that Python cannot collect.
+        self._plant: MultibodyPlant = weakref.proxy(plant)
+        self._instance = instance
+        self._axes = axes
+        self._root = root.index()
+        self._feet = [foot.index() for foot in feet]
+
+        # Two contexts: the measured state, and the posture of the inverse kinematics. Each is set before it is used.
+        self._measured = plant.CreateDefaultContext()
+        self._goal = plant.CreateDefaultContext()
+        self._measured_state = plant.GetPositionsAndVelocities(self._measured)
+        self._goal_positions = plant.GetPositions(self._goal)
+
+        self.facing = RotationMatrix.MakeZRotation(-facing)
+        self._from_facing = self.facing.inverse()
+        self._facing_matrix = self.facing.matrix()
+        # The root of the goal stays at its default pose, so this transform is constant.
+        self._root_from_world = RigidTransform(self.facing).multiply(root.CalcPoseInWorld(self._goal).inverse())
+        self._measured_indices, self._measured_signs = self._index_measurements(root.body())
+
         self._legs = np.array([list(leg) for leg in legs])
-        joints = self._legs.shape[1]
-        self._columns, self._senses = list(map(in_a_row, axes.velocity_places[self._legs])), axes.signs[self._legs]
-        # legs of fewer joints keep their soles flat and the way ahead: as seen in that direction
-        self._soles(contact, [foot.name() for foot in feet], stance)
-        self.take(posture)
-        self._rows = self._asked(np.kron(np.eye(2), self.facing.matrix()), joints)
-        self._damping = _DAMPING * np.eye(joints)
-        self._lower, self._upper = limits[0].copy(), limits[1].copy()
-        self._bend_knees(legs, posture)
-        self._facing = self.facing.matrix()  # arrays of what is multiplied in every sample
-        self._middles = np.array([upright.GetAsMatrix4() for upright in self._upright])
+        self._columns = list(map(in_a_row, axes.velocity_places[self._legs]))
+        self._leg_signs = axes.signs[self._legs]
+        self._find_soles(contact, [foot.name() for foot in feet], stance)
+        self._sole_matrices = np.array([sole.GetAsMatrix4() for sole in self._soles])
 
-    def _read(self, root: RigidBody) -> tuple[npt.NDArray[np.intp], Vector]:
-        """Return where in the plant's state the values lie that are read, in their order, and their signs."""
-        axes, ahead = self._axes, self._plant.num_positions()
-        pose, motion = root.floating_positions_start(), ahead + root.floating_velocities_start_in_v()
-        free = [*range(pose + 4, pose + 7), *range(pose, pose + 4), *range(motion + 3, motion + 6)]  # Drake turns first
-        places = [axes.position_places, ahead + axes.velocity_places, free, range(motion, motion + 3)]
-        return np.concatenate([*places]).astype(np.intp), np.concatenate([axes.signs, axes.signs, np.ones(13)])
+        self.set_posture(posture)
+        self._task_basis = self._choose_task_basis()
+        joint_count = self._legs.shape[1]
+        self._damping = _DAMPING * np.eye(joint_count)
+        self._lower = limits[0].copy()
+        self._upper = limits[1].copy()
+        self._keep_knees_bent(legs, posture)
 
-    def _asked(self, turn: Vector, joints: int) -> Vector | None:
-        """Return how [roll, pitch, yaw, ahead, left, up] of a foot become what its leg is asked for; None: as they are.
+    def _index_measurements(self, root: RigidBody) -> tuple[npt.NDArray[np.intp], Vector]:
+        """Find where the values that :meth:`observe` reads are in the plant's state.
 
-        ``turn`` (6, 6) lets them be seen the way the robot looks.
+        Returns:
+            The index of each value in the state [q, v] of the plant, and its sign, shape (2n + 13,) each.
         """
-        if joints >= len(turn):
-            return None
-        root, foot = self._plant.get_frame(self._root), self._plant.get_frame(self._feet[0])
-        rates, choices = self._rates(0, foot, root), [turn[rows].T for rows in _ROWS[joints]]
-        return max(choices, key=lambda rows: float(np.linalg.svd(rates @ rows, compute_uv=False)[-1]))
+        axes = self._axes
+        num_positions = self._plant.num_positions()
+        position_start = root.floating_positions_start()
+        velocity_start = num_positions + root.floating_velocities_start_in_v()
+        # Drake stores a free body's quaternion before its position, and its angular velocity before its linear one.
+        quaternion = range(position_start, position_start + 4)
+        position = range(position_start + 4, position_start + 7)
+        angular_velocity = range(velocity_start, velocity_start + 3)
+        linear_velocity = range(velocity_start + 3, velocity_start + 6)
+        indices = np.concatenate(
+            [
+                axes.position_places,
+                num_positions + axes.velocity_places,
+                position,
+                quaternion,
+                linear_velocity,
+                angular_velocity,
+            ]
+        )
+        signs = np.concatenate([axes.signs, axes.signs, np.ones(_ROOT_VALUES)])
+        return indices.astype(np.intp), signs
 
-    def _bend_knees(self, legs: Sequence[Sequence[int]], posture: Vector) -> None:
-        """Narrow the limits so that knees stay bent as they are in a posture (n,), which is the one taken."""
-        plant, axes, lower, upper = self._plant, self._axes, self._lower, self._upper
-        all_joints = map(plant.get_joint, plant.GetJointIndices(self._instance))
-        joints = {joint.velocity_start(): joint for joint in all_joints if joint.num_velocities() == 1}
+    def _choose_task_basis(self) -> Vector | None:
+        """Choose the components of a foot's pose error that a leg of fewer than six joints corrects.
+
+        Returns:
+            The matrix (6, m) that maps an error in the root's axes to the m corrected components, or None if the leg
+            corrects all of them. It depends on the direction in which the robot looks, so that a foot of fewer joints
+            stays flat and keeps its direction ahead.
+        """
+        # From the root's axes to those of a root that looks along x, of rotation and translation.
+        to_facing = np.kron(np.eye(2), self._facing_matrix)
+        joint_count = self._legs.shape[1]
+        if joint_count >= len(to_facing):
+            return None
+        root = self._plant.get_frame(self._root)
+        foot = self._plant.get_frame(self._feet[0])
+        jacobian = self._transposed_jacobian(0, foot, root)
+        candidates = [to_facing[components].T for components in _CONTROLLED[joint_count]]
+
+        def smallest_singular_value(basis: Vector) -> float:
+            """Measure how far a leg is from a singularity, with a basis (6, m)."""
+            return float(np.linalg.svd(jacobian @ basis, compute_uv=False)[-1])
+
+        return max(candidates, key=smallest_singular_value)
+
+    def _keep_knees_bent(self, legs: Sequence[Sequence[int]], posture: Vector) -> None:
+        """Narrow the limits, so that knees stay bent to the side of a posture (n,), which is the one that is set.
+
+        A leg that may bend to both sides would flip between them, and a straight leg has no inverse kinematics.
+        """
+        plant = self._plant
+        axes = self._axes
+        joints = {}  # by the index of the joint's velocity
+        for index in plant.GetJointIndices(self._instance):
+            joint = plant.get_joint(index)
+            if joint.num_velocities() == 1:
+                joints[joint.velocity_start()] = joint
+
         for leg, foot, tip in zip(legs, self._feet, self._tips, strict=True):
-            chain = [joints[place] for place in axes.velocity_places[list(leg)]]
+            chain = [joints[start] for start in axes.velocity_places[list(leg)]]
             knee = knee_of(plant, self._goal, chain, plant.get_frame(foot), tip)
             axis = leg[knee.place]
+            # The knee is measured in angles of the joint, the limits are those of the axis.
             knee = replace(knee, straight=axes.signs[axis] * knee.straight)
-            lower[axis], upper[axis] = knee.kept_bent(posture[axis], lower[axis], upper[axis])
+            limits = knee.limits_on_side_of(posture[axis], self._lower[axis], self._upper[axis])
+            self._lower[axis] = limits[0]
+            self._upper[axis] = limits[1]
 
-    def _soles(self, contact: FootContact, links: Sequence[str], stance: Vector) -> None:
-        """Find the middles of the soles, and which way they look, from the robot in a stance (n,)."""
-        plant, context = self._plant, self._goal
-        plant.SetPositions(context, self._axes.spread_positions(stance, plant.GetPositions(context)))
-        root = plant.get_frame(self._root)
-        self._tips, self._upright, self.homes, self.over = list[Vector](), list[RigidTransform](), list[Vector](), 0.0
-        self._corners = list[list[list[float]]]()
-        for link, index in zip(links, self._feet, strict=True):
-            home = RigidTransform(self.facing) @ plant.get_frame(index).CalcPose(context, root)
-            turn = home.rotation().matrix()
-            points = contact.support_points(link) @ turn.T
-            middle = (points.min(axis=0) + points.max(axis=0)) / 2
-            under = points.min(axis=0)[2]
-            round_ = contact.surface(link).radius if link in contact.points and np.ptp(points[:, :2]) < 1e-9 else 0.0
-            point = turn.T @ np.array([middle[0], middle[1], under + round_])
-            self.over = round_  # of the point over the floor [m]: balls roll about their middles
-            upright = RigidTransform(RotationMatrix(turn.T), point)
-            self._tips.append(point)
-            self._upright.append(upright)
-            corners = np.add(contact.support_points(link), (0.0, 0.0, round_))
-            self._corners.append(upright.inverse().multiply(corners.T).T.tolist())
-            self.homes.append(home.multiply(point))
-        self.sole = max(abs(part) for corners in self._corners for corner in corners for part in corner[:2])
-
-    def seen(self, read: Vector) -> Seen:
-        """Return what the robot does.
+    def _find_soles(self, contact: FootContact, links: Sequence[str], stance: Vector) -> None:
+        """Find the middle and the direction of each sole, from the robot in a stance (n,) [rad].
 
         Args:
-            read: one after another, shape (2n + 13,): position (n) and velocity (n) of the axes [rad, rad/s]; pose (7)
-                of the root link, x y z [m] qw qx qy qz; its velocity, linear and angular, in the world [m/s, rad/s].
+            contact: contact points of the feet.
+            links: names of the feet's links.
+            stance: posture in which the soles are flat and look ahead, shape (n,) [rad].
         """
-        plant, context, state = self._plant, self._seen, self._state
-        state[self._places] = self._signs * read
-        plant.SetPositionsAndVelocities(context, state)
-        links = zip(self._feet, self._upright, strict=True)
-        poses = [plant.get_frame(index).CalcPoseInWorld(context).multiply(upright) for index, upright in links]
-        feet: list[Rows] = [pose.GetAsMatrix34().tolist() for pose in poses]
-        trunk = plant.get_frame(self._root).CalcPoseInWorld(context).rotation().multiply(self._behind)
-        return Seen(
-            com=plant.CalcCenterOfMassPositionInWorld(context, [self._instance]).tolist(),
-            speed=plant.CalcCenterOfMassTranslationalVelocityInWorld(context, [self._instance]).tolist(),
-            feet=feet,
-            trunk=trunk.matrix().tolist(),
-            lowest=[_lowest(foot[2], corners) - self.over for foot, corners in zip(feet, self._corners, strict=True)],
+        plant = self._plant
+        positions = self._axes.spread_positions(stance, plant.GetPositions(self._goal))
+        plant.SetPositions(self._goal, positions)
+        root = plant.get_frame(self._root)
+
+        self._tips = list[Vector]()  # middle of the sole in the foot's link, shape (3,) [m]
+        self._soles = list[RigidTransform]()  # pose of the sole in the foot's link
+        self._corners = list[list[list[float]]]()  # corners of the sole in the frame of the sole [m]
+        self.homes = list[Vector]()
+        self.ball_radius = 0.0
+        for link, index in zip(links, self._feet, strict=True):
+            home = RigidTransform(self.facing) @ plant.get_frame(index).CalcPose(self._goal, root)
+            to_level = home.rotation().matrix()
+            support_points = contact.support_points(link)
+            points = support_points @ to_level.T
+
+            # A foot whose spheres are all on its link's axis is a ball. It rolls, so the leg moves the ball's middle.
+            middle = (points.min(axis=0) + points.max(axis=0)) / 2
+            lowest = points.min(axis=0)[2]
+            is_ball = link in contact.points and np.ptp(points[:, :2]) < _SAME_POINT
+            radius = contact.surface(link).radius if is_ball else 0.0
+            self.ball_radius = radius
+
+            tip = to_level.T @ np.array([middle[0], middle[1], lowest + radius])
+            sole = RigidTransform(RotationMatrix(to_level.T), tip)
+            corners = np.add(support_points, (0.0, 0.0, radius))
+            self._tips.append(tip)
+            self._soles.append(sole)
+            self._corners.append(sole.inverse().multiply(corners.T).T.tolist())
+            self.homes.append(home.multiply(tip))
+        self.sole_reach = max(
+            abs(coordinate) for corners in self._corners for corner in corners for coordinate in corner[:2]
         )
 
-    def take(self, posture: Vector) -> None:
-        """Take a posture (n,), upright and ahead: that which :meth:`centre` and :meth:`reached` are about."""
-        self._posture = posture
-        self._positions[self._axes.position_places] = self._axes.signs * posture
-        self._plant.SetPositions(self._goal, self._positions)
-
-    def centre(self) -> list[float]:
-        """Return where the centre of mass is from the root, x y z [m]."""
-        com = self._plant.CalcCenterOfMassPositionInWorld(self._goal, [self._instance])
-        found: list[float] = self._from_com.multiply(com).tolist()
-        return found
-
-    def reached(self, turn: Rows, feet: Vector, rounds: int = 1) -> Vector:
-        """Return the posture (n,) in which the soles are where they shall be, by Newton's method from the one taken.
+    def observe(self, measured: Vector) -> BodyState:
+        """Compute the motion of the robot from its measured state.
 
         Args:
-            turn: how the root is turned from upright and ahead, shape (3, 3).
-            feet: poses of the soles' middles from the root, in the world's axes, shape (feet, 3, 4) [1, m].
-            rounds: steps of the method; one is enough for a reference that goes on from the last sample's.
+            measured: shape (2n + 13,): positions (n) [rad] and velocities (n) [rad/s] of the axes; pose (7) of the
+                root link, x y z [m] qw qx qy qz; its linear and angular velocity (6) in the world [m/s, rad/s].
         """
-        plant, context, posture = self._plant, self._goal, self._posture
-        frame, links = plant.get_frame(self._root), [plant.get_frame(index) for index in self._feet]
-        target = (np.array(turn) @ self._facing).T @ feet  # as seen from the root
-        rates, poses = np.empty((*self._legs.shape, 6)), np.empty((len(links), 3, 4))
-        for done in range(rounds):
-            if done:
-                self.take(posture)
+        plant = self._plant
+        context = self._measured
+        self._measured_state[self._measured_indices] = self._measured_signs * measured
+        plant.SetPositionsAndVelocities(context, self._measured_state)
+
+        # Plain lists: the estimator reads single numbers, which takes longer from an array.
+        feet = list[Rows]()
+        for index, sole in zip(self._feet, self._soles, strict=True):
+            pose = plant.get_frame(index).CalcPoseInWorld(context).multiply(sole)
+            feet.append(pose.GetAsMatrix34().tolist())
+        root = plant.get_frame(self._root).CalcPoseInWorld(context)
+        trunk = root.rotation().multiply(self._from_facing)
+        instances = [self._instance]
+        return BodyState(
+            com=plant.CalcCenterOfMassPositionInWorld(context, instances).tolist(),
+            speed=plant.CalcCenterOfMassTranslationalVelocityInWorld(context, instances).tolist(),
+            feet=feet,
+            trunk=trunk.matrix().tolist(),
+            lowest=[
+                _lowest_height(foot[2], corners) - self.ball_radius
+                for foot, corners in zip(feet, self._corners, strict=True)
+            ],
+        )
+
+    def set_posture(self, posture: Vector) -> None:
+        """Set the posture (n,) [rad] that :meth:`com_from_root` and :meth:`solve_posture` start from."""
+        self._posture = posture
+        self._goal_positions[self._axes.position_places] = self._axes.signs * posture
+        self._plant.SetPositions(self._goal, self._goal_positions)
+
+    def com_from_root(self) -> list[float]:
+        """Compute the centre of mass x y z from the root, in a root that is upright and looks along x [m]."""
+        com = self._plant.CalcCenterOfMassPositionInWorld(self._goal, [self._instance])
+        from_root: list[float] = self._root_from_world.multiply(com).tolist()
+        return from_root
+
+    def solve_posture(self, trunk: Rows, feet: Vector, rounds: int = 1) -> Vector:
+        """Solve the inverse kinematics of the legs by damped Newton steps from the posture that is set.
+
+        Args:
+            trunk: desired rotation of the root from upright and looking along x, shape (3, 3).
+            feet: desired poses of the soles' middles from the root, in the world's axes, shape (feet, 3, 4) [1, m].
+            rounds: count of Newton steps. One is enough for a reference that goes on from the last sample's.
+
+        Returns:
+            The posture, shape (n,) [rad]. Axes that are in no leg stay.
+        """
+        plant = self._plant
+        root = plant.get_frame(self._root)
+        links = [plant.get_frame(index) for index in self._feet]
+        # The Jacobians are in the axes of the root link, so the targets are, too.
+        to_root = (np.array(trunk) @ self._facing_matrix).T
+        targets = to_root @ feet
+
+        jacobians = np.empty((*self._legs.shape, 6))
+        poses = np.empty((len(links), 3, 4))
+        posture = self._posture
+        for completed in range(rounds):
+            if completed:
+                self.set_posture(posture)
             for number, link in enumerate(links):
-                poses[number] = link.CalcPose(context, frame).GetAsMatrix34()
-                rates[number] = self._rates(number, link, frame)
-            posture = posture.copy()
-            posture[self._legs] += self._step(rates, poses @ self._middles, target)
+                poses[number] = link.CalcPose(self._goal, root).GetAsMatrix34()
+                jacobians[number] = self._transposed_jacobian(number, link, root)
+            posture = posture.copy()  # the caller keeps the one that was set
+            posture[self._legs] += self._newton_step(jacobians, poses @ self._sole_matrices, targets)
             posture = np.minimum(np.maximum(posture, self._lower), self._upper)
         return posture
 
-    def _rates(self, foot: int, link: Frame, root: Frame) -> Vector:
-        """Return the transposed Jacobian (k, 6) of the middle of a sole by its leg, in the root's axes, as taken."""
-        of_plant = self._plant.CalcJacobianSpatialVelocity(self._goal, _V, link, self._tips[foot], root, root)
-        return np.asarray(of_plant[:, self._columns[foot]].T)
+    def _transposed_jacobian(self, foot: int, link: Frame, root: Frame) -> Vector:
+        """Compute the transposed Jacobian (k, 6) of a sole's middle by the k joints of its leg, in the root's axes.
 
-    def _step(self, own: Vector, there: Vector, target: Vector) -> Vector:
-        """Return a damped step of the legs' joints (legs, k) from poses of the feet towards others, (legs, 3, 4) each.
-
-        The transposed Jacobians (legs, k, 6) are in the root's axes, as the poses are.
+        Args:
+            foot: index of the foot.
+            link: frame of the foot's link.
+            root: frame of the root link.
         """
-        turn = target[:, :, :3] @ there[:, :, :3].transpose(0, 2, 1)
-        errors = np.concatenate([turn.reshape(-1, 9) @ _ABOUT, target[:, :, 3] - there[:, :, 3]], axis=1)
-        if self._rows is not None:
-            own, errors = own @ self._rows, errors @ self._rows
-        squares, sides = own @ own.transpose(0, 2, 1) + self._damping, (own @ errors[..., np.newaxis])[..., 0]
-        # NumPy's own way there takes four times as long
-        step = np.array([dgesv(square, side)[2] for square, side in zip(squares, sides, strict=True)]) * self._senses
-        return np.asarray(np.minimum(np.maximum(step, -_LARGEST), _LARGEST))
+        jacobian = self._plant.CalcJacobianSpatialVelocity(self._goal, _V, link, self._tips[foot], root, root)
+        return np.asarray(jacobian[:, self._columns[foot]].T)
+
+    def _newton_step(self, jacobians: Vector, poses: Vector, targets: Vector) -> Vector:
+        r"""Compute one damped least-squares step of all legs.
+
+        With the Jacobian J of a leg, the pose error e of its foot and the damping :math:`\lambda`,
+
+        .. math:: \Delta q = (J^T J + \lambda I)^{-1} J^T e = J^T (J J^T + \lambda I)^{-1} e .
+
+        The first form is solved here. Its matrix has the size of the leg's joints.
+
+        Args:
+            jacobians: transposed Jacobians :math:`J^T`, shape (legs, k, 6), in the root's axes.
+            poses: poses of the soles' middles in the root's frame, shape (legs, 3, 4).
+            targets: desired poses of the soles' middles in the root's frame, shape (legs, 3, 4).
+
+        Returns:
+            The change of each axis, shape (legs, k) [rad].
+        """
+        # Pose error: the small rotation from the pose to the target, and the distance between them.
+        rotations = targets[:, :, :3] @ poses[:, :, :3].transpose(0, 2, 1)
+        rotation_errors = rotations.reshape(-1, 9) @ _TO_ROTATION_VECTOR
+        position_errors = targets[:, :, 3] - poses[:, :, 3]
+        errors = np.concatenate([rotation_errors, position_errors], axis=1)
+        if self._task_basis is not None:
+            jacobians = jacobians @ self._task_basis
+            errors = errors @ self._task_basis
+
+        matrices = jacobians @ jacobians.transpose(0, 2, 1) + self._damping
+        right_sides = (jacobians @ errors[..., np.newaxis])[..., 0]
+        # LAPACK is called leg by leg: np.linalg.solve takes four times as long for matrices of this size.
+        solutions = [dgesv(matrix, side)[2] for matrix, side in zip(matrices, right_sides, strict=True)]
+        # A large step would leave the range in which the linearization holds.
+        step = np.array(solutions) * self._leg_signs
+        return np.asarray(np.minimum(np.maximum(step, -_LARGEST_STEP), _LARGEST_STEP))
 
 
-def _lowest(upward: Sequence[float], corners: Rows) -> float:
-    """Return how high the lowest of some points of a foot is [m], by the last row of its pose."""
-    a, b, c, over = upward
-    return over + min([a * x + b * y + c * z for x, y, z in corners])
+def _check_legs(feet: Sequence[Frame], legs: Sequence[Sequence[int]]) -> None:
+    """Check that all legs have the same count of joints, from three to seven.
+
+    Raises:
+        InvalidParameter: a leg has another count of joints.
+    """
+    for frame, leg in zip(feet, legs, strict=True):
+        if len(leg) not in _CONTROLLED or len(leg) != len(legs[0]):
+            raise InvalidParameter(
+                message("walking.leg_of", "leg of {frame}", frame=frame.name()),
+                message("walking.count_of_joints", "{count} joints", count=len(leg)),
+                message("walking.three_to_seven", "three to seven, all alike, to walk"),
+            )
+
+
+def _lowest_height(upward: Sequence[float], corners: Rows) -> float:
+    """Compute the height of the lowest corner of a foot [m].
+
+    Args:
+        upward: third row of the foot's pose matrix, shape (4,): it gives the height of a point of the foot.
+        corners: corners of the foot x y z [m].
+    """
+    a = upward[0]
+    b = upward[1]
+    c = upward[2]
+    height = upward[3]
+    # Plain numbers are faster than a NumPy product of this size.
+    return height + min([a * x + b * y + c * z for x, y, z in corners])
 
 
 @dataclass(frozen=True)
 class StanceFeet:
-    """The feet of a robot in two groups that stand and swing in turn, 0 the right one, 1 the left one.
+    """Feet of a robot in its stance, in two groups that stand and swing in turn: 0 the right one, 1 the left one.
 
     Attributes:
-        groups: the feet of each group, by their places.
-        about: where they stand about the middle of their group [m].
-        planes: what each counts for the slope of its group [1/m].
-        half: how far the middles of the groups are to the side of the robot's [m].
-        rolls: how much further than its legs go a robot gets because its feet roll meanwhile.
+        groups: indices of the feet of each group.
+        offsets: position of each foot from the middle of its group, as complex numbers [m].
+        slope_weights: change of the group's slope for each metre by which a foot is raised, of each foot [1/m].
+        half_width: distance from the robot's middle to the middle of each group, to the side [m].
+        roll_factor: distance that the robot goes over the distance that its legs go [1]. Above 1 if the feet are
+            balls, which roll while they stand.
     """
 
     groups: Sequence[Sequence[int]]
-    about: Sequence[Sequence[complex]]
-    planes: Sequence[Sequence[complex]]
-    half: float
-    rolls: float
+    offsets: Sequence[Sequence[complex]]
+    slope_weights: Sequence[Sequence[complex]]
+    half_width: float
+    roll_factor: float
 
     @classmethod
     def of(cls, body: Body, parameters: WalkingParameters, groups: Sequence[Sequence[int]]) -> StanceFeet:
-        """Return the stance of a robot; ``groups`` are its feet that stand together, the right ones first."""
-        homes = [complex(*home[:2]) + 1j * math.copysign(parameters.widen, home[1]) for home in body.homes]
+        """Find the feet of a robot in its stance.
+
+        Args:
+            body: kinematics of the robot.
+            parameters: parameters of the walk.
+            groups: indices of the feet that stand together, the right ones first.
+        """
+        homes = list[complex]()
+        for x, y, _ in body.homes:
+            to_side = math.copysign(parameters.widen, y)  # to the foot's own side
+            homes.append(complex(x, y) + 1j * to_side)
         middles = [sum(homes[foot] for foot in group) / len(group) for group in groups]
-        about = [[homes[foot] - middle for foot in group] for group, middle in zip(groups, middles, strict=True)]
-        rolls = 1.0 + body.over / (parameters.bearing.height - body.over)
-        return cls(groups, about, [planes(each) for each in about], 0.5 * (middles[1] - middles[0]).imag, rolls)
+
+        offsets = list[list[complex]]()
+        for group, middle in zip(groups, middles, strict=True):
+            offsets.append([homes[foot] - middle for foot in group])
+        # Index 0 is the right group, whose middle has a negative y.
+        half_width = 0.5 * (middles[1] - middles[0]).imag
+        # A leg of length h - r that turns by an angle a moves the hip by (h - r) a from the middle of its ball. The
+        # ball of radius r turns with the leg and rolls by r a, so the robot goes by the factor 1 + r / (h - r) more.
+        roll_factor = 1.0 + body.ball_radius / (parameters.bearing.height - body.ball_radius)
+        weights = [slope_weights_of(positions) for positions in offsets]
+        return cls(groups, offsets, weights, half_width, roll_factor)
 
     def omega(self, height: float) -> float:
-        """Return that of the pendulum [1/s]: its point comes after it where feet are balls, and it falls slower."""
-        return math.sqrt(STANDARD_GRAVITY / (height * self.rolls))
+        """Natural frequency of the pendulum [1/s], with the centre of mass at a height above the floor [m].
+
+        A robot on balls falls more slowly: its support point rolls after the centre of mass.
+        """
+        return math.sqrt(STANDARD_GRAVITY / (height * self.roll_factor))
 
 
-def uphill(slope: complex, place: complex) -> float:
-    """Return how much higher a place is on a slope than its origin [m]."""
+def height_on_slope(slope: complex, place: complex) -> float:
+    """Height of a position [m] on a slope through the origin [m]: the slope's real part ahead, imaginary part left."""
     return (slope.conjugate() * place).real
 
 
-def planes(places: Sequence[complex]) -> list[complex]:
-    """Return what each of some places counts for the slope of the plane, or the line, through them [1/m]."""
-    ahead, left = np.linalg.pinv([(place.real, place.imag) for place in places]).tolist()
-    return [complex(*parts) for parts in zip(ahead, left, strict=True)]
+def slope_weights_of(positions: Sequence[complex]) -> list[complex]:
+    """Compute the weight of each foot in the slope of the plane or line through all of them [1/m].
+
+    The slope is the least-squares solution: the pseudoinverse of the positions times the heights.
+
+    Args:
+        positions: positions of the feet from their middle, as complex numbers [m].
+    """
+    ahead, left = np.linalg.pinv([(position.real, position.imag) for position in positions]).tolist()
+    return [complex(*weight) for weight in zip(ahead, left, strict=True)]
 
 
-def sloped(plane: Sequence[complex], ways: Sequence[float]) -> complex:
-    """Return the slope of a plane or line through feet that are raised by so much [m]."""
-    return sum((part * way for part, way in zip(plane, ways, strict=True)), 0j)
+def slope_through(slope_weights: Sequence[complex], heights: Sequence[float]) -> complex:
+    """Slope of the plane or line through feet at heights [m], see :func:`slope_weights_of`."""
+    return sum((weight * height for weight, height in zip(slope_weights, heights, strict=True)), 0j)
+
+
+keep_former_attributes(
+    Body,
+    seen="observe",
+    take="set_posture",
+    centre="com_from_root",
+    reached="solve_posture",
+    over="ball_radius",
+    sole="sole_reach",
+)
+keep_former_attributes(StanceFeet, about="offsets", planes="slope_weights", half="half_width", rolls="roll_factor")
+if not TYPE_CHECKING:
+    __getattr__ = former_names_of(
+        __name__,
+        {
+            "Seen": "BodyState",
+            "uphill": "height_on_slope",
+            "planes": "slope_weights_of",
+            "sloped": "slope_through",
+        },
+    )

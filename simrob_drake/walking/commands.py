@@ -1,262 +1,414 @@
-"""What a walk is asked for: by hand, by another block, by a table or by a path, and within what the legs can follow."""
+"""Commands of a walk, limited to what the legs can follow.
+
+A command comes from a user who steers, from another block, from a table of times or from a path.
+"""
 
 from __future__ import annotations
 
+import cmath
 from bisect import bisect_right
-from cmath import exp as turned_by
-from cmath import phase
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
 from math import atan2, cos, degrees, isfinite, pi, radians, tan
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
+from simrob_drake.base.renaming import former_names_of, keep_former_attributes
 from simrob_drake.base.sections import NotNegative, Number, Speed, Strict
 from simrob_drake.walking.parameters import MaxSpeed
-from simrob_drake.walking.steps import Command, within
+from simrob_drake.walking.steps import Command, clamp
 
-_SAME = 1e-6  # of points [m]
-_HOP = 0.05  # how much further on its path a robot comes in a sample, at most [m]
-_SOON = 0.4  # how far ahead is looked: what is commanded shows as late as that [s]
-_ACROSS = 0.8  # of the way back to the path [1/s]
-_STEEPEST = 0.7  # at which it comes back [rad]
-_TURNS = 1.5  # of the way back to its direction [1/s]
-_BRAKES = 0.7  # of the way that is left: how fast it comes to the end [1/s]
-_CREEPS = 0.03  # and at least [m/s]
-_ARRIVED = 0.02  # from the end [m]
-_FACES = 0.05  # from the heading at the end [rad]
-_SPARE = 0.8  # part of the largest turn that the path itself may take
+# Points, or angles, are the same if they differ by less [m, rad].
+_SAME = 1e-6
+# Times that differ by so little are the same sample [s].
+_TIME_ROUNDING = 1e-9
+
+# Gains and limits of the path follower.
+# Largest progress on the path in one sample [m]. A measured pose that jumps must not skip a part of the path.
+_LARGEST_PROGRESS = 0.05
+# Time from a command to its effect: the follower looks ahead by it [s].
+_LOOK_AHEAD = 0.4
+# Speed back to the path for a distance to its side [1/s].
+_SIDE_GAIN = 0.8
+# Largest angle between the path and the way back to it [rad].
+_LARGEST_APPROACH = 0.7
+# Turning speed for an error of the heading [1/s].
+_HEADING_GAIN = 1.5
+# Speed at the end of the path for the remaining distance [1/s] ...
+_BRAKING_GAIN = 0.7
+# ... and the least speed there [m/s].
+_LEAST_SPEED = 0.03
+# The end is reached within this distance [m] and this error of the heading [rad].
+_END_DISTANCE = 0.02
+_END_HEADING = 0.05
+# Part of the largest turning speed that the curvature of the path may take. The rest is for corrections [1].
+_CURVE_PART = 0.8
+# Least factor 1 - curvature * distance. It is zero at the centre of an arc, where every point of it is as near.
+_LEAST_SHORTENING = 0.2
 
 
 class Waypoints(Strict):
-    """Points that a robot goes by, on straight lines whose corners are rounded."""
+    """Path on straight lines between points, with rounded corners."""
 
     points: Annotated[tuple[tuple[Number, Number], ...], Field(min_length=2)]
-    """x, y in the world [m]; the first one within 0.5 m of where the robot begins."""
+    """Points x, y in the world [m]. The first one is within 0.5 m of the robot's initial position."""
     speed: Annotated[Speed, Field(gt=0)] = 0.1
-    """[m/s]."""
+    """Speed along the path [m/s]."""
     rounding: NotNegative = 0.2
-    """How far from a corner its arc begins at most; never beyond the middles of the lines [m]. 0: turn on the spot."""
+    """Largest distance from a corner at which its arc begins, never beyond the middle of a line [m]. With 0, the robot
+    turns on the spot."""
     laps: Annotated[int, Field(strict=True, ge=1, le=1000)] | None = None
-    """How often round a closed path; open unless given."""
+    """Count of rounds on a closed path. The path is open if this is not set."""
     heading_deg: Number | None = None
-    """Where the robot looks at the end, from the world's x [deg]; as it comes unless given."""
+    """Heading at the end, from the world's x axis [deg]. If it is not set, the robot keeps the one in which it
+    arrives."""
 
     @model_validator(mode="after")
-    def _apart(self) -> Waypoints:
+    def _check_points(self) -> Waypoints:
+        """Check that no two consecutive points are the same: the line between them has no direction."""
         corners = self.corners
-        same = [number for number in range(1, len(corners)) if abs(corners[number] - corners[number - 1]) < _SAME]
-        if same:
-            raise ValueError(
-                message(
-                    "walking.same_points",
-                    "points {first} and {second} of the path are the same",
-                    first=same[0] - 1,
-                    second=same[0],
+        for number, (before, corner) in enumerate(pairwise(corners)):
+            if abs(corner - before) < _SAME:
+                raise ValueError(
+                    message(
+                        "walking.same_points",
+                        "points {first} and {second} of the path are the same",
+                        first=number,
+                        second=number + 1,
+                    )
                 )
-            )
         return self
 
     @property
     def corners(self) -> list[complex]:
-        """All points in order, those of each lap."""
+        """Points of the path as complex numbers, in order, repeated for each lap [m]."""
         once = [complex(*point) for point in self.points]
-        return once if self.laps is None else [*once * self.laps, once[0]]
+        if self.laps is None:
+            return once
+        return [*once * self.laps, once[0]]
 
 
 @dataclass(frozen=True)
 class Spot:
-    """A place on a path: where [m], its direction as a complex number of length one, and its curvature [1/m]."""
+    """Point of a path.
+
+    Attributes:
+        place: position as a complex number [m].
+        direction: direction of the path there, as a complex number of length one.
+        curvature: curvature of the path there, positive to the left [1/m].
+    """
 
     place: complex
     direction: complex
     curvature: float = 0.0
 
-    def after(self, way: float) -> Spot:
-        """Return the place after a way of the same curvature [m]."""
-        turn = turned_by(1j * self.curvature * way)
-        if self.curvature:
-            return Spot(
-                self.place + self.direction * (turn - 1) / (1j * self.curvature), self.direction * turn, self.curvature
-            )
-        return Spot(self.place + self.direction * way, self.direction)
+    def at_distance(self, distance: float) -> Spot:
+        """Point that is further along by a distance [m] on an arc, or a line, of the same curvature."""
+        if not self.curvature:
+            return Spot(self.place + self.direction * distance, self.direction)
+        # The direction turns by curvature times distance; the position is its integral over the distance.
+        turn = cmath.exp(1j * self.curvature * distance)
+        place = self.place + self.direction * (turn - 1) / (1j * self.curvature)
+        return Spot(place, self.direction * turn, self.curvature)
 
 
 class Path:
-    """Lines and arcs, one after the other.
+    """Path of lines and arcs, one after the other.
 
     Attributes:
-        length: of all [m].
+        length: length of the path [m].
     """
 
     def __init__(self, corners: Sequence[complex], rounding: float) -> None:
-        """Make the path through corners [m], each of which but the ends is cut off by ``rounding`` at most [m]."""
-        sides = [b - a for a, b in pairwise(corners)]
-        turns = [phase(b / a) for a, b in pairwise(sides)]
-        cuts = [0.0] * (len(sides) + 1)
-        for number, turn in enumerate(turns):
-            if _SAME < abs(turn) < pi - _SAME:  # else there is nothing to be cut off, or no arc that touches both
-                cuts[number + 1] = min(rounding, abs(sides[number]) / 2, abs(sides[number + 1]) / 2)
-        self._starts, lengths = list[Spot](), list[float]()
+        """Create the path through corners, the inner ones of which are rounded.
+
+        Args:
+            corners: positions as complex numbers [m].
+            rounding: largest distance from a corner at which its arc begins [m].
+        """
+        sides = [end - start for start, end in pairwise(corners)]
+        turns = [cmath.phase(after / before) for before, after in pairwise(sides)]
+        cuts = _cut_corners(sides, turns, rounding)
+
+        self._starts = list[Spot]()  # first point of each line and arc
+        lengths = list[float]()
         for number, side in enumerate(sides):
             direction = side / abs(side)
-            begins, ends = cuts[number], cuts[number + 1]
-            self._starts.append(Spot(corners[number] + begins * direction, direction))
-            lengths.append(abs(side) - begins - ends)
-            if ends:
+            cut_before = cuts[number]
+            cut_after = cuts[number + 1]
+            self._starts.append(Spot(corners[number] + cut_before * direction, direction))
+            lengths.append(abs(side) - cut_before - cut_after)
+            if cut_after:
+                # An arc that turns by a touches both lines at the distance tan(a / 2) / curvature from the corner.
                 turn = turns[number]
-                curvature = tan(turn / 2) / ends
-                self._starts.append(Spot(corners[number + 1] - ends * direction, direction, curvature))
+                curvature = tan(turn / 2) / cut_after
+                self._starts.append(Spot(corners[number + 1] - cut_after * direction, direction, curvature))
                 lengths.append(turn / curvature)
-        self._begins = [0.0, *accumulate(lengths)]
-        self.length = self._begins.pop()
+        self._start_distances = [0.0, *accumulate(lengths)]
+        self.length = self._start_distances.pop()
 
-    def at(self, along: float) -> Spot:
-        """Return a place by its way from the start [m]."""
-        number = max(bisect_right(self._begins, along) - 1, 0)
-        return self._starts[number].after(along - self._begins[number])
+    def at(self, distance: float) -> Spot:
+        """Point of the path at a distance from its start [m]."""
+        number = max(bisect_right(self._start_distances, distance) - 1, 0)
+        return self._starts[number].at_distance(distance - self._start_distances[number])
+
+
+def _cut_corners(sides: Sequence[complex], turns: Sequence[float], rounding: float) -> list[float]:
+    """Compute how much of the lines the arc of each corner replaces [m]: the same distance before and after it.
+
+    Args:
+        sides: vectors along the n lines [m].
+        turns: angles between consecutive lines, n - 1 of them [rad].
+        rounding: largest distance [m].
+
+    Returns:
+        One distance for each of the n + 1 points. It is 0 for both ends.
+    """
+    cuts = [0.0] * (len(sides) + 1)
+    for number, turn in enumerate(turns):
+        # A straight corner has nothing to round, and no arc touches both lines of a path that turns back.
+        if _SAME < abs(turn) < pi - _SAME:
+            cuts[number + 1] = min(rounding, abs(sides[number]) / 2, abs(sides[number + 1]) / 2)
+    return cuts
+
+
+class _RootPose(NamedTuple):
+    """Pose of a robot in the plane.
+
+    Attributes:
+        place: position as a complex number [m].
+        direction: direction in which the robot looks, as a complex number of length one.
+    """
+
+    place: complex
+    direction: complex
 
 
 class Follower:
-    """Commands a robot along a path, by where its root is."""
+    """Computes the commands that lead a robot along a path, from the pose of its root.
+
+    Attributes:
+        path: the path.
+    """
 
     def __init__(self, waypoints: Waypoints, max_speed: MaxSpeed, facing: float) -> None:
-        """Prepare.
+        """Create the follower of a path.
 
         Args:
-            waypoints: what to follow.
-            max_speed: that the legs can do.
-            facing: where the robot looks while its root is not turned, from the world's x axis [rad].
+            waypoints: points of the path, and the speed.
+            max_speed: largest commands that the legs can follow.
+            facing: direction in which the robot looks if its root is not turned, from the world's x axis [rad].
         """
         self.path = Path(waypoints.corners, waypoints.rounding)
-        self._speed, self._facing = min(waypoints.speed, max_speed.ahead), facing
-        self._aside, self._turn = max_speed.sideways, radians(max_speed.turn_deg)
-        self._heading = None if waypoints.heading_deg is None else radians(waypoints.heading_deg)
+        # The path is followed at a speed that the legs have. The station warns if that is less than desired.
+        self._speed = min(waypoints.speed, max_speed.ahead)
+        self._facing = facing
+        self._largest_sideways = max_speed.sideways
+        self._largest_turn = radians(max_speed.turn_deg)
+        self._end_heading = None if waypoints.heading_deg is None else radians(waypoints.heading_deg)
 
     def now(self, base: Vector, progress: float) -> tuple[Command | None, float]:
-        """Return the command for where the robot is, and its progress [m]; beyond the length once it has arrived.
-
-        None, and the progress that was, if its pose is not a number.
+        """Compute the command at a pose of the robot.
 
         Args:
-            base: pose of its root, x y z qw qx qy qz [m].
-            progress: so far [m].
+            base: pose of the root x y z [m] qw qx qy qz, shape (7,).
+            progress: distance on the path that is done so far [m].
+
+        Returns:
+            The command, and the new progress [m], which is beyond the length of the path after the robot has arrived.
+            The command is None and the progress unchanged if the pose is not finite.
         """
-        x, y, _, w, i, j, k = base.tolist()
-        looks = atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k)) + self._facing
-        if not isfinite(x + y + looks):
+        pose = self._root_pose(base)
+        if pose is None:
             return None, progress
-        sight = turned_by(1j * looks)
         length = self.path.length
         if progress > length:
             return Command(), progress
+
+        # Project the robot onto the path. On an arc, a distance aside lengthens or shortens the way along it.
         spot = self.path.at(progress)
-        off = (complex(x, y) - spot.place) / spot.direction
-        hop = off.real / max(1.0 - spot.curvature * off.imag, 0.2)
-        progress = min(max(progress + within(hop, _HOP), 0.0), length)
-        left = length - progress
-        if left < _ARRIVED:
-            error = 0.0 if self._heading is None else phase(turned_by(1j * self._heading) / sight)
-            if abs(error) < _FACES or not self._turn:
-                return Command(), length + 1.0
-            return Command(0j, within(_TURNS * error, self._turn)), progress
-        soon = self.path.at(min(progress + _SOON * self._speed, length))
-        speed = min(self._speed, _BRAKES * left + _CREEPS)
-        bend = max(abs(spot.curvature), abs(soon.curvature))
-        if bend:
-            speed = min(speed, _SPARE * self._turn / bend)
-        back = within(-_ACROSS * off.imag, self._speed * tan(_STEEPEST))
-        error = phase(soon.direction * complex(self._speed, back) / sight)
-        way = soon.direction * complex(speed, back) * max(cos(error), 0.0) / sight
-        aside = within(way.imag, self._aside)
-        turn = within(soon.curvature * speed + _TURNS * error, self._turn)
-        return Command(complex(max(min(way.real, self._speed), 0.0), aside), turn), progress
+        offset = (pose.place - spot.place) / spot.direction  # along the path, and to its left [m]
+        advance = offset.real / max(1.0 - spot.curvature * offset.imag, _LEAST_SHORTENING)
+        progress = min(max(progress + clamp(advance, _LARGEST_PROGRESS), 0.0), length)
 
+        remaining = length - progress
+        if remaining < _END_DISTANCE:
+            return self._turn_at_end(pose, progress)
+        return self._command_along(pose, spot, offset, progress), progress
 
-_ROUNDING = 1e-9  # s
+    def _root_pose(self, base: Vector) -> _RootPose | None:
+        """Convert the pose of the root (7,) to one in the plane. Returns None if it is not finite."""
+        x = float(base[0])
+        y = float(base[1])
+        w = float(base[3])
+        i = float(base[4])
+        j = float(base[5])
+        k = float(base[6])
+        # Yaw of the quaternion w + i x + j y + k z.
+        heading = atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k)) + self._facing
+        if not isfinite(x + y + heading):
+            return None
+        return _RootPose(complex(x, y), cmath.exp(1j * heading))
+
+    def _turn_at_end(self, pose: _RootPose, progress: float) -> tuple[Command, float]:
+        """Turn on the spot to the heading at the end of the path. Returns the command and the progress [m]."""
+        error = 0.0
+        if self._end_heading is not None:
+            error = cmath.phase(cmath.exp(1j * self._end_heading) / pose.direction)
+        if abs(error) < _END_HEADING or not self._largest_turn:
+            return Command(), self.path.length + 1.0  # arrived
+        return Command(0j, clamp(_HEADING_GAIN * error, self._largest_turn)), progress
+
+    def _command_along(self, pose: _RootPose, spot: Spot, offset: complex, progress: float) -> Command:
+        """Compute the command on the way.
+
+        Args:
+            pose: pose of the robot.
+            spot: point of the path at the last progress.
+            offset: position of the robot from that point, along the path and to its left [m].
+            progress: distance on the path that is done [m].
+        """
+        length = self.path.length
+        soon = self.path.at(min(progress + _LOOK_AHEAD * self._speed, length))
+
+        # Slow down towards the end, and in bends that ask for more turning speed than the legs have.
+        remaining = length - progress
+        speed = min(self._speed, _BRAKING_GAIN * remaining + _LEAST_SPEED)
+        curvature = max(abs(spot.curvature), abs(soon.curvature))
+        if curvature:
+            speed = min(speed, _CURVE_PART * self._largest_turn / curvature)
+
+        # The desired direction leads back to the path. A robot that looks elsewhere first turns, then walks.
+        back = clamp(-_SIDE_GAIN * offset.imag, self._speed * tan(_LARGEST_APPROACH))
+        error = cmath.phase(soon.direction * complex(self._speed, back) / pose.direction)
+        velocity = soon.direction * complex(speed, back) * max(cos(error), 0.0) / pose.direction
+
+        ahead = max(min(velocity.real, self._speed), 0.0)
+        sideways = clamp(velocity.imag, self._largest_sideways)
+        turn = clamp(soon.curvature * speed + _HEADING_GAIN * error, self._largest_turn)
+        return Command(complex(ahead, sideways), turn)
 
 
 class Commanded(Strict):
-    """What the robot shall do from a time on."""
+    """Command of a walk from a time on."""
 
     time: NotNegative = 0.0
-    """[s]."""
+    """Time from which the command holds [s]."""
     ahead: Number = 0.0
-    """[m/s]."""
+    """Speed ahead [m/s]."""
     sideways: Number = 0.0
-    """To the left [m/s]."""
+    """Speed to the left [m/s]."""
     turn_deg: Number = 0.0
-    """To the left [deg/s]."""
+    """Turning speed to the left [deg/s]."""
 
     @property
     def command(self) -> Command:
-        """The same as a command."""
+        """The command in SI units."""
         return Command(complex(self.ahead, self.sideways), radians(self.turn_deg))
 
 
-def clipped(command: Command, max_speed: MaxSpeed) -> Command:
-    """Return what of a command the legs can follow; the same object if that is all of it."""
+class ExcessivePart(NamedTuple):
+    """Part of a command that is beyond what the legs can follow.
+
+    Attributes:
+        key: name of the part: ``ahead``, ``sideways`` or ``turn_deg``.
+        value: desired value.
+        limit: value that the legs can follow.
+        unit: unit of both.
+    """
+
+    key: str
+    value: float
+    limit: float
+    unit: str
+
+
+def clip_command(command: Command, max_speed: MaxSpeed) -> Command:
+    """Limit a command to what the legs can follow. Returns the same object if the command is within the limits."""
     ahead = min(max(command.speed.real, -max_speed.backward), max_speed.ahead)
-    left = within(command.speed.imag, max_speed.sideways)
-    turn = within(command.turn, radians(max_speed.turn_deg))
-    same = ahead == command.speed.real and left == command.speed.imag and turn == command.turn
-    return command if same else Command(complex(ahead, left), turn)
+    left = clamp(command.speed.imag, max_speed.sideways)
+    turn = clamp(command.turn, radians(max_speed.turn_deg))
+    # Callers compare the objects: a new one means that the command was clipped.
+    is_same = ahead == command.speed.real and left == command.speed.imag and turn == command.turn
+    return command if is_same else Command(complex(ahead, left), turn)
 
 
-def beyond(command: Command, max_speed: MaxSpeed) -> list[tuple[str, float, float, str]]:
-    """Return what of a command the legs cannot follow: keys, values, what they can, units."""
-    can = clipped(command, max_speed)
+def find_excess(command: Command, max_speed: MaxSpeed) -> list[ExcessivePart]:
+    """Find the parts of a command that the legs cannot follow."""
+    limit = clip_command(command, max_speed)
     parts = (
-        ("ahead", command.speed.real, can.speed.real, "m/s"),
-        ("sideways", command.speed.imag, can.speed.imag, "m/s"),
-        ("turn_deg", degrees(command.turn), degrees(can.turn), "deg/s"),
+        ExcessivePart("ahead", command.speed.real, limit.speed.real, "m/s"),
+        ExcessivePart("sideways", command.speed.imag, limit.speed.imag, "m/s"),
+        ExcessivePart("turn_deg", degrees(command.turn), degrees(limit.turn), "deg/s"),
     )
-    return [part for part in parts if part[1] != part[2]]
+    return [part for part in parts if part.value != part.limit]
 
 
 class Commander:
-    """Says what a walk is asked for at each sample.
+    """Selects the command of a walk at each sample.
 
-    The first of these that says anything: a hand, an input, a table from its first time on, a path; else to stand.
-    What it remembers is part of the walk's memory: ``hand`` (4), whether a hand commands and its command, and
-    ``progress`` (1), how far it is on its path [m].
+    The first of these sources that has a command decides: a user who steers, an input port, a table from its first
+    time on, a path. Without any of them the robot stands.
+
+    The walking loop stores two values for the commander (:attr:`MEMORY`): ``hand`` (4), which is 1 and the user's
+    command, or zero if no user steers, and ``progress`` (1), the distance on the path that is done [m].
     """
 
     MEMORY: Mapping[str, Vector | float] = {"hand": np.zeros(4), "progress": 0.0}
 
     def __init__(self, table: Sequence[Commanded], path: Follower | None) -> None:
-        """Prepare, with the rows of a table in the order of their times."""
-        self._times, self._table = [row.time for row in table], [row.command for row in table]
+        """Create the commander of a walk.
+
+        Args:
+            table: commands in the order of their times.
+            path: follower of a path, or None.
+        """
+        self._times = [entry.time for entry in table]
+        self._table = [entry.command for entry in table]
         self._path = path
 
     def now(
         self, time: float, hand: Vector, by_port: Vector | None, base: Vector, progress: float
     ) -> tuple[Command | None, float]:
-        """Return what is asked for, and how far on its path the robot is; None if the path does not see where that is.
+        """Select the command at a time.
 
         Args:
-            time: since the run began [s]; no hand has commanded when it begins.
-            hand: what is remembered of it.
-            by_port: an input (3): speeds ahead and to the left [m/s], turn [rad/s]; not a number says nothing.
-            base: pose of the root, x y z qw qx qy qz.
-            progress: so far [m].
+            time: time since the run began [s]. No user steers at time zero.
+            hand: stored command of a user, shape (4,).
+            by_port: value of the input port, shape (3,): speed ahead and to the left [m/s], turning speed [rad/s]. It
+                is None without such a port, and not finite if the port has no command.
+            base: pose of the root x y z [m] qw qx qy qz, shape (7,).
+            progress: distance on the path that is done so far [m].
+
+        Returns:
+            The command and the new progress [m]. The command is None if the path decides and the pose is not finite.
         """
-        if hand[0] and time:
+        # A command that was given in an earlier run, which this one continues, is over.
+        user_steers = hand[0] and time
+        if user_steers:
             return command_of(hand[1:]), progress
+        # The sum is finite if all values are, and takes one call.
         if by_port is not None and isfinite(by_port.sum()):
             return command_of(by_port), progress
-        row = bisect_right(self._times, time + _ROUNDING) - 1
-        if row >= 0:
-            return self._table[row], progress
-        return (Command(), progress) if self._path is None else self._path.now(base, progress)
+        entry = bisect_right(self._times, time + _TIME_ROUNDING) - 1
+        if entry >= 0:
+            return self._table[entry], progress
+        if self._path is not None:
+            return self._path.now(base, progress)
+        return Command(), progress
 
 
 def command_of(values: Vector) -> Command:
-    """Return numbers (3) as a command: speeds ahead and to the left [m/s], turn [rad/s]."""
+    """Convert a vector (3,) to a command: speed ahead and to the left [m/s], turning speed [rad/s]."""
     ahead, left, turn = values.tolist()
     return Command(complex(ahead, left), turn)
+
+
+keep_former_attributes(Spot, after="at_distance")
+if not TYPE_CHECKING:
+    __getattr__ = former_names_of(__name__, {"clipped": "clip_command", "beyond": "find_excess"})

@@ -1,14 +1,16 @@
-"""The walking engine: from a command, and what the robot does, to a posture at each sample; in three parts."""
+"""Walking engine: computes the posture of a robot in every sample, from a command and an estimate of its motion."""
 
+import cmath
 import math
-from cmath import exp as turned_by
 from collections.abc import Sequence
 from operator import mul
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from simrob_drake.base.frames import Vector
-from simrob_drake.walking.body import Body, Rows, StanceFeet, uphill
+from simrob_drake.base.renaming import former_names_of, keep_former_attributes
+from simrob_drake.walking.body import Body, Rows, StanceFeet, height_on_slope
 from simrob_drake.walking.estimator import Estimate, Estimator
 from simrob_drake.walking.height_map import HeightMap
 from simrob_drake.walking.parameters import WalkingParameters
@@ -16,17 +18,42 @@ from simrob_drake.walking.planner import WalkPlanner
 from simrob_drake.walking.steps import Command, Landing
 from simrob_drake.walking.stride import Ground, Step, Stride, Swing, Trunk
 
-_FIRST_ROUNDS, _SETTLINGS = 10, 12  # of Newton's method, from a posture that may be far away; of the centre of mass
+# Newton steps of the legs for the first posture, which may be far from the one that the search starts from.
+_FIRST_ROUNDS = 10
+# Repetitions for the first posture: the centre of mass moves with the legs, and the root moves with it.
+_COM_ITERATIONS = 12
+
+Position = tuple[float, float, float]
+"""Position x y z [m]."""
+
+
+class _GroupPose(NamedTuple):
+    """Desired pose of a group of feet.
+
+    Attributes:
+        places: position of each foot from the stance foot, as complex numbers [m].
+        offsets: position of each foot from the middle of its group, as complex numbers [m].
+        rotation: rotation of the soles, shape (3, 3).
+        height: height of the middle of the group above a slope through the stance foot [m].
+        tilt: slope of the line between the feet, in addition to that of the ground [1].
+    """
+
+    places: Sequence[complex]
+    offsets: Sequence[complex]
+    rotation: Rows
+    height: float
+    tilt: complex
 
 
 class WalkingEngine:
-    """Makes a walk, sample by sample; it remembers nothing but what a :class:`Stride` and a posture tell.
+    """Computes a walk sample by sample. All of its state is in a :class:`Stride` and the last posture.
 
     Attributes:
-        body: the robot's kinematics.
-        estimator: what the robot does.
-        planner: where steps land, and when.
-        max_speed: that the legs can follow.
+        body: kinematics of the robot.
+        stance: positions of the feet in the robot's stance.
+        estimator: converts measurements to an estimate.
+        planner: moves the references of the trunk and of the feet.
+        max_speed: largest commands that the legs can follow.
     """
 
     def __init__(
@@ -37,76 +64,204 @@ class WalkingEngine:
         period: float,
         height_map: HeightMap | None = None,
     ) -> None:
-        """Prepare.
+        """Create the engine of a robot.
 
         Args:
-            body: the robot's kinematics.
-            parameters: of its walk.
-            groups: the feet that stand and swing together, the right ones first.
-            period: between samples [s].
-            height_map: of the ground; None: nothing is known of that but what is felt.
+            body: kinematics of the robot.
+            parameters: parameters of the walk.
+            groups: indices of the feet that stand and swing together, the right ones first.
+            period: sample time [s].
+            height_map: heights of the ground, or None if only the feet can feel it.
         """
-        self.body, self.max_speed = body, parameters.max_speed
+        self.body = body
+        self.max_speed = parameters.max_speed
         self.stance = StanceFeet.of(body, parameters, groups)
         self.estimator = Estimator(body, self.stance, parameters.feedback)
         self.planner = WalkPlanner(parameters, self.stance, period, height_map)
         self._bearing = parameters.bearing
 
-    def standing(self, posture: Vector, slope: complex = 0j) -> tuple[Stride, Vector]:
-        """Return a stride in which both feet stand side by side, and its posture (n,), found from one that is alike."""
+    def stand(self, posture: Vector, slope: complex = 0j) -> tuple[Stride, Vector]:
+        """Compute the state and the posture of a robot that stands with its feet side by side.
+
+        Args:
+            posture: posture from which the inverse kinematics start, shape (n,) [rad].
+            slope: slope of the ground, ahead and to the left [1].
+
+        Returns:
+            The state of the walk, and the posture, shape (n,) [rad].
+        """
         steps = self.planner.steps
         foot = steps.apart[0]
         middle = steps.middle(1, foot)
-        trunk, landing = Trunk(com=middle, zmp=middle), Landing(0.0, foot)
-        stride = Stride(Step(zmp_from=middle), Swing(foot), landing, trunk, Ground(slope=slope))
-        for _ in range(_SETTLINGS):
-            self.body.take(posture)
-            posture = self._posture(stride, self.body.centre(), 0.0, _FIRST_ROUNDS)
+        stride = Stride(
+            step=Step(zmp_from=middle),
+            swing=Swing(place=foot),
+            landing=Landing(time=0.0, place=foot),
+            trunk=Trunk(com=middle, zmp=middle),
+            ground=Ground(slope=slope),
+        )
+        # The legs' posture moves the centre of mass, by which the root is placed, which changes the posture again.
+        for _ in range(_COM_ITERATIONS):
+            self.body.set_posture(posture)
+            posture = self._posture(stride, self.body.com_from_root(), 0.0, _FIRST_ROUNDS)
         return stride, posture
 
     def sample(
         self, stride: Stride, posture: Vector, command: Command, estimate: Estimate | None
     ) -> tuple[Stride, Vector]:
-        """Return where a walk is a sample later, and its posture (n,); without feedback if there is no estimate."""
-        self.body.take(posture)
-        centre = self.body.centre()
-        omega = self.stance.omega(self._bearing.height + centre[2])
-        now, lift, later = self.planner.sample(stride, command, estimate, omega)
-        return later, self._posture(now, centre, lift)
+        """Advance the walk by one sample.
 
-    def _posture(self, stride: Stride, centre: Sequence[float], lift: float, rounds: int = 1) -> Vector:
-        """Return the posture (n,) of a stride whose foot is ``lift`` high, from the one that the body took.
+        Args:
+            stride: state of the walk.
+            posture: posture of the last sample, shape (n,) [rad].
+            command: desired motion.
+            estimate: what the sensors measure, or None to walk without feedback.
 
-        The legs put the feet where they shall be.
+        Returns:
+            The state for the next sample, and the posture of this one, shape (n,) [rad].
         """
-        bearing, body, (step, swing, _, trunk, ground, learnt) = self._bearing, self.body, stride
-        pitch = math.radians(bearing.pitch_deg) + trunk.pitch + learnt.counter.imag
-        turn = turned(trunk.lean + learnt.counter.real, pitch, trunk.heading)
-        x, y = (sum(map(mul, row, centre)) for row in turn[:2])
-        root = trunk.com.real - x, trunk.com.imag - y, bearing.height + trunk.rise
-        roll, pitch = math.atan(ground.slope.imag), -math.atan(ground.slope.real)
-        (here, there), yaw = step.sides, turned_by(1j * swing.yaw)
-        stands, swings = self.stance.about[here], [swing.place + yaw * each for each in self.stance.about[there]]
+        # The centre of mass and the Jacobians are those of the last posture: one Newton step follows the references.
+        self.body.set_posture(posture)
+        com_from_root = self.body.com_from_root()
+        omega = self.stance.omega(self._bearing.height + com_from_root[2])
+        now, lift, next_stride = self.planner.sample(stride, command, estimate, omega)
+        return next_stride, self._posture(now, com_from_root, lift)
 
-        def poses(group: int, places: Sequence[complex], turn: Rows, up: float, tilt: complex) -> list[Rows]:
-            about = zip(places, self.stance.about[group], strict=True)
-            up += body.over
-            points = [(at.real, at.imag, up + uphill(ground.slope, at) + uphill(tilt, own)) for at, own in about]
-            return [[(*row, to - of) for row, to, of in zip(turn, at, root, strict=True)] for at in points]
+    def _posture(self, stride: Stride, com_from_root: Sequence[float], lift: float, rounds: int = 1) -> Vector:
+        """Compute the posture that has the references of a stride, from the posture that the body has set.
 
-        flat = turned(roll, pitch, 0.0)
-        swung = (np.array(flat) @ turned(0.0, 0.0, swing.yaw)).tolist() if swing.yaw else flat
-        standing = poses(here, stands, flat, 0.0, ground.tilt)
-        swinging = poses(there, swings, swung, ground.height + lift, ground.foot_tilt)
-        feet = np.array([*standing, *swinging] if here == 0 else [*swinging, *standing])
-        return body.reached(turn, feet, rounds)
+        Args:
+            stride: references of the trunk and of the feet.
+            com_from_root: centre of mass x y z from the upright root [m].
+            lift: height of the swing foot above the ground [m].
+            rounds: count of Newton steps of the inverse kinematics.
+
+        Returns:
+            The posture, shape (n,) [rad].
+        """
+        bearing = self._bearing
+        trunk = stride.trunk
+        correction = stride.corrections.lean_integral
+        trunk_rotation = rotation_matrix(
+            roll=trunk.lean + correction.real,
+            pitch=math.radians(bearing.pitch_deg) + trunk.pitch + correction.imag,
+            yaw=trunk.heading,
+        )
+
+        # The root is where the centre of mass is over its reference. The trunk's rotation turns the vector between.
+        com_x = sum(map(mul, trunk_rotation[0], com_from_root))
+        com_y = sum(map(mul, trunk_rotation[1], com_from_root))
+        root = (
+            trunk.com.real - com_x,
+            trunk.com.imag - com_y,
+            bearing.height + trunk.rise,
+        )
+
+        standing, swinging = self._group_poses(stride, lift)
+        stance_feet = self._foot_poses(standing, stride.ground.slope, root)
+        swing_feet = self._foot_poses(swinging, stride.ground.slope, root)
+        # The body counts the right feet first.
+        right_stands = stride.step.sides[0] == 0
+        feet = [*stance_feet, *swing_feet] if right_stands else [*swing_feet, *stance_feet]
+        return self.body.solve_posture(trunk_rotation, np.array(feet), rounds)
+
+    def _group_poses(self, stride: Stride, lift: float) -> tuple[_GroupPose, _GroupPose]:
+        """Compute the desired poses of the stance group and of the swing group.
+
+        Args:
+            stride: references of the feet.
+            lift: height of the swing foot above the ground [m].
+        """
+        standing, swinging = stride.step.sides
+        ground = stride.ground
+        swing = stride.swing
+
+        # Soles lie flat on the slope, and the swing sole is also turned by its yaw.
+        on_slope = rotation_matrix(
+            roll=math.atan(ground.slope.imag),
+            pitch=-math.atan(ground.slope.real),
+            yaw=0.0,
+        )
+        swing_rotation = on_slope
+        if swing.yaw:  # most steps go straight ahead
+            swing_rotation = (np.array(on_slope) @ rotation_matrix(0.0, 0.0, swing.yaw)).tolist()
+
+        turn = cmath.exp(1j * swing.yaw)
+        stance_offsets = self.stance.offsets[standing]
+        swing_offsets = self.stance.offsets[swinging]
+        stance_pose = _GroupPose(
+            places=stance_offsets,
+            offsets=stance_offsets,
+            rotation=on_slope,
+            height=0.0,
+            tilt=ground.tilt,
+        )
+        swing_pose = _GroupPose(
+            places=[swing.place + turn * offset for offset in swing_offsets],
+            offsets=swing_offsets,
+            rotation=swing_rotation,
+            height=ground.height + lift,
+            tilt=ground.foot_tilt,
+        )
+        return stance_pose, swing_pose
+
+    def _foot_poses(self, group: _GroupPose, slope: complex, root: Position) -> list[Rows]:
+        """Compute the desired poses of a group's soles from the root, in the world's axes.
+
+        Args:
+            group: desired pose of the group.
+            slope: slope of the ground, ahead and to the left [1].
+            root: position of the root from the stance foot [m].
+
+        Returns:
+            One matrix of shape (3, 4) for each foot [1, m].
+        """
+        row_x, row_y, row_z = group.rotation
+        root_x, root_y, root_z = root
+        # Balls stand with their middles above the floor.
+        height = group.height + self.body.ball_radius
+        poses = list[Rows]()
+        for place, offset in zip(group.places, group.offsets, strict=True):
+            z = height + height_on_slope(slope, place) + height_on_slope(group.tilt, offset)
+            pose = (
+                (*row_x, place.real - root_x),
+                (*row_y, place.imag - root_y),
+                (*row_z, z - root_z),
+            )
+            poses.append(pose)
+        return poses
 
 
-def turned(roll: float, pitch: float, yaw: float) -> Rows:
-    """Return the matrix of a turn about x, then about the fixed y, then about the fixed z [rad], in plain numbers."""
-    a, b, c, d, e, f = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch), math.cos(yaw), math.sin(yaw)
+def rotation_matrix(roll: float, pitch: float, yaw: float) -> Rows:
+    """Compute the rotation matrix Rz(yaw) Ry(pitch) Rx(roll), shape (3, 3), in plain numbers.
+
+    Args:
+        roll: angle about the x axis [rad], the first rotation.
+        pitch: angle about the fixed y axis [rad].
+        yaw: angle about the fixed z axis [rad], the last rotation.
+    """
+    # Plain numbers: NumPy and Drake take several times as long for one small matrix.
+    cos_roll = math.cos(roll)
+    sin_roll = math.sin(roll)
+    cos_pitch = math.cos(pitch)
+    sin_pitch = math.sin(pitch)
+    cos_yaw = math.cos(yaw)
+    sin_yaw = math.sin(yaw)
     return (
-        (e * c, e * d * b - f * a, e * d * a + f * b),
-        (f * c, f * d * b + e * a, f * d * a - e * b),
-        (-d, c * b, c * a),
+        (
+            cos_yaw * cos_pitch,
+            cos_yaw * sin_pitch * sin_roll - sin_yaw * cos_roll,
+            cos_yaw * sin_pitch * cos_roll + sin_yaw * sin_roll,
+        ),
+        (
+            sin_yaw * cos_pitch,
+            sin_yaw * sin_pitch * sin_roll + cos_yaw * cos_roll,
+            sin_yaw * sin_pitch * cos_roll - cos_yaw * sin_roll,
+        ),
+        (-sin_pitch, cos_pitch * sin_roll, cos_pitch * cos_roll),
     )
+
+
+keep_former_attributes(WalkingEngine, standing="stand")
+if not TYPE_CHECKING:
+    __getattr__ = former_names_of(__name__, {"turned": "rotation_matrix"})

@@ -1,30 +1,40 @@
-"""What a walking robot does, from what is measured of it: the planner's feedback."""
+"""Estimator of a walk: converts the measured motion of a robot to the quantities that the planner feeds back."""
 
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from simrob_drake.walking.body import Body, Seen, StanceFeet, sloped, uphill
+from simrob_drake.base.renaming import keep_former_attributes
+from simrob_drake.walking.body import Body, BodyState, Rows, StanceFeet, height_on_slope, slope_through
 from simrob_drake.walking.parameters import Feedback
 from simrob_drake.walking.stride import Ground, Step, Stride
 
-_LINES = 8  # that tell of a slope before the first step, each by what those before it left
-_TOUCHES = 0.001  # over the lowest foot [m]
+# Estimates of the slope before the first step. Two groups of ball feet alternate, each corrects the slope along the
+# line of its feet; eight rounds leave no difference.
+_SLOPE_ROUNDS = 8
+# A swing foot touches if its lowest point is this near to the lowest point of the stance foot [m].
+_TOUCH_DISTANCE = 0.001
+# Least height of the centre of mass above the feet, for a robot that has fallen [m].
+_LEAST_HEIGHT = 0.05
+# Least vertical component of the soles' normals, of a robot whose feet stand on edge [1].
+_LEAST_UPRIGHT = 0.5
 
 
 class Estimate(NamedTuple):
-    """What a robot does, seen from the foot that stands.
+    """Motion of a robot as measured. Positions are complex numbers [m] from the stance foot, ahead and to the left.
 
     Attributes:
-        com, xi: centre of mass and divergent component [m].
-        lean, pitch: of the trunk, to the right and ahead [rad].
-        heading: where the trunk looks in the world [rad].
-        slope: of the soles that stand, ahead and to the left [1].
-        touches: whether the swinging foot touches, or both feet of a pair.
-        down: which feet of a pair that swings feel the ground.
-        hangs: which of those that stand do not.
-        origin: where the foot that stands is in the world [m].
-        turn: from ahead of that foot to the world's x, a complex number of length one.
+        com: position of the centre of mass [m].
+        xi: divergent component of motion [m].
+        lean: lean of the trunk to the right [rad].
+        pitch: lean of the trunk ahead [rad].
+        heading: heading of the trunk in the world [rad].
+        slope: slope of the ground under the stance foot, ahead and to the left [1].
+        touches: whether the swing foot touches the ground, or both feet of a swing pair.
+        down: whether each swing foot feels the ground. Empty if no forces are measured.
+        hangs: whether each stance foot does not feel the ground. Empty if no forces are measured.
+        origin: position of the stance foot in the world [m].
+        turn: rotation from the world's x axis to the stance foot, as a complex number of length one.
     """
 
     com: complex
@@ -40,71 +50,184 @@ class Estimate(NamedTuple):
     turn: complex = 1 + 0j
 
     def in_world(self, place: complex) -> complex:
-        """Return where a place is in the world [m]."""
+        """Convert a position from the stance foot [m] to one in the world [m]."""
         return self.origin + place * self.turn.conjugate()
 
 
+class _Contacts(NamedTuple):
+    """Contacts of the feet, with the meaning of the fields of :class:`Estimate`."""
+
+    touches: bool
+    down: tuple[bool, ...] = ()
+    hangs: tuple[bool, ...] = ()
+
+
 class Estimator:
-    """Sees what a robot does from the foot that stands; it remembers nothing but what a :class:`Stride` tells."""
+    """Estimates the motion of a robot as seen from its stance foot. It has no state of its own."""
 
     def __init__(self, body: Body, stance: StanceFeet, feedback: Feedback | None) -> None:
-        """Prepare."""
-        self._body, self._stance, self._feedback = body, stance, feedback
+        """Create the estimator of a robot.
 
-    def estimate(self, stride: Stride, seen: Seen, forces: Sequence[float] | None = None) -> Estimate:
-        """Return what the robot does, from the foot that stands; ``forces`` on its feet, if they are known [N]."""
-        here, there = (self._stance.groups[place] for place in stride.step.sides)
-        places = [seen.feet[foot] for foot in here]
-        points = [complex(x[3], y[3]) for x, y, _ in places]
+        Args:
+            body: kinematics of the robot.
+            stance: positions of the feet in the robot's stance.
+            feedback: parameters of the feedback, or None for a walk without feedback.
+        """
+        self._body = body
+        self._stance = stance
+        self._feedback = feedback
+
+    def estimate(self, stride: Stride, state: BodyState, forces: Sequence[float] | None = None) -> Estimate:
+        """Estimate the motion of the robot from its stance foot.
+
+        Args:
+            stride: state of the walk.
+            state: measured motion of the robot in the world.
+            forces: vertical force on each foot [N], or None if the forces are not measured.
+        """
+        standing = stride.step.sides[0]
+        stance_feet = [state.feet[foot] for foot in self._stance.groups[standing]]
+
+        # The stance frame: its origin in the middle of the feet, its x axis ahead.
+        points = [_position(pose) for pose in stance_feet]
         origin = sum(points) / len(points)
-        if len(places) > 1:  # balls roll and turn with their legs; the line between them does not
-            about = zip(points, self._stance.about[int(stride.step.standing)], strict=True)
-            ahead = sum((point - origin) * place.conjugate() for point, place in about)
-        else:
-            ahead = sum(complex(x[0], y[0]) for x, y, _ in places)
+        ahead = self._direction_ahead(standing, stance_feet, points, origin)
         turn = ahead.conjugate() / abs(ahead)
-        (x, y, z), (vx, vy, _) = seen.com, seen.speed
-        com, speed = turn * (complex(x, y) - origin), turn * complex(vx, vy) / self._stance.rolls
-        omega = self._stance.omega(max(z - min(seen.lowest), 0.05))
-        forward, sideways, up = seen.trunk
-        heading = math.atan2(sideways[0], forward[0])
-        slope = self._sloping(stride, places, turn)
+
+        x, y, z = state.com
+        com = turn * (complex(x, y) - origin)
+        velocity_x, velocity_y, _ = state.speed
+        # Balls roll while they stand: the robot moves by this factor more than a pendulum on a fixed foot.
+        velocity = turn * complex(velocity_x, velocity_y) / self._stance.roll_factor
+        omega = self._stance.omega(max(z - min(state.lowest), _LEAST_HEIGHT))
+
+        forward, sideways, up = state.trunk
+        contacts = self._find_contacts(stride, state, forces, origin, turn)
+        return Estimate(
+            com=com,
+            xi=com + velocity / omega,
+            lean=up[1],
+            pitch=-up[0],
+            heading=math.atan2(sideways[0], forward[0]),
+            slope=self._slope_under_soles(stride, stance_feet, turn),
+            touches=contacts.touches,
+            down=contacts.down,
+            hangs=contacts.hangs,
+            origin=origin,
+            turn=turn,
+        )
+
+    def _direction_ahead(
+        self, standing: int, poses: Sequence[Rows], points: Sequence[complex], origin: complex
+    ) -> complex:
+        """Compute the direction in which a stance group looks in the world, as a complex number of any length.
+
+        Args:
+            standing: index of the stance group.
+            poses: poses of its feet in the world, shape (3, 4) each.
+            points: positions of its feet in the world [m].
+            origin: middle of these positions [m].
+        """
+        if len(poses) == 1:
+            return sum(complex(x_row[0], y_row[0]) for x_row, y_row, _ in poses)
+        # The feet of a pair may be balls, which turn with their legs. The line between them does not.
+        offsets = zip(points, self._stance.offsets[standing], strict=True)
+        return sum((point - origin) * offset.conjugate() for point, offset in offsets)
+
+    def _find_contacts(
+        self,
+        stride: Stride,
+        state: BodyState,
+        forces: Sequence[float] | None,
+        origin: complex,
+        turn: complex,
+    ) -> _Contacts:
+        """Find which feet touch the ground: by their forces if these are measured, else by their heights.
+
+        Args:
+            stride: state of the walk.
+            state: measured motion of the robot in the world.
+            forces: vertical force on each foot [N], or None.
+            origin: position of the stance foot in the world [m].
+            turn: rotation from the world's axes to those of the stance foot, as a complex number.
+        """
+        standing, swinging = stride.step.sides
+        stance_feet = self._stance.groups[standing]
+        swing_feet = self._stance.groups[swinging]
         feedback = self._feedback
         if forces is not None and feedback is not None and feedback.touch_force is not None:
-            down = tuple(forces[foot] > feedback.touch_force for foot in there)
-            hangs = tuple(forces[foot] < feedback.touch_force for foot in here)
-            touches = all(down)
-        else:
-            down = hangs = ()
-            lowest = seen.lowest
-            stands = sum(lowest[foot] for foot in here) / len(here)
-            swung = (complex(seen.feet[foot][0][3], seen.feet[foot][1][3]) - origin for foot in there)
-            over = (
-                lowest[foot] - uphill(stride.ground.slope, turn * at) for foot, at in zip(there, swung, strict=True)
-            )
-            touches = min(over) < stands + _TOUCHES
-        return Estimate(com, com + speed / omega, up[1], -up[0], heading, slope, touches, down, hangs, origin, turn)
+            # A pair has landed when both of its feet carry weight.
+            down = tuple(forces[foot] > feedback.touch_force for foot in swing_feet)
+            hangs = tuple(forces[foot] < feedback.touch_force for foot in stance_feet)
+            return _Contacts(all(down), down, hangs)
 
-    def _sloping(self, stride: Stride, places: Sequence[Sequence[Sequence[float]]], turn: complex) -> complex:
-        """Return the slope under feet that stand: that of their soles; where they are balls, along their line alone."""
-        if not self._body.over:
-            tilted = sum(complex(x[2], y[2]) for x, y, _ in places)
-            return -turn * tilted / max(sum(z[2] for _, _, z in places), 0.5)
-        standing, known = int(stride.step.standing), stride.ground.slope + stride.ground.tilt
-        feet = zip(self._stance.about[standing], places, strict=True)
-        return known + sloped(self._stance.planes[standing], [z[3] - uphill(known, at) for at, (_, _, z) in feet])
+        # Heights are compared at the stance foot: what the slope adds at the swing foot is taken away.
+        stance_height = sum(state.lowest[foot] for foot in stance_feet) / len(stance_feet)
+        swing_heights = []
+        for foot in swing_feet:
+            place = turn * (_position(state.feet[foot]) - origin)
+            swing_heights.append(state.lowest[foot] - height_on_slope(stride.ground.slope, place))
+        return _Contacts(min(swing_heights) < stance_height + _TOUCH_DISTANCE)
 
-    def slope(self, seen: Seen) -> complex:
-        """Return the slope under all feet of a robot that stands, each group telling of it in turn."""
+    def _slope_under_soles(self, stride: Stride, poses: Sequence[Rows], turn: complex) -> complex:
+        """Estimate the slope of the ground under the stance feet, ahead and to the left [1].
+
+        Soles show the slope by their own tilt. Balls only show it along the line between them, by their heights.
+
+        Args:
+            stride: state of the walk, with the slope that is known so far.
+            poses: poses of the stance feet in the world, shape (3, 4) each.
+            turn: rotation from the world's axes to those of the stance foot, as a complex number.
+        """
+        if not self._body.ball_radius:
+            # The soles' normals are the third columns of their rotations.
+            normals = sum(complex(x_row[2], y_row[2]) for x_row, y_row, _ in poses)
+            upright = sum(z_row[2] for _, _, z_row in poses)
+            return -turn * normals / max(upright, _LEAST_UPRIGHT)
+
+        # Two heights determine the slope along the line between the feet. Across it, the known slope stays.
+        standing = stride.step.sides[0]
+        known_slope = stride.ground.slope + stride.ground.tilt
+        heights = []
+        for offset, (_, _, z_row) in zip(self._stance.offsets[standing], poses, strict=True):
+            heights.append(z_row[3] - height_on_slope(known_slope, offset))
+        return known_slope + slope_through(self._stance.slope_weights[standing], heights)
+
+    def slope(self, state: BodyState) -> complex:
+        """Estimate the slope of the ground under all feet of a robot that stands, ahead and to the left [1].
+
+        The groups of feet are taken in turn, as two balls only show the slope along the line between them.
+
+        Args:
+            state: measured motion of the robot in the world.
+        """
         slope = 0j
-        for line in range(_LINES):
-            slope = self.estimate(Stride(Step(float(line % 2)), ground=Ground(slope=slope)), seen).slope
+        for number in range(_SLOPE_ROUNDS):
+            step = Step(standing=float(number % 2))
+            slope = self.estimate(Stride(step, ground=Ground(slope=slope)), state).slope
         return slope
 
-    def felt(self, stride: Stride) -> Sequence[int]:
-        """Return the feet whose forces count: those that may touch, and those that stand while late ones are sought."""
-        feedback, (here, there) = self._feedback, stride.step.sides
+    def feet_to_measure(self, stride: Stride) -> Sequence[int]:
+        """Find the indices of the feet whose forces count in a sample, as reading a force takes time.
+
+        These are the swing feet while they may touch the ground, and the stance feet if late feet are searched for.
+        """
+        feedback = self._feedback
         if feedback is None:
             return ()
-        down = self._stance.groups[there] if stride.swing.share > feedback.early_touchdown else ()
-        return (*down, *(self._stance.groups[here] if feedback.late_touchdown else ()))
+        standing, swinging = stride.step.sides
+        # Early in a swing, a foot may still touch the ground that it leaves.
+        feet: list[int] = []
+        if stride.swing.share > feedback.early_touchdown:
+            feet.extend(self._stance.groups[swinging])
+        if feedback.late_touchdown:
+            feet.extend(self._stance.groups[standing])
+        return feet
+
+
+def _position(pose: Rows) -> complex:
+    """Position of a pose of shape (3, 4) in the plane, as a complex number [m]."""
+    return complex(pose[0][3], pose[1][3])
+
+
+keep_former_attributes(Estimator, felt="feet_to_measure")

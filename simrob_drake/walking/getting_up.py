@@ -1,4 +1,4 @@
-"""How a robot gets up: postures one after the other, from its belly and from its back, in its `gaits.yaml`."""
+"""Getting up after a fall: sequences of postures from the belly and from the back, from a robot's `gaits.yaml`."""
 
 from collections.abc import Sequence
 from typing import Annotated
@@ -14,12 +14,14 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.gaits_file import GAITS_FILE, gaits_file
 
 GETTING_UP = "get_up"
-"""The section of a robot's ``gaits.yaml``."""
+"""Name of the section in a robot's ``gaits.yaml``."""
+
+# Prefixes of the two axes of a pair, such as ``right_knee`` and ``left_knee``.
 _SIDES = ("right_", "left_")
 
 
 class RisingPosture(Strict):
-    """A posture on the way up, and how the trunk leans where that goes well."""
+    """A posture on the way up, and the lean of the trunk that is expected at its end."""
 
     time: Duration
     """To take it [s]."""
@@ -33,7 +35,7 @@ Way = Annotated[tuple[RisingPosture, ...], Field(min_length=1)]
 
 
 class GettingUp(Strict):
-    """How a robot gets up from where it lies."""
+    """Sequences of postures with which a robot gets up."""
 
     height: Length
     """Of its root over the ground from which it stands [m]."""
@@ -44,9 +46,15 @@ class GettingUp(Strict):
 
 
 def load_getting_up(model: RobotModel) -> GettingUp:
-    """Return how a robot gets up; raises SimrobError: its ``gaits.yaml`` does not say, or has a wrong entry."""
-    found = gaits_file(model)
-    if not (own := found.section(GETTING_UP)):
+    """Load the postures with which a robot gets up.
+
+    Raises:
+        InvalidParameter: the robot's ``gaits.yaml`` has no section for it.
+        SimrobError: the section has an invalid entry.
+    """
+    gaits = gaits_file(model)
+    section = gaits.section(GETTING_UP)
+    if not section:
         expected = message(
             "walking.robot_with_getting_up",
             "one whose {file} has postures for it, a section {section}",
@@ -58,20 +66,25 @@ def load_getting_up(model: RobotModel) -> GettingUp:
             message("walking.cannot_get_up", "one that cannot get up"),
             expected,
         )
-    return validated(GettingUp, dict(own), f"{found.file}: {GETTING_UP}")
+    return validated(GettingUp, dict(section), f"{gaits.file}: {GETTING_UP}")
 
 
 def postures(model: RobotModel, way: Sequence[RisingPosture]) -> list[Vector]:
-    """Return the postures of a way, shape (n,) each [rad].
+    """Convert a sequence of postures to angles of all axes, shape (n,) each [rad].
 
-    Raises UnknownName: an axis, or a pair, that the robot does not have; InvalidParameter: an angle beyond its limits.
+    Args:
+        model: model of the robot.
+        way: the sequence. An axis keeps the angle of the posture before, and is 0 at first.
+
+    Raises:
+        UnknownName: the robot does not have an axis, or a pair of axes.
+        InvalidParameter: an angle is beyond the limits of its axis.
     """
-    found: list[Vector] = []
+    sequence: list[Vector] = []
     angles = np.zeros(len(model.axes))
     for number, posture in enumerate(way):
         for axis, angle in posture.target_deg.items():
-            places = _places(model, axis)
-            angles[places] = np.deg2rad(angle)
+            angles[_axis_indices(model, axis)] = np.deg2rad(angle)
             violation = model.limits.find_violation(angles[np.newaxis])
             if violation is not None:
                 expected = message("walking.within", "within {limits}", limits=violation.limits)
@@ -86,12 +99,16 @@ def postures(model: RobotModel, way: Sequence[RisingPosture]) -> list[Vector]:
                     angle,
                     expected,
                 )
-        found.append(angles.copy())
-    return found
+        sequence.append(angles.copy())
+    return sequence
 
 
-def _places(model: RobotModel, axis: str) -> list[int]:
-    """Return the place of an axis, or of a pair that is called without its sides."""
+def _axis_indices(model: RobotModel, axis: str) -> list[int]:
+    """Find the index of an axis, or both indices of a pair of axes that is named without its sides.
+
+    Raises:
+        UnknownName: the robot has neither an axis nor a pair of this name.
+    """
     names = list(model.axes)
     if axis in names:
         return [names.index(axis)]

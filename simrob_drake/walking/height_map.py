@@ -1,6 +1,10 @@
-"""How high the ground is where feet are to land, and which places near there are even enough for them."""
+"""Height map: heights of the ground where feet are to land, and the places nearby that are even enough for them.
+
+Positions are complex numbers [m]: the real part is the world's x, the imaginary part the world's y.
+"""
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -8,42 +12,68 @@ import numpy.typing as npt
 from simrob_drake.base.frames import Vector
 
 Places = npt.NDArray[np.complex128]
-"""In the plane: x ahead, y to the left, as complex numbers [m]."""
+"""Positions, or distances, in the plane: the real part is x, the imaginary part y [m]."""
 CELL = 0.01
-"""Of the map [m]."""
-_REACH = 6  # cells: how far at most a foothold is shifted, ahead and to the side
-_BLOCK = 32  # cells: what is asked of the ground in one go
-_ROUGH = 3.0  # what a metre of height under a foot costs, in metres that the foothold is shifted
-_EVEN = 2e-3  # heights under a foot that differ by so little are none [m]
-_STAYS = 0.3  # what leaving the foothold that was chosen last costs, likewise, squared
-_ABOVE = 100.0  # from where the map looks down [m]
+"""Side of a cell of the map [m]."""
 
-_SIDE = np.arange(-_REACH, _REACH + 1)
-_SHIFTS = np.array([[complex(ahead, left) for left in CELL * _SIDE] for ahead in CELL * _SIDE])  # in the world
+# Largest shift of a foothold, in the direction of x and of y [cells].
+_REACH = 6
+# Side of a block: the heights of so many cells are computed at once [cells].
+_BLOCK = 32
+# Cost of a height difference under a foot over that of an equal shift of the foothold [1].
+_ROUGHNESS_WEIGHT = 3.0
+# Height differences under a foot that count as none [m].
+_EVEN = 2e-3
+# Cost of leaving the last shift over that of an equal shift [1]. It keeps the foothold from jumping.
+_CHANGE_WEIGHT = 0.3
+# Height from which the map looks down on the ground, above all terrain [m].
+_VIEW_HEIGHT = 100.0
+
+# All shifts that are compared, shape (13, 13): x by row, y by column [m].
+_DISTANCES = CELL * np.arange(-_REACH, _REACH + 1)
+_SHIFTS = np.array([[complex(x, y) for y in _DISTANCES] for x in _DISTANCES])
+
+
+class _Block(NamedTuple):
+    """A square part of the map, with a margin of `_REACH` cells on each side.
+
+    Attributes:
+        heights: height of each cell [m].
+        roughness: cost of the height differences under a foot in the middle of each cell [m²].
+    """
+
+    heights: Vector
+    roughness: Vector
+
+
+class _Window(NamedTuple):
+    """A block, and the indices of the cell from which `_REACH` cells further a position is."""
+
+    block: _Block
+    row: int
+    column: int
 
 
 class HeightMap:
-    """Heights of the ground as seen from above; the map is made where it is asked about, and kept.
-
-    Places are complex numbers: x ahead, y to the left of the world [m].
-    """
+    """Heights of the ground as seen from above. Each block is computed when it is first needed, and kept."""
 
     def __init__(self, beneath: Callable[[Vector], Vector], foot: float) -> None:
-        """Prepare.
+        """Create the map of a ground.
 
         Args:
-            beneath: gives the height of the ground beneath points (m, 3), shape (m,) [m].
-            foot: half of the side of a square about the middle of a foot that has to be even [m].
+            beneath: function that gives the height of the ground beneath points of shape (m, 3), shape (m,) [m].
+            foot: half the side of a square around the middle of a foot that has to be even [m].
         """
-        self._beneath, self._foot = beneath, max(round(foot / CELL), 1)
-        self._blocks = dict[tuple[int, int], tuple[Vector, Vector]]()
+        self._beneath = beneath
+        self._foot = max(round(foot / CELL), 1)  # cells; less than one would compare no heights
+        self._blocks = dict[tuple[int, int], _Block]()
 
     def heights(self, places: Sequence[complex]) -> list[float]:
-        """Return how high the ground is at some places [m]."""
+        """Look up the height of the ground at positions [m]."""
         found = []
         for place in places:
-            (heights, _), row, column = self._near(place)
-            found.append(float(heights[row + _REACH, column + _REACH]))
+            block, row, column = self._window_around(place)
+            found.append(float(block.heights[row + _REACH, column + _REACH]))
         return found
 
     def shift(
@@ -54,47 +84,74 @@ class HeightMap:
         level: float,
         rise: float,
     ) -> complex:
-        r"""Return by how much feet that land together are best shifted to stand on even ground [m].
+        r"""Find the best common shift of feet that land at the same time, so that they stand on even ground [m].
 
-        It is the shift d, within 60 mm to each side, with the least
-        :math:`|d|^2 + \sum (3 h)^2 + \sum (3 s)^2 + 0.3 |d - d'|^2`, where h is by how much the heights under a foot
-        differ, and s by how much it would step up or down too far.
+        It is the shift d, within 60 mm in x and in y, with the least cost
+
+        .. math:: |d|^2 + \sum (3 h)^2 + \sum (3 s)^2 + 0.3 |d - d'|^2
+
+        with the height difference h under each foot, the height s by which each foot steps too far up or down, and the
+        last shift d'.
 
         Args:
-            feet: where they are to land.
-            chosen: d', the shift that was best before.
-            allowed: tells which of some shifts, complex, may be; where none may, there is none.
-            level: height from which they step [m].
-            rise: how far they step up or down [m].
+            feet: positions where the feet are to land.
+            chosen: the last shift d' [m].
+            allowed: function that checks which shifts the legs can reach, of any shape [m].
+            level: height of the ground under the stance foot [m].
+            rise: largest step up or down [m].
+
+        Returns:
+            The shift, or zero if the ground is even under all feet or if no shift is allowed.
         """
-        rough, size = np.zeros(_SHIFTS.shape), len(_SIDE)
+        roughness = np.zeros(_SHIFTS.shape)
+        size = len(_DISTANCES)
         for place in feet:
-            (heights, unevenness), row, column = self._near(place)
-            window = slice(row, row + size), slice(column, column + size)
-            too_far = np.maximum(np.abs(heights[window] - level) - rise, 0.0)
-            rough += unevenness[window] + (_ROUGH * too_far) ** 2
-        if not rough[_REACH, _REACH]:
+            block, row, column = self._window_around(place)
+            window = (slice(row, row + size), slice(column, column + size))
+            excess = np.maximum(np.abs(block.heights[window] - level) - rise, 0.0)
+            roughness += block.roughness[window] + (_ROUGHNESS_WEIGHT * excess) ** 2
+        # Most ground is even, and the foothold then stays as planned.
+        if not roughness[_REACH, _REACH]:
             return 0j
-        ways: Vector = np.abs(_SHIFTS) ** 2 + _STAYS * np.abs(_SHIFTS - chosen) ** 2
-        may = allowed(_SHIFTS)
-        return complex(_SHIFTS.flat[int(np.where(may, rough + ways, np.inf).argmin())]) if may.any() else 0j
 
-    def _near(self, place: complex) -> tuple[tuple[Vector, Vector], int, int]:
-        """Return the block in which a place lies, and where in it the places around begin."""
-        x, y = round(place.real / CELL), round(place.imag / CELL)
-        key = x // _BLOCK, y // _BLOCK
+        distance: Vector = np.abs(_SHIFTS) ** 2 + _CHANGE_WEIGHT * np.abs(_SHIFTS - chosen) ** 2
+        is_allowed = allowed(_SHIFTS)
+        if not is_allowed.any():
+            return 0j
+        cost = np.where(is_allowed, roughness + distance, np.inf)
+        return complex(_SHIFTS.flat[int(cost.argmin())])
+
+    def _window_around(self, place: complex) -> _Window:
+        """Find the block of a position, and the cell in it where the positions around begin."""
+        x = round(place.real / CELL)
+        y = round(place.imag / CELL)
+        key = (x // _BLOCK, y // _BLOCK)
+        # A walk needs few blocks of the ground, so each is computed when the robot comes near it.
         if key not in self._blocks:
-            self._blocks[key] = self._made(*key)
-        return self._blocks[key], x - key[0] * _BLOCK, y - key[1] * _BLOCK
+            self._blocks[key] = self._compute_block(*key)
+        return _Window(self._blocks[key], x - key[0] * _BLOCK, y - key[1] * _BLOCK)
 
-    def _made(self, row: int, column: int) -> tuple[Vector, Vector]:
-        """Return heights [m], and what their differences under a foot cost [m²], of a block and the places around."""
-        margin, foot = _REACH + self._foot, 2 * self._foot + 1
+    def _compute_block(self, block_x: int, block_y: int) -> _Block:
+        """Compute the heights and the roughness of a block.
+
+        Args:
+            block_x: index of the block along x. Block 0 begins at x = 0.
+            block_y: index of the block along y.
+        """
+        # The heights go further than the block by the reach of the shifts and by half a foot.
+        margin = _REACH + self._foot
         cells = np.arange(-margin, _BLOCK + margin)
-        grid = np.meshgrid(CELL * (row * _BLOCK + cells), CELL * (column * _BLOCK + cells), indexing="ij")
-        points = np.stack([*grid, np.full(grid[0].shape, _ABOVE)], axis=-1).reshape(-1, 3)
-        heights = self._beneath(points).reshape(grid[0].shape)
-        under = np.lib.stride_tricks.sliding_window_view(heights, (foot, foot))
-        range_ = under.max(axis=(2, 3)) - under.min(axis=(2, 3))
-        own = slice(self._foot, -self._foot)
-        return heights[own, own], np.where(range_ > _EVEN, (_ROUGH * range_) ** 2, 0.0)
+        x = CELL * (block_x * _BLOCK + cells)
+        y = CELL * (block_y * _BLOCK + cells)
+        grid_x, grid_y = np.meshgrid(x, y, indexing="ij")
+        grid_z = np.full(grid_x.shape, _VIEW_HEIGHT)
+        points = np.stack([grid_x, grid_y, grid_z], axis=-1).reshape(-1, 3)
+        heights = self._beneath(points).reshape(grid_x.shape)
+
+        # Roughness by the difference of the highest and the lowest cell under a square foot.
+        side = 2 * self._foot + 1
+        under_foot = np.lib.stride_tricks.sliding_window_view(heights, (side, side))
+        difference = under_foot.max(axis=(2, 3)) - under_foot.min(axis=(2, 3))
+        roughness = np.where(difference > _EVEN, (_ROUGHNESS_WEIGHT * difference) ** 2, 0.0)
+        inner = slice(self._foot, -self._foot)
+        return _Block(heights[inner, inner], roughness)

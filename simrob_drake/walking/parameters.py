@@ -1,4 +1,4 @@
-"""The parameters of a robot's walk that is made while it goes: the section `reacting` of its `gaits.yaml`."""
+"""Parameters of a robot's reacting walk: the section `reacting` of its `gaits.yaml`."""
 
 from __future__ import annotations
 
@@ -25,53 +25,55 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.gaits_file import GAITS_FILE, gaits_file
 
 REACTING = "reacting"
-"""The section of a robot's ``gaits.yaml``."""
-EVENEST, SOFTEST = 1.5, 1.875
-"""Largest speeds of a way from rest to rest, in mean ones: of one that speeds up at once, and of one of least jerk."""
+"""Name of the section in a robot's ``gaits.yaml``."""
+EVENEST = 1.5
+"""Peak over mean speed of the most even rest-to-rest motion, a cubic whose acceleration jumps at both ends [1]."""
+SOFTEST = 1.875
+"""Peak over mean speed of the softest rest-to-rest motion, a quintic with the least jerk [1]."""
 Share = Annotated[Number, Field(ge=0, le=1)]
 
 
 class Bearing(Strict):
-    """How a robot carries itself."""
+    """Posture of a robot while it walks."""
 
     height: Length
-    """Of the root over the floor [m]."""
+    """Height of the root over the floor [m]."""
     pitch_deg: Number = 0.0
-    """Of the trunk, forward [deg]."""
+    """Forward pitch of the trunk [deg]."""
     posture_deg: AxisValues = 0.0
-    """Angles of the axes that are in no leg; knees bend as they do here [deg]."""
+    """Angles of the axes that are in no leg [deg]. Knees bend to the same side as in this posture."""
 
 
 class MaxSpeed(Strict):
-    """Commands that the legs can follow; what is beyond is clipped."""
+    """Largest commands that the legs can follow. Larger commands are clipped."""
 
     ahead: Speed
-    """[m/s]."""
+    """Largest speed ahead [m/s]."""
     backward: Speed
-    """[m/s]."""
+    """Largest speed backward [m/s]."""
     sideways: Speed = 0.0
-    """[m/s]."""
+    """Largest speed to each side [m/s]."""
     turn_deg: Annotated[NotNegative, Field(le=3600)] = 0.0
-    """[deg/s]."""
+    """Largest turning speed to each side [deg/s]."""
 
 
 class Foothold(Strict):
-    """Where a foot may land, seen from the one that stands."""
+    """Region in which a foot may land, measured from the stance foot."""
 
     ahead: Length
-    """[m]."""
+    """Largest distance ahead [m]."""
     behind: Length
-    """[m]."""
+    """Largest distance behind [m]."""
     inner: Number
-    """Least way to its own side: feet do not cross [m]."""
+    """Least distance to the foot's own side [m]. It keeps the feet from crossing."""
     outer: Length
-    """Largest way to its own side [m]."""
+    """Largest distance to the foot's own side [m]."""
     rise: Length = 0.06
-    """How far it steps up or down, where a map tells of the ground [m]."""
+    """Largest step up or down, if a height map of the ground is used [m]."""
 
 
 class Feedback(Renamed):
-    """How what the robot does changes what it is asked for."""
+    """Parameters of the feedback: how measured errors change the steps and the references."""
 
     renamed: ClassVar[Mapping[str, str]] = {
         "follow": "com_rate",
@@ -102,66 +104,69 @@ class Feedback(Renamed):
     }
 
     com_rate: NotNegative = 10.0
-    """How fast the reference of the centre of mass comes to where it is [1/s]."""
+    """Rate at which the reference of the centre of mass approaches its estimate [1/s]."""
     lean_rate: NotNegative = 0.0
-    """How fast the reference of the trunk's lean comes to the lean that it has [1/s]."""
+    """Rate at which the reference of the trunk's lean approaches the measured lean [1/s]."""
     upright_rate: NotNegative = 5.0
-    """How fast it comes upright [1/s]."""
+    """Rate at which the reference of the trunk's lean returns to upright [1/s]."""
     lean_integral: NotNegative = 0.5
-    """How fast a lean that lasts is taken out of the trunk [1/s]."""
+    """Integral gain that removes a lasting lean of the trunk [1/s]."""
     offset_rate: NotNegative = 0.5
-    """How fast the lasting distance of the centre of mass from its reference is learnt, and no error any more [1/s]."""
+    """Rate at which a lasting offset of the centre of mass from its reference is learnt [1/s]. A learnt offset is no
+    error."""
     deadband: tuple[NotNegative, NotNegative] = (0.03, 0.02)
-    """Errors of the divergent component that no step answers, ahead and sideways [m]: legs that swing make some."""
+    """Errors of the divergent component that no step answers, ahead and sideways [m]. Swinging legs cause such
+    errors."""
     zmp_limit: tuple[NotNegative, NotNegative] = (0.0, 0.0)
-    """How far the soles themselves bring the zero-moment point against an error, ahead and sideways [m]."""
+    """Largest shift of the zero-moment point in the soles against an error, ahead and sideways [m]."""
     zmp_gain: NotNegative = 2.0
-    """How far they do for a metre of error."""
+    """Shift of the zero-moment point for each metre of error [1]."""
     brace_threshold: Positive | None = None
-    """Error sideways from which the robot stops, with both feet down, until it is over [m]: for legs without a step
-    aside; None: it goes on."""
+    """Error sideways from which the robot stops on both feet until the error is over [m], for legs that cannot step
+    aside. The robot always walks on if this is not set."""
     step_gain: Share = 1.0
-    """How much of an error beyond that a step takes up."""
+    """Part of an error outside of the deadband that a step answers [1]."""
     hurry_threshold: NotNegative = 0.03
-    """Error from which the next foot lifts at once [m]."""
+    """Error from which the next foot lifts without a weight transfer [m]."""
     min_swing_time: Duration = 0.15
-    """Least time of a swing [s]."""
+    """Least duration of a swing [s]."""
     max_swing_time: Duration = 0.5
-    """Longest time of a swing [s]."""
+    """Largest duration of a swing [s]."""
     place_weight: NotNegative = 0.02
-    """What a metre off the planned foothold costs, in metres off where the divergent component wants it."""
+    """Cost of a distance from the planned foothold over that from the foothold which the divergent component requires
+    [1]."""
     time_weight: NotNegative = 0.1
-    """What a second off the planned time costs, likewise [m²/s²]."""
+    """Cost of a landing before or after its planned time, in the same units [m²/s²]."""
     max_foot_speed: Positive = 1.5
-    """Of a foot that swings, over the ground, at most [m/s]."""
+    """Largest speed of a swing foot [m/s]."""
     speed_integral: Share = 0.1
-    """How much of what a step lacks of the commanded way is added to the next ones."""
+    """Part of the distance which a step lacks that is added to the next steps [1]."""
     heading_gain: NotNegative = 1.0
-    """How fast the trunk turns back to where the commands have it look [1/s]."""
+    """Turning speed for an error of the heading that the commands ask for [1/s]."""
     landing_height: NotNegative = 0.0
-    """How high a foot is held at the end of its swing, as legs give way under the weight: so it touches when it has
-    come to its place, not before, and slides less [m]."""
+    """Height of a foot at the end of its swing [m]. Legs yield under the weight, so a foot without this height touches
+    before it has reached its foothold, and slides."""
     early_touchdown: Share = 0.5
-    """Part of a swing from which a foot that touches ends the step; 1: none does before its time. By then the foot has
-    come to the height of the foot that stands."""
+    """Part of a swing from which a foot that touches ends the step [1]. With 1, no step ends before its time. The foot
+    is at the height of the stance foot from this part on."""
     late_touchdown: NotNegative = 0.0
-    """How long a foot that should have touched is waited for [s]."""
+    """Largest time for which the walk waits for a foot that touches late [s]."""
     search_speed: NotNegative = 0.2
-    """How fast it goes on downward meanwhile [m/s]."""
+    """Speed at which a late foot goes down [m/s]."""
     height_rate: NotNegative = 5.0
-    """How fast the root comes to its height over a foot that stands higher or lower than the last [1/s]."""
+    """Rate at which the root approaches its height over a new stance foot that is higher or lower [1/s]."""
     level_rate: NotNegative = 5.0
-    """How fast the trunk of a quadruped comes level over two feet of which one stands higher [1/s]."""
+    """Rate at which the trunk of a quadruped becomes level over two feet of different heights [1/s]."""
     slope_rate: NotNegative = 1.0
-    """How fast the slope that feet are laid on comes to that of the foot that stands [1/s]; 0 on a level floor."""
+    """Rate at which the slope of the feet approaches that of the stance foot [1/s]. It is 0 for a level floor."""
     touch_force: Positive | None = None
-    """Upward force on a foot from which it touches [N], where `reads` names sensors of the feet, in the world's axes;
-    by their heights without. A foot of a pair that feels it waits for the other one; one that should stand and does
-    not goes on downward, if late ones do."""
+    """Vertical force from which a foot touches [N], if `reads` names force sensors of the feet, in the world's axes.
+    Without sensors, heights decide. A foot of a pair that touches waits for the other one. A stance foot without
+    contact goes down if `late_touchdown` is not 0."""
 
 
 class WalkingParameters(Renamed):
-    """How a robot carries itself, steps, and answers what disturbs it."""
+    """Parameters of a reacting walk: posture, steps and feedback."""
 
     renamed: ClassVar[Mapping[str, str]] = {
         "height": "bearing.height",
@@ -174,39 +179,42 @@ class WalkingParameters(Renamed):
     }
 
     bearing: Bearing
-    """How the trunk is carried."""
+    """Posture of the trunk and of the axes that are in no leg."""
     groups: tuple[tuple[str, ...], tuple[str, ...]] = (("right_foot",), ("left_foot",))
-    """The feet that stand and swing together, the right ones first; tools of the robot."""
+    """Feet that stand and swing at the same time, the right group first. They are tools of the robot."""
     stance_deg: AxisValues = 0.0
-    """Angles of the axes where the robot stands with its soles flat and ahead, its feet as far apart as in the walk but
-    for `widen` [deg]."""
+    """Angles of the axes in a stance with flat soles that look ahead [deg]. The walk has the same distance between the
+    feet, plus `widen` on each side."""
     widen: Number = 0.0
-    """How much further out each foot stands than so [m]."""
+    """Distance by which each foot is further out than in the stance [m]."""
     step_time: Duration
-    """From one footfall to the next [s]."""
+    """Time from one touchdown to the next [s]."""
     double_support: Annotated[Number, Field(ge=0, lt=0.9)] = 0.2
-    """Part of a step in which both feet stand."""
+    """Part of a step in which both feet stand [1]."""
     lift: Length
-    """Height of the swinging foot [m]."""
+    """Largest height of the swing foot [m]."""
     zmp_inward: Number = 0.0
-    """How far inside of the middle of each foot the zero-moment point goes [m]."""
+    """Distance of the zero-moment point from the middle of the stance foot towards the other foot [m]."""
     zmp_ahead: Number = 0.0
-    """How far ahead of it [m]."""
+    """Distance of the zero-moment point ahead of the middle of the stance foot [m]."""
     lift_exponent: Annotated[Number, Field(ge=1, le=4)] = 3.0
-    """How gently a foot lifts and lands: the height goes with (s (1 - s)) to this power, s from 0 to 1 in the swing."""
+    """Exponent n of the height of the swing foot, lift (4 s (1 - s))^n, while s goes from 0 to 1 [1]. A foot with a
+    larger exponent lifts and lands more softly."""
     swing_peak: Annotated[Number, Field(ge=EVENEST, le=SOFTEST)] = SOFTEST
-    """The largest speed of a foot that swings, in its mean ones: 1.875 is soft, 1.5 asks least of slow joints."""
+    """Peak over mean speed of the swing foot [1]: 1.875 is the softest motion, 1.5 is the easiest for slow joints."""
     settle: Duration = 0.6
-    """Time to shift the weight before the first step [s]."""
+    """Duration of the weight transfer before the first step [s]."""
     max_speed_change: tuple[Positive, Positive, Positive] = (0.06, 0.03, 15.0)
-    """By how much speed ahead, sideways [m/s] and turn [deg/s] change from a step to the next at most."""
+    """Largest change of the speed ahead and sideways [m/s] and of the turning speed [deg/s] from one step to the
+    next."""
     max_speed: MaxSpeed
     foothold: Foothold
     feedback: Feedback | None = Field(default_factory=Feedback)
-    """None: the walk is as planned, whatever the robot does."""
+    """Parameters of the feedback, or none for a walk that goes as planned without measurements."""
 
     @model_validator(mode="after")
-    def _feet_apart(self) -> WalkingParameters:
+    def _check_foothold(self) -> WalkingParameters:
+        """Check that the region in which a foot may land has a positive width."""
         if self.foothold.outer <= self.foothold.inner:
             raise ValueError(
                 message(
@@ -220,20 +228,21 @@ class WalkingParameters(Renamed):
 
 
 def load_walking(model: RobotModel, changes: Mapping[str, Any] | None = None) -> WalkingParameters:
-    """Return the parameters of a robot's walk, some of them changed.
+    """Load the parameters of a robot's walk.
 
     Args:
-        model: the robot, whose ``gaits.yaml`` has a section ``reacting``.
-        changes: parameters in place of its own; a section of theirs, such as ``feedback``, changes what it names, of a
-            list such as ``zmp_limit`` the places that it names, from 0 on.
+        model: model of the robot. Its ``gaits.yaml`` has a section ``reacting``.
+        changes: parameters that replace those of the file, by name. A section such as ``feedback`` only changes the
+            parameters that it names. A list such as ``zmp_limit`` is replaced by a list, or changed at the indices
+            ("0", "1" ...) that a section names.
 
     Raises:
-        InvalidParameter: a robot without such a section.
-        InvalidConfig: a parameter that cannot be.
+        InvalidParameter: the robot's ``gaits.yaml`` has no such section.
+        InvalidConfig: a parameter is invalid.
     """
-    found = gaits_file(model)
-    own = found.section(REACTING)
-    if not own:
+    gaits = gaits_file(model)
+    section = gaits.section(REACTING)
+    if not section:
         expected = message(
             "walking.robot_with_reacting_walk",
             "one whose {file} has a section {section}",
@@ -245,14 +254,23 @@ def load_walking(model: RobotModel, changes: Mapping[str, Any] | None = None) ->
             message("walking.no_walk_by_commands", "one that has no walk by commands"),
             expected,
         )
-    return validated(WalkingParameters, _changed(own, changes or {}), f"{found.file}: {REACTING}")
+    parameters = _apply_changes(section, changes or {})
+    return validated(WalkingParameters, parameters, f"{gaits.file}: {REACTING}")
 
 
-def _changed(own: Any, change: Any) -> Any:
-    """Return a parameter, a section or a list of them, changed."""
+def _apply_changes(own: Any, change: Any) -> Any:
+    """Apply changes to a parameter, to a section or to a list, and return the result as a new object.
+
+    Args:
+        own: the parameter, section or list.
+        change: a new value, or a mapping from names, or indices of a list as texts, to changes.
+    """
     if not isinstance(change, Mapping):
         return change
-    if isinstance(own, list) and {*change} <= {*map(str, range(len(own)))}:
-        return [_changed(value, change.get(str(place), value)) for place, value in enumerate(own)]
-    known = own if isinstance(own, Mapping) else {}
-    return {**known, **{key: _changed(known.get(key), value) for key, value in change.items()}}
+    if isinstance(own, list):
+        indices = {str(index) for index in range(len(own))}
+        if indices.issuperset(change):
+            return [_apply_changes(value, change.get(str(index), value)) for index, value in enumerate(own)]
+    section = own if isinstance(own, Mapping) else {}
+    changed = {key: _apply_changes(section.get(key), value) for key, value in change.items()}
+    return {**section, **changed}

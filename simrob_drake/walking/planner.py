@@ -1,326 +1,732 @@
-r"""Where a walk goes, sample by sample: the divergent component, the landing of each step, and what is learnt.
+r"""Planner of a walk: in every sample, it moves the references of the trunk and of the feet.
 
-In each step the divergent component :math:`\xi` of a pendulum (:mod:`pendulum`) goes where the next steps need it, and
-the centre of mass comes after it, :math:`\dot c = \omega (\xi - c)`. With feedback, an error of :math:`\xi` changes
-place and time of the landing (:mod:`steps`), and the reference of the centre of mass and of the trunk's lean come to
-what is estimated, so that the joints do not push against a fall but step after it. A step ends when the foot touches.
+The divergent component :math:`\xi` of a linear inverted pendulum (:mod:`simrob_drake.walking.steps`) goes where the
+next steps need it, and the centre of mass c follows it: :math:`\dot c = \omega (\xi - c)`.
+
+With feedback, a measured error of :math:`\xi` changes the place and time of the landing. The references of the centre
+of mass and of the trunk's lean approach their estimates, so that the joints do not push against a fall, but the robot
+steps after it. A step ends when the swing foot touches the ground.
+
+Positions are complex numbers [m], measured from the stance foot: the real part ahead, the imaginary part to the left.
 """
 
+import cmath
 import math
-from cmath import exp as turned_by
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from simrob_drake.walking.body import StanceFeet, sloped, uphill
+from simrob_drake.walking.body import StanceFeet, height_on_slope, slope_through
 from simrob_drake.walking.estimator import Estimate
 from simrob_drake.walking.height_map import HeightMap, Places
 from simrob_drake.walking.parameters import Feedback, WalkingParameters
-from simrob_drake.walking.steps import Command, Divergent, Landing, Steps, weights, within
-from simrob_drake.walking.stride import Ground, Learnt, Stride, Swing, Trunk, eased, gone
+from simrob_drake.walking.steps import (
+    Command,
+    DivergentComponent,
+    Landing,
+    LandingCondition,
+    Steps,
+    clamp,
+    weights,
+)
+from simrob_drake.walking.stride import (
+    Corrections,
+    Ground,
+    Stride,
+    Swing,
+    Trunk,
+    progress_since,
+    smoothstep,
+)
 
-_TOGETHER = 0.01  # how near to its place a foot stands when a walk ends [m]
-_SQUARE = 0.02  # the turn back at most with which it ends: a turn that was commanded is gone to its end [rad/s]
-_LANDS = 0.03  # before landing, in which the foothold stays [s]
-_TRIM = 0.15, 0.1  # most that is added to speeds, ahead and sideways [m/s]
-_STILL = 2.0  # times the error that a walk ignores, of a robot that stands
-_BRACED, _OVER = 0.2, 0.5  # how long an error must be over [s], and below which part of what braces a robot it is
-_DOUBTED = 0.1  # part of what is learnt else, while steps answer an error
-_COUNTER = 0.15, 0.15  # most of a counter-lean, to the right and ahead [rad]
-_SAG = 0.03, 0.03  # most that is learnt of the distance from the reference [m]
-_TURN_BACK = 0.3  # most of a turn back [rad/s]
+# Limits of the corrections. They keep a wrong measurement from carrying the robot away.
+# Largest correction of the trunk's lean to the right and ahead [rad].
+_LARGEST_LEAN = (0.15, 0.15)
+# Largest offset of the centre of mass that is learnt, ahead and to the left [m].
+_LARGEST_COM_OFFSET = (0.03, 0.03)
+# Largest speed that is added to the commanded one, ahead and to the left [m/s].
+_LARGEST_TRIM = (0.15, 0.1)
+# Largest turning speed that is added to the commanded one [rad/s].
+_LARGEST_TURN_BACK = 0.3
+# Part of the usual rates of learning while steps answer an error: the robot then stands on the edges of its soles [1].
+_RATE_IN_ERROR = 0.1
+
+# A walk ends if the swing foot is as near as this to its place [m].
+_END_DISTANCE = 0.01
+# A walk ends if the turn back is not faster than this, so that a commanded turn is completed [rad/s].
+_END_TURN = 0.02
+# The foothold is fixed for this time before the landing: the foot could not follow any more [s].
+_FIXED_FOOTHOLD = 0.03
+# A standing robot ignores errors up to this multiple of the deadband [1].
+_DEADBANDS_STANDING = 2.0
+# A braced robot walks on after the error has been small for this time [s] ...
+_BRACE_TIME = 0.2
+# ... and small means below this part of the error that braces the robot [1].
+_BRACE_HYSTERESIS = 0.5
+
+# Least part of a swing before the ground may be felt: the heights of a map are reached in this part [1].
+_LEAST_BLIND_PART = 0.1
+# Times of a landing are equal if they differ by less [s].
+_SAME_TIME = 1e-9
+
+
+class _Support(NamedTuple):
+    """The rest of the present step, as it moves the divergent component.
+
+    Attributes:
+        omega: natural frequency of the pendulum [1/s].
+        time: time since the step began [s].
+        transfer: duration of the weight transfer at the start of the step [s].
+        zmp: position of the zero-moment point now [m].
+        rest: position where the zero-moment point rests after the transfer [m].
+        condition: condition on the divergent component at the landing.
+    """
+
+    omega: float
+    time: float
+    transfer: float
+    zmp: complex
+    rest: complex
+    condition: LandingCondition
+
+    def dcm_for(self, time: float, foothold: complex) -> complex:
+        """Compute where the divergent component must be now for a landing [m].
+
+        Args:
+            time: time of the landing since the step began [s].
+            foothold: position of the landing [m].
+        """
+        remaining = max(time - self.time, 0.0)
+        transfer = min(max(self.transfer - self.time, 0.0), remaining)
+        start, rest, end = weights(self.omega, remaining, transfer)
+        return start * self.zmp + rest * self.rest + end * self.condition.dcm_for(foothold)
 
 
 class WalkPlanner:
-    """Plans a walk, sample by sample; it remembers nothing but what a :class:`Stride` tells."""
+    """Plans a walk sample by sample. All of its state is in the :class:`Stride`.
+
+    Attributes:
+        steps: footsteps of the robot.
+    """
 
     def __init__(
-        self, parameters: WalkingParameters, stance: StanceFeet, period: float, height_map: HeightMap | None = None
+        self,
+        parameters: WalkingParameters,
+        stance: StanceFeet,
+        period: float,
+        height_map: HeightMap | None = None,
     ) -> None:
-        """Prepare; ``period`` is between samples [s], ``height_map`` of a ground that is known."""
-        self._parameters, self._stance, self._period, self._map = parameters, stance, period, height_map
-        self._turns = parameters.max_speed.turn_deg > 0
-        self.steps = Steps(parameters, stance.half, stance.rolls)
-        self._reacts, self._feedback = parameters.feedback is not None, parameters.feedback or Feedback()
-        # the part of a swing before the ground may be felt
-        self._blind_part = max(self._feedback.early_touchdown, 0.1) if self._reacts else 1.0
+        """Create the planner of a robot.
+
+        Args:
+            parameters: parameters of the walk.
+            stance: positions of the feet in the robot's stance.
+            period: sample time [s].
+            height_map: heights of the ground, or None if they are unknown.
+        """
+        self._parameters = parameters
+        self._stance = stance
+        self._period = period
+        self._map = height_map
+        self._can_turn = parameters.max_speed.turn_deg > 0
+        self.steps = Steps(parameters, stance.half_width, stance.roll_factor)
+
+        self._has_feedback = parameters.feedback is not None
+        self._feedback = parameters.feedback or Feedback()
+        # Part of a swing in which the foot cannot feel the ground: all of the swing without feedback.
+        self._blind_part = 1.0
+        if self._has_feedback:
+            self._blind_part = max(self._feedback.early_touchdown, _LEAST_BLIND_PART)
 
     def sample(
         self, stride: Stride, command: Command, estimate: Estimate | None, omega: float
     ) -> tuple[Stride, float, Stride]:
-        """Return where a walk is a sample later, how high its foot is then [m], and where the next sample begins.
+        """Advance a walk by one sample.
 
         Args:
-            stride: where it is.
-            command: what it is asked for.
-            estimate: what the robot does; None: it goes without feedback.
-            omega: of the pendulum [1/s].
+            stride: state of the walk.
+            command: desired motion.
+            estimate: what the sensors measure, or None to walk without feedback.
+            omega: natural frequency of the pendulum [1/s].
+
+        Returns:
+            The references of this sample, the height of the swing foot above the ground [m], and the state of the
+            walk for the next sample.
         """
+        if not self._has_feedback:
+            estimate = None
         if estimate is not None:
-            sag = stride.learnt.sag
-            estimate = Estimate(estimate.com - sag, estimate.xi - sag, *estimate[2:]) if self._reacts else None
-        stride, xi = self._planned(stride, command, omega, estimate)
-        before, (stride, lift) = stride, self._swung(stride, estimate)
-        if estimate is not None:
-            stride = self._felt(before, stride, estimate)
-            stride = self._followed(stride, estimate, xi)
-        com = stride.trunk.com
-        trunk = Trunk(com + (1.0 - math.exp(-omega * self._period)) * (xi - com), *stride.trunk[1:])
-        stride = Stride(stride.step, stride.swing, stride.landing, trunk, stride.ground, stride.learnt)
-        return stride, lift, self._later(stride, command, estimate, xi, lift)
+            # An offset that lasts is no error.
+            offset = stride.corrections.com_offset
+            estimate = estimate._replace(com=estimate.com - offset, xi=estimate.xi - offset)
 
-    def _followed(self, stride: Stride, estimate: Estimate, xi: complex) -> Stride:
-        """Return the stride with its references nearer to the estimate, and what lasts of the difference learnt."""
-        (step, swing, landing, trunk, ground, learnt), feedback, part = stride, self._feedback, self._part
-        if step.braced > 0:
-            return stride  # its soles tilt on a floor that does not
-        if not step.active or self.steps.transfer < step.transfer > step.time:
-            grounded = ground.slope + part(feedback.slope_rate) * (estimate.slope - ground.slope)
-            return stride._replace(ground=ground._replace(slope=grounded))  # it stands stiff on both feet: they hold it
-        follows, returns = part(feedback.lean_rate), 1.0 - part(feedback.upright_rate)
-        calm = _DOUBTED if self._beyond(estimate.xi - xi) else 1.0  # who is pushed stands on the edges of soles
-        slope = ground.slope + part(calm * feedback.slope_rate) * (estimate.slope - ground.slope)
-        tilt = ground.tilt + part(feedback.level_rate) * (estimate.slope - ground.slope - ground.tilt)
-        sag = learnt.sag + part(calm * feedback.offset_rate) * (estimate.com - trunk.com)
-        counter = learnt.counter - calm * feedback.lean_integral * self._period * complex(estimate.lean, estimate.pitch)
-        followed = Trunk(
-            trunk.com + part(feedback.com_rate) * (estimate.com - trunk.com),
-            trunk.zmp,
-            trunk.heading,
-            returns * (trunk.lean + follows * (estimate.lean - trunk.lean)),
-            returns * (trunk.pitch + follows * (estimate.pitch - trunk.pitch)),
-            trunk.rise - part(feedback.height_rate) * trunk.rise,
-            trunk.desired_heading,
+        # The landing first, as the divergent component depends on it; then the feet and the trunk follow.
+        before, xi = self._plan_step(stride, command, omega, estimate)
+        now, lift = self._move_swing_foot(before, estimate)
+        if estimate is not None:
+            now = self._respond_to_contact(before, now, estimate)
+            now = self._follow_estimate(now, estimate, xi)
+
+        # The centre of mass follows the divergent component: d(com)/dt = omega (xi - com), exact over one period.
+        com = now.trunk.com
+        com = com + (1.0 - math.exp(-omega * self._period)) * (xi - com)
+        now = now._replace(trunk=now.trunk._replace(com=com))
+        return now, lift, self._advance(now, command, estimate, xi, lift)
+
+    def _follow_estimate(self, stride: Stride, estimate: Estimate, xi: complex) -> Stride:
+        """Move the references towards the estimate, and learn the errors that last.
+
+        Args:
+            stride: references of this sample.
+            estimate: what the sensors measure.
+            xi: reference of the divergent component [m].
+        """
+        feedback = self._feedback
+        step = stride.step
+        if step.brace_time > 0:
+            return stride  # a braced robot may stand on the edges of its soles, which do not show the slope then
+        slope_error = estimate.slope - stride.ground.slope
+        # Only the first step of a walk has a longer weight transfer than the others.
+        is_first_transfer = step.transfer > self.steps.transfer and step.time < step.transfer
+        if not step.active or is_first_transfer:
+            # A robot that stands still with both feet on the ground is held by them: only the slope is learnt.
+            slope = stride.ground.slope + self._part(feedback.slope_rate) * slope_error
+            return stride._replace(ground=stride.ground._replace(slope=slope))
+
+        is_in_error = self._outside_deadband(estimate.xi - xi) != 0
+        rate = _RATE_IN_ERROR if is_in_error else 1.0
+        ground = stride.ground._replace(
+            slope=stride.ground.slope + self._part(rate * feedback.slope_rate) * slope_error,
+            tilt=stride.ground.tilt + self._part(feedback.level_rate) * (slope_error - stride.ground.tilt),
         )
-        learnt = Learnt(_clipped(counter, _COUNTER), _clipped(sag, _SAG), learnt.trim, learnt.turn_back)
-        return Stride(step, swing, landing, followed, Ground(ground.height, slope, tilt, ground.foot_tilt), learnt)
+        return stride._replace(
+            trunk=self._trunk_towards(stride, estimate),
+            ground=ground,
+            corrections=self._learn_from(stride, estimate, rate),
+        )
 
-    def _planned(
+    def _trunk_towards(self, stride: Stride, estimate: Estimate) -> Trunk:
+        """Move the trunk's references towards the estimate, and the trunk back to upright and to its height.
+
+        Each is a first-order lag: x + (1 - exp(-rate T)) (measured - x).
+        """
+        feedback = self._feedback
+        trunk = stride.trunk
+        lean_part = self._part(feedback.lean_rate)
+        upright = 1.0 - self._part(feedback.upright_rate)
+        return trunk._replace(
+            com=trunk.com + self._part(feedback.com_rate) * (estimate.com - trunk.com),
+            lean=upright * (trunk.lean + lean_part * (estimate.lean - trunk.lean)),
+            pitch=upright * (trunk.pitch + lean_part * (estimate.pitch - trunk.pitch)),
+            rise=trunk.rise - self._part(feedback.height_rate) * trunk.rise,
+        )
+
+    def _learn_from(self, stride: Stride, estimate: Estimate, rate: float) -> Corrections:
+        """Learn the lean of the trunk and the offset of the centre of mass that last.
+
+        Args:
+            stride: references of this sample.
+            estimate: what the sensors measure.
+            rate: factor of the rates of learning [1].
+        """
+        feedback = self._feedback
+        corrections = stride.corrections
+
+        # Integral feedback: the trunk leans against the measured lean until that is zero.
+        lean = complex(estimate.lean, estimate.pitch)
+        lean_integral = corrections.lean_integral - rate * feedback.lean_integral * self._period * lean
+
+        com_error = estimate.com - stride.trunk.com
+        com_offset = corrections.com_offset + self._part(rate * feedback.offset_rate) * com_error
+        return corrections._replace(
+            lean_integral=_clamp_parts(lean_integral, _LARGEST_LEAN),
+            com_offset=_clamp_parts(com_offset, _LARGEST_COM_OFFSET),
+        )
+
+    def _plan_step(
         self, stride: Stride, command: Command, omega: float, estimate: Estimate | None
     ) -> tuple[Stride, complex]:
-        """Return the stride with its landing decided, and where the divergent component shall be."""
+        """Decide where and when the step lands, and where the divergent component shall be now.
+
+        Args:
+            stride: state of the walk.
+            command: desired motion.
+            omega: natural frequency of the pendulum [1/s].
+            estimate: what the sensors measure, or None to walk without feedback.
+
+        Returns:
+            The stride with its landing and zero-moment point, and the divergent component [m].
+        """
         if not stride.step.active:
-            stride = self._started(stride, command, estimate)
-            if not stride.step.active:
-                return stride, stride.trunk.zmp
-        feedback, steps = self._feedback, self.steps
-        step, swing, landing, trunk, ground, learnt = stride
-        heading = trunk.desired_heading
-        if estimate is not None and self._turns:
-            off = math.remainder(heading - estimate.heading, math.tau)
-            learnt = Learnt(*learnt[:3], within(feedback.heading_gain * off, _TURN_BACK))
-            heading += command.turn * self._period
-        standing, trimmed = int(step.standing), Command(step.speed + learnt.trim, step.turn + learnt.turn_back)
-        rest, (_, place, yaw) = steps.rest_points[standing], steps.planned(1 - standing, trimmed)
-        planned = self._on_even_ground(stride, estimate, Landing(step.nominal, place, yaw))
-        place = planned.place
+            stride = self._start_if_needed(stride, command, estimate)
+        if not stride.step.active:
+            return stride, stride.trunk.zmp  # the divergent component of a robot that stands is at rest
+
+        if estimate is not None and self._can_turn:
+            stride = self._hold_heading(stride, command, estimate)
+        step = stride.step
+        standing, swinging = step.sides
+        corrected = Command(
+            speed=step.speed + stride.corrections.speed_trim,
+            turn=step.turn + stride.corrections.turn_back,
+        )
+        usual = self.steps.plan_landing(swinging, corrected)
+        planned = self._shift_to_even_ground(stride, estimate, usual._replace(time=step.nominal))
+
+        # The zero-moment point goes to its rest point on a straight line while the weight is transferred.
+        rest = self.steps.rest_points[standing]
         share = min(step.time / step.transfer, 1.0) if step.transfer > 0 else 1.0
-        zmp = step.zmp_from + share * (rest - step.zmp_from)
-        after = steps.after(standing, trimmed, omega)
+        support = _Support(
+            omega=omega,
+            time=step.time,
+            transfer=step.transfer,
+            zmp=step.zmp_from + share * (rest - step.zmp_from),
+            rest=rest,
+            condition=self.steps.dcm_at_landing(standing, corrected, omega),
+        )
 
-        def xi_for(time: float, place: complex) -> complex:
-            """Return where the divergent component must be now for a landing."""
-            left = max(time - step.time, 0.0)
-            start, stays, end = weights(omega, left, min(max(step.transfer - step.time, 0.0), left))
-            return start * zmp + stays * rest + end * ((1.0 - after[0]) * place + after[1])
-
+        landing = stride.landing
         if estimate is None:
             landing = planned
-        elif step.time <= landing.time - _LANDS:
-            own = xi_for(landing.time, place)
-            error = self._beyond(estimate.xi - own)
-            if error:
-                alone = len(self._stance.groups[standing]) == 1  # a trot would only hasten
-                if alone and step.time < step.transfer <= steps.transfer:  # it lifts at once: its step is the answer
-                    step, zmp = step._replace(transfer=step.time), rest
-                held = _clipped(feedback.zmp_gain * error, feedback.zmp_limit)
-                now = Divergent(own + error, omega, step.time, step.transfer, zmp + held, rest + held)
-                planned = steps.adjusted(1 - standing, planned, now, swing.place, after)
-                planned = self._on_even_ground(stride, estimate, planned)
-            landing = planned
-        xi = xi_for(landing.time, landing.place)
-        limit = feedback.brace_threshold
-        if estimate is not None and limit is not None and abs((estimate.xi - xi).imag) >= limit:
-            xi = zmp = steps.middle(standing, swing.place)
-            step = step._replace(active=0.0, braced=_BRACED, speed=0j, turn=0.0, zmp_from=zmp)
-        return Stride(step, swing, landing, Trunk(trunk.com, zmp, *trunk[2:6], heading), ground, learnt), xi
+        elif step.time <= landing.time - _FIXED_FOOTHOLD:
+            support, landing = self._answer_error(stride, estimate, planned, support)
+        xi = support.dcm_for(landing.time, landing.place)
 
-    def _started(self, stride: Stride, command: Command, estimate: Estimate | None) -> Stride:
-        """Return the stride of a robot that stands, with its first step begun if there is a reason to."""
-        step, limit = stride.step, self._feedback.brace_threshold
-        off = estimate.xi - stride.trunk.zmp if estimate is not None else 0j
-        if step.braced > 0:
-            over = limit is None or abs(off.imag) < _OVER * limit
-            return stride._replace(step=step._replace(braced=step.braced - self._period if over else _BRACED))
-        error = self._beyond(off, _STILL)
+        stride = stride._replace(
+            step=step._replace(transfer=support.transfer),
+            landing=landing,
+            trunk=stride.trunk._replace(zmp=support.zmp),
+        )
+        if self._must_brace(estimate, xi):
+            return self._brace(stride)
+        return stride, xi
+
+    def _hold_heading(self, stride: Stride, command: Command, estimate: Estimate) -> Stride:
+        """Turn the desired heading by the command, and set the turn that brings the trunk back to it."""
+        desired = stride.trunk.desired_heading
+        error = math.remainder(desired - estimate.heading, math.tau)
+        turn_back = clamp(self._feedback.heading_gain * error, _LARGEST_TURN_BACK)
+        return stride._replace(
+            trunk=stride.trunk._replace(desired_heading=desired + command.turn * self._period),
+            corrections=stride.corrections._replace(turn_back=turn_back),
+        )
+
+    def _answer_error(
+        self, stride: Stride, estimate: Estimate, planned: Landing, support: _Support
+    ) -> tuple[_Support, Landing]:
+        """Adjust the landing to an error of the divergent component.
+
+        Args:
+            stride: state of the walk, with the landing of the last sample.
+            estimate: what the sensors measure.
+            planned: landing without an error.
+            support: the rest of the step.
+
+        Returns:
+            The rest of the step, whose weight transfer ends at once if the foot can lift, and the landing.
+        """
+        feedback = self._feedback
+        standing, swinging = stride.step.sides
+        # The error is that of the landing time of the last sample: a hastened step stays hastened.
+        desired = support.dcm_for(stride.landing.time, planned.place)
+        error = self._outside_deadband(estimate.xi - desired)
+        if not error:
+            return support, planned
+
+        # A single foot lifts at once, as its step is the answer. A pair does not: a trot would only become hasty.
+        is_single = len(self._stance.groups[standing]) == 1
+        if is_single and support.time < support.transfer <= self.steps.transfer:
+            support = support._replace(transfer=support.time, zmp=support.rest)
+
+        # Soles bring the zero-moment point beyond the error, which then grows more slowly.
+        shift = _clamp_parts(feedback.zmp_gain * error, feedback.zmp_limit)
+        state = DivergentComponent(
+            xi=desired + error,
+            omega=support.omega,
+            now=support.time,
+            lift_off=support.transfer,
+            zmp=support.zmp + shift,
+            rest=support.rest + shift,
+        )
+        foot = stride.swing.place
+        adjusted = self.steps.adjust_landing(swinging, planned, state, foot, support.condition)
+        return support, self._shift_to_even_ground(stride, estimate, adjusted)
+
+    def _must_brace(self, estimate: Estimate | None, xi: complex) -> bool:
+        """Check whether an error to the side is too large for a step aside.
+
+        Args:
+            estimate: what the sensors measure, or None to walk without feedback.
+            xi: reference of the divergent component [m].
+        """
+        threshold = self._feedback.brace_threshold
+        if estimate is None or threshold is None:
+            return False
+        return abs((estimate.xi - xi).imag) >= threshold
+
+    def _brace(self, stride: Stride) -> tuple[Stride, complex]:
+        """Stop the walk on both feet, until the error is over. Returns the stride and its divergent component [m]."""
+        middle = self.steps.middle(int(stride.step.standing), stride.swing.place)
+        step = stride.step._replace(active=0.0, brace_time=_BRACE_TIME, speed=0j, turn=0.0, zmp_from=middle)
+        return stride._replace(step=step, trunk=stride.trunk._replace(zmp=middle)), middle
+
+    def _start_if_needed(self, stride: Stride, command: Command, estimate: Estimate | None) -> Stride:
+        """Begin the first step of a standing robot, if there is a command or an error of the divergent component."""
+        step = stride.step
+        error = estimate.xi - stride.trunk.zmp if estimate is not None else 0j
+        if step.brace_time > 0:
+            threshold = self._feedback.brace_threshold
+            is_over = threshold is None or abs(error.imag) < _BRACE_HYSTERESIS * threshold
+            remaining = step.brace_time - self._period if is_over else _BRACE_TIME
+            return stride._replace(step=step._replace(brace_time=remaining))
+
+        error = self._outside_deadband(error, _DEADBANDS_STANDING)
         if not (command.moves or error):
             return stride
-        stride = self._begun(stride, command, error)
+        stride = self._begin_first_step(stride, command, error)
+        # The walk keeps the heading in which the robot stands.
         heading = stride.trunk.desired_heading if estimate is None else estimate.heading
         return stride._replace(trunk=stride.trunk._replace(desired_heading=heading))
 
-    def _begun(self, stride: Stride, command: Command, error: complex) -> Stride:
-        """Return a first step: at leisure with the right foot, or at once with the foot on the side of an error."""
-        if error and error.imag * (stride.step.standing - 0.5) > 0:
+    def _begin_first_step(self, stride: Stride, command: Command, error: complex) -> Stride:
+        """Begin the first step: with the usual foot after the settling time, or at once if there is an error.
+
+        Args:
+            stride: state of the standing robot.
+            command: desired motion.
+            error: error of the divergent component outside of the deadband [m]. The foot on its side steps.
+        """
+        # Index 1 is the left foot, and an imaginary part above zero is to the left, too. The foot on the side of the
+        # error must swing, as it can step further out than the other one.
+        side_of_stance_foot = stride.step.standing - 0.5
+        if error and error.imag * side_of_stance_foot > 0:
             stride = stride.on_the_other_foot()
-        settle = 0.0 if error else self._parameters.settle
-        stride = self._next(stride, command, hurries=bool(error))
-        ends = settle + self._parameters.step_time
-        begun = stride.step._replace(
-            active=1.0, time=0.0, transfer=settle, nominal=ends, heading_from=stride.trunk.heading
+        settling = 0.0 if error else self._parameters.settle
+        stride = self._begin_step(stride, command, hurries=bool(error))
+
+        duration = settling + self._parameters.step_time
+        step = stride.step._replace(
+            active=1.0,
+            time=0.0,
+            transfer=settling,
+            nominal=duration,
+            heading_from=stride.trunk.heading,
         )
         return stride._replace(
-            step=begun, swing=stride.swing._replace(share=0.0), landing=stride.landing._replace(time=ends)
+            step=step,
+            swing=stride.swing._replace(share=0.0),
+            landing=stride.landing._replace(time=duration),
         )
 
-    def _next(self, stride: Stride, command: Command, *, hurries: bool) -> Stride:
-        """Return a step that begins now."""
-        step, time = stride.step, self._parameters.step_time
-        speed, turn = step.command.nearer(command, self._parameters.max_speed_change)
-        transfer = 0.0 if hurries else self.steps.transfer
-        begun = step._replace(transfer=transfer, nominal=time, speed=speed, turn=turn)
-        return stride._replace(step=begun, landing=stride.landing._replace(time=time))
+    def _begin_step(self, stride: Stride, command: Command, *, hurries: bool) -> Stride:
+        """Begin a step whose speed approaches the command.
 
-    def _swung(self, stride: Stride, estimate: Estimate | None) -> tuple[Stride, float]:
-        """Return the stride with its foot further on its way, and how high that is [m]."""
-        step, swing, landing, trunk, ground, learnt = stride
-        after, length = step.time + self._period, landing.time - step.transfer
-        if not step.active or after <= step.transfer or length <= 0:
-            return stride, 0.0
-        share = max(min((after - step.transfer) / length, 1.0), swing.share)
-        part, early = gone(swing.share, share, self._parameters.swing_peak), self._blind_part
-        way = eased(min(after / landing.time, 1.0))
-        heading = step.heading_from + way * (landing.yaw - step.heading_from)
-        stays = 1.0 - gone(swing.share / early, share / early)  # before the ground may be felt, and then no more
-        swing = Swing(
-            swing.place + part * (landing.place - swing.place), swing.yaw + part * (landing.yaw - swing.yaw), share
-        )
-        trunk = Trunk(trunk.com, trunk.zmp, heading, *trunk[3:])
-        if self._map is None or estimate is None:
-            ground = Ground(ground.height * stays, ground.slope, ground.tilt, ground.foot_tilt * stays)
-        else:
-            ground = self._over_map(stride, estimate, share, self._map)
-        return Stride(step, swing, landing, trunk, ground, learnt), self._lift(share)
-
-    def _over_map(self, stride: Stride, estimate: Estimate, share: float, known: HeightMap) -> Ground:
-        """Return the ground with each swinging foot further on its way to the height of its place on a map.
-
-        Up in the part of the swing before the ground may be felt, down in what comes after it; who feels it stays.
+        Args:
+            stride: state of the walk, seen from the foot that stands in the step.
+            command: desired motion.
+            hurries: whether the foot lifts at once, without a weight transfer.
         """
-        (here, there), (_, _, before), early = stride.step.sides, stride.swing, self._blind_part
-        (height, slope, tilt, foot_tilt), landing, about = stride.ground, stride.landing, self._stance.about[there]
-        yaw, level = turned_by(1j * landing.yaw), self._level(estimate, here, known)
-        places = [landing.place + yaw * each for each in about]
-        found, heights = known.heights([estimate.in_world(place) for place in places]), list[float]()
-        late = 1.0 - early
-        up = gone(before / early, share / early)
-        down = gone(max(before - early, 0.0) / late, max(share - early, 0.0) / late) if late else up
-        feels = estimate.down if before > self._feedback.early_touchdown else ()
-        for number, (place, each, top) in enumerate(zip(places, about, found, strict=True)):
-            now = height + uphill(foot_tilt, each)
-            way = top - level - uphill(slope, place) - now
-            stays = number < len(feels) and feels[number]
-            heights.append(now if stays else now + (up if way > 0 else down) * way)
-        middle = sum(heights) / len(heights)
-        return Ground(middle, slope, tilt, sloped(self._stance.planes[there], heights))
+        duration = self._parameters.step_time
+        change = self._parameters.max_speed_change
+        new_command = stride.step.command.approach(command, change)
+        step = stride.step._replace(
+            transfer=0.0 if hurries else self.steps.transfer,
+            nominal=duration,
+            speed=new_command.speed,
+            turn=new_command.turn,
+        )
+        return stride._replace(step=step, landing=stride.landing._replace(time=duration))
 
-    def _level(self, estimate: Estimate, group: int, known: HeightMap) -> float:
-        """Return how high the ground is under the feet of a group that stands, by a map [m]."""
-        heights = known.heights([estimate.in_world(each) for each in self._stance.about[group]])
+    def _move_swing_foot(self, stride: Stride, estimate: Estimate | None) -> tuple[Stride, float]:
+        """Move the swing foot towards its landing, and turn the trunk.
+
+        Args:
+            stride: state of the walk, with the landing of the step.
+            estimate: what the sensors measure, or None to walk without feedback.
+
+        Returns:
+            The stride, and the height of the swing foot above the ground [m].
+        """
+        step = stride.step
+        swing = stride.swing
+        landing = stride.landing
+        time = step.time + self._period
+        duration = landing.time - step.transfer
+        if not step.active or time <= step.transfer or duration <= 0:
+            return stride, 0.0
+
+        # The share never goes back, also if the landing is postponed.
+        share = max(min((time - step.transfer) / duration, 1.0), swing.share)
+        part = progress_since(swing.share, share, self._parameters.swing_peak)
+        new_swing = Swing(
+            place=swing.place + part * (landing.place - swing.place),
+            yaw=swing.yaw + part * (landing.yaw - swing.yaw),
+            share=share,
+        )
+
+        # The trunk turns during the whole step, the foot only while it swings.
+        turn_share = smoothstep(min(time / landing.time, 1.0))
+        heading = step.heading_from + turn_share * (landing.yaw - step.heading_from)
+        ground = self._ground_of_swing(stride, estimate, share)
+        stride = stride._replace(
+            swing=new_swing,
+            trunk=stride.trunk._replace(heading=heading),
+            ground=ground,
+        )
+        return stride, self._lift_at(share)
+
+    def _ground_of_swing(self, stride: Stride, estimate: Estimate | None, share: float) -> Ground:
+        """Compute the ground under the swing foot, from the height map if there is one.
+
+        Without a map, the ground is expected to be level: the height under the foot goes to that of the stance foot
+        before the ground may be felt, and stays there.
+
+        Args:
+            stride: state of the walk, with the swing of the last sample.
+            estimate: what the sensors measure, or None to walk without feedback.
+            share: share of the swing's duration at this sample.
+        """
+        if self._map is not None and estimate is not None:
+            return self._ground_of_map(stride, estimate, share, self._map)
+        blind_part = self._blind_part
+        remainder = 1.0 - progress_since(stride.swing.share / blind_part, share / blind_part)
+        return stride.ground._replace(
+            height=stride.ground.height * remainder,
+            foot_tilt=stride.ground.foot_tilt * remainder,
+        )
+
+    def _ground_of_map(self, stride: Stride, estimate: Estimate, share: float, known: HeightMap) -> Ground:
+        """Move each swing foot towards the height of the map at its foothold.
+
+        A foot goes up in the part of the swing before the ground may be felt, and down in the rest of the swing. A
+        foot that feels the ground stays.
+
+        Args:
+            stride: state of the walk, with the swing of the last sample.
+            estimate: what the sensors measure.
+            share: share of the swing's duration at this sample.
+            known: the height map.
+        """
+        standing, swinging = stride.step.sides
+        offsets = self._stance.offsets[swinging]
+        landing = stride.landing
+        yaw = cmath.exp(1j * landing.yaw)
+        level = self._level_of(estimate, standing, known)
+        footholds = [landing.place + yaw * offset for offset in offsets]
+        tops = known.heights([estimate.in_world(foothold) for foothold in footholds])
+
+        # Parts of the way up and down that are done in this sample.
+        before = stride.swing.share
+        blind_part = self._blind_part
+        rest = 1.0 - blind_part
+        up = progress_since(before / blind_part, share / blind_part)
+        down = up
+        if rest:
+            down = progress_since(max(before - blind_part, 0.0) / rest, max(share - blind_part, 0.0) / rest)
+
+        ground = stride.ground
+        can_feel = before > self._feedback.early_touchdown
+        has_contact = estimate.down if can_feel and estimate.down else (False,) * len(offsets)
+        heights = list[float]()
+        for foothold, offset, top, stays in zip(footholds, offsets, tops, has_contact, strict=True):
+            now = ground.height + height_on_slope(ground.foot_tilt, offset)
+            error = top - level - height_on_slope(ground.slope, foothold) - now
+            part = up if error > 0 else down
+            heights.append(now if stays else now + part * error)
+        return ground._replace(
+            height=sum(heights) / len(heights),
+            foot_tilt=slope_through(self._stance.slope_weights[swinging], heights),
+        )
+
+    def _level_of(self, estimate: Estimate, group: int, known: HeightMap) -> float:
+        """Compute the mean height of the map under the feet of the stance group [m]."""
+        offsets = self._stance.offsets[group]
+        heights = known.heights([estimate.in_world(offset) for offset in offsets])
         return sum(heights) / len(heights)
 
-    def _on_even_ground(self, stride: Stride, estimate: Estimate | None, landing: Landing) -> Landing:
-        """Return a landing where the ground is even, if that is known; near that of the last sample."""
+    def _shift_to_even_ground(self, stride: Stride, estimate: Estimate | None, landing: Landing) -> Landing:
+        """Shift a landing to a near place where the ground is even. Without a height map, it stays as planned."""
         if self._map is None or estimate is None:
             return landing
-        swinging, yaw = stride.step.sides[1], turned_by(1j * landing.yaw)
-        feet = [estimate.in_world(landing.place + yaw * each) for each in self._stance.about[swinging]]
-        chosen = stride.landing.place - landing.place if stride.step.time > 0 else 0j
+        standing, swinging = stride.step.sides
+        yaw = cmath.exp(1j * landing.yaw)
+        offsets = self._stance.offsets[swinging]
+        feet = [estimate.in_world(landing.place + yaw * offset) for offset in offsets]
 
-        def allowed(shifts: Places) -> npt.NDArray[np.bool_]:
-            return self.steps.allowed(swinging, landing.place + shifts * estimate.turn)
+        # The choice of the last sample is kept if it is nearly as good, so that the foothold does not jump.
+        last_shift = stride.landing.place - landing.place if stride.step.time > 0 else 0j
+        last_shift_in_world = last_shift * estimate.turn.conjugate()
 
-        level, rise = self._level(estimate, stride.step.sides[0], self._map), self._parameters.foothold.rise
-        shift = self._map.shift(feet, chosen * estimate.turn.conjugate(), allowed, level, rise)
+        def is_allowed(shifts: Places) -> npt.NDArray[np.bool_]:
+            """Check which shifts in the world [m] the legs can reach."""
+            return self.steps.is_allowed(swinging, landing.place + shifts * estimate.turn)
+
+        level = self._level_of(estimate, standing, self._map)
+        largest_rise = self._parameters.foothold.rise
+        shift = self._map.shift(feet, last_shift_in_world, is_allowed, level, largest_rise)
         return landing._replace(place=landing.place + shift * estimate.turn)
 
-    def _lift(self, share: float) -> float:
-        parameters, held = self._parameters, self._feedback.landing_height * eased(min(2.0 * share, 1.0))
-        return float(parameters.lift * (4.0 * share * (1.0 - share)) ** parameters.lift_exponent + held)
+    def _lift_at(self, share: float) -> float:
+        """Height of the swing foot above the ground at a share s of the swing's duration [m].
 
-    def _felt(self, before: Stride, stride: Stride, estimate: Estimate) -> Stride:
-        """Return the stride with its feet where they feel the ground, or seek it.
-
-        Those that swing and feel it stay as high as before, while others come down; those that should stand and feel
-        nothing come further down, if late ones are sought.
+        It is lift (4 s (1 - s))^exponent, and the landing height that is reached in the first half.
         """
-        step, feedback, (down, hangs) = stride.step, self._feedback, (estimate.down, estimate.hangs)
-        if any(down) and stride.swing.share > feedback.early_touchdown:
-            sunk = self._lift(before.swing.share) - self._lift(stride.swing.share)
-            stride = self._raised(stride, [sunk * each for each in down])
-        if any(hangs) and feedback.late_touchdown and step.active and step.time > step.transfer:
-            ways = [each * feedback.search_speed * self._period for each in hangs]
-            (height, slope, tilt, foot_tilt), trunk = stride.ground, stride.trunk
-            tilt -= sloped(self._stance.planes[int(step.standing)], ways)
-            mean = sum(ways) / len(ways)
-            ground = Ground(height + mean, slope, tilt, foot_tilt)
-            stride = stride._replace(ground=ground, trunk=trunk._replace(rise=trunk.rise + mean))
+        parameters = self._parameters
+        landing_height = self._feedback.landing_height * smoothstep(min(2.0 * share, 1.0))
+        lift = parameters.lift * (4.0 * share * (1.0 - share)) ** parameters.lift_exponent
+        return float(lift + landing_height)
+
+    def _respond_to_contact(self, before: Stride, stride: Stride, estimate: Estimate) -> Stride:
+        """Keep swing feet that feel the ground where they are, and lower stance feet that do not.
+
+        Args:
+            before: stride with the swing of the last sample.
+            stride: stride with the swing of this sample.
+            estimate: what the sensors measure.
+        """
+        feedback = self._feedback
+        step = stride.step
+        if any(estimate.down) and stride.swing.share > feedback.early_touchdown:
+            # Undo the descent of this sample for the feet that feel the ground, while others come down.
+            descent = self._lift_at(before.swing.share) - self._lift_at(stride.swing.share)
+            stride = self._raise_swing_feet(stride, [descent * has_contact for has_contact in estimate.down])
+
+        is_swinging = step.active and step.time > step.transfer
+        if any(estimate.hangs) and feedback.late_touchdown and is_swinging:
+            # Heights are relative to the stance foot. A lower stance foot means a higher swing foot and root.
+            distances = [hangs * feedback.search_speed * self._period for hangs in estimate.hangs]
+            mean = sum(distances) / len(distances)
+            tilt = slope_through(self._stance.slope_weights[int(step.standing)], distances)
+            stride = stride._replace(
+                ground=stride.ground._replace(
+                    height=stride.ground.height + mean,
+                    tilt=stride.ground.tilt - tilt,
+                ),
+                trunk=stride.trunk._replace(rise=stride.trunk.rise + mean),
+            )
         return stride
 
-    def _raised(self, stride: Stride, ways: Sequence[float]) -> Stride:
-        """Return the stride with each foot that swings raised by a way of its own [m]; nothing where none is."""
-        if not any(ways):
+    def _raise_swing_feet(self, stride: Stride, distances: Sequence[float]) -> Stride:
+        """Raise each foot of the swing group by its own distance [m]. Without distances, the stride stays equal."""
+        if not any(distances):
             return stride
-        height, slope, tilt, foot_tilt = stride.ground
-        foot_tilt += sloped(self._stance.planes[1 - int(stride.step.standing)], ways)
-        return stride._replace(ground=Ground(height + sum(ways) / len(ways), slope, tilt, foot_tilt))
+        slope_weights = self._stance.slope_weights[1 - int(stride.step.standing)]
+        ground = stride.ground._replace(
+            height=stride.ground.height + sum(distances) / len(distances),
+            foot_tilt=stride.ground.foot_tilt + slope_through(slope_weights, distances),
+        )
+        return stride._replace(ground=ground)
 
-    def _later(self, stride: Stride, command: Command, estimate: Estimate | None, xi: complex, lift: float) -> Stride:
-        """Return the stride at the next sample, perhaps on the other foot."""
-        step, swing, landing, trunk, ground, learnt = stride
+    def _advance(self, stride: Stride, command: Command, estimate: Estimate | None, xi: complex, lift: float) -> Stride:
+        """Advance the time, and go over to the other foot if the swing foot has landed.
+
+        Args:
+            stride: references of this sample.
+            command: desired motion.
+            estimate: what the sensors measure, or None to walk without feedback.
+            xi: reference of the divergent component [m].
+            lift: height of the swing foot above the ground [m].
+        """
+        step = stride.step
         if not step.active:
             return stride
-        feedback, swinging, time = self._feedback, 1 - int(step.standing), step.time + self._period
-        step = step._replace(time=time)
-        touches = estimate is not None and estimate.touches and swing.share > feedback.early_touchdown
-        if time < landing.time - 1e-9 and not touches:
-            return Stride(step, swing, landing, trunk, ground, learnt)
+        feedback = self._feedback
+        time = step.time + self._period
+        stride = stride._replace(step=step._replace(time=time))
+
+        can_touch = stride.swing.share > feedback.early_touchdown
+        touches = estimate is not None and estimate.touches and can_touch
+        is_due = time >= stride.landing.time - _SAME_TIME
+        if not is_due and not touches:
+            return stride
+        # A foot that is due but does not feel the ground goes on down for a while.
         if estimate is not None and not touches and step.late < feedback.late_touchdown:
-            lower = feedback.search_speed * self._period
-            ways = [each * lower - lower for each in estimate.down] or [-lower] * len(self._stance.about[swinging])
-            return self._raised(stride._replace(step=step._replace(late=step.late + self._period)), ways)
-        error = abs(self._beyond(estimate.xi - xi)) if estimate is not None else 0.0
+            return self._search_ground(stride, estimate)
+
+        # A large error cannot wait for the weight transfer: the next foot lifts at once.
+        error = abs(self._outside_deadband(estimate.xi - xi)) if estimate is not None else 0.0
         hurries = estimate is not None and error > feedback.hurry_threshold
         if estimate is not None and not hurries:
-            way = self.steps.planned(swinging, step.command).place - swing.place
-            way += (time - step.nominal) / self._stance.rolls * step.speed
-            trim = learnt.trim + feedback.speed_integral / self._parameters.step_time * way
-            learnt = learnt._replace(trim=_clipped(trim, _TRIM))
-        rests = self._on_even_ground(stride, estimate, Landing(landing.time, self.steps.apart[swinging]))
-        off = abs(swing.place - rests.place)
-        ground = ground._replace(height=ground.height + lift)
-        stride = Stride(step, swing, landing, trunk, ground, learnt).on_the_other_foot()
-        ends = max(off / _TOGETHER, abs(learnt.turn_back) / _SQUARE) <= 1.0 and not hurries
-        if ends and not (command.moves or step.command.moves):
+            # A step that answers an error is not as long as planned for a reason, so nothing is learnt from it.
+            stride = self._trim_speed(stride)
+        return self._change_feet(stride, command, estimate, lift, hurries=hurries)
+
+    def _search_ground(self, stride: Stride, estimate: Estimate) -> Stride:
+        """Lower the swing feet that are late. Feet that feel the ground stay."""
+        step = stride.step._replace(late=stride.step.late + self._period)
+        descent = self._feedback.search_speed * self._period
+        distances = [has_contact * descent - descent for has_contact in estimate.down]
+        if not distances:
+            swinging = stride.step.sides[1]
+            distances = [-descent] * len(self._stance.offsets[swinging])
+        return self._raise_swing_feet(stride._replace(step=step), distances)
+
+    def _trim_speed(self, stride: Stride) -> Stride:
+        """Learn from a step that was too short or too long: add a part of what it lacks to the speed.
+
+        A step that took longer than planned lacks the distance that the command asks for in that time, too.
+        """
+        step = stride.step
+        planned = self.steps.plan_landing(step.sides[1], step.command)
+        lack = planned.place - stride.swing.place
+        lack += (step.time - step.nominal) / self._stance.roll_factor * step.speed
+
+        gain = self._feedback.speed_integral / self._parameters.step_time
+        speed_trim = _clamp_parts(stride.corrections.speed_trim + gain * lack, _LARGEST_TRIM)
+        return stride._replace(corrections=stride.corrections._replace(speed_trim=speed_trim))
+
+    def _change_feet(
+        self, stride: Stride, command: Command, estimate: Estimate | None, lift: float, *, hurries: bool
+    ) -> Stride:
+        """Stand on the foot that has landed, and begin the next step or end the walk.
+
+        Args:
+            stride: state at the end of a step.
+            command: desired motion.
+            estimate: what the sensors measure, or None to walk without feedback.
+            lift: height at which the foot has landed above the expected ground [m].
+            hurries: whether the next foot lifts at once, as there is a large error.
+        """
+        swinging = stride.step.sides[1]
+        usual = Landing(stride.landing.time, self.steps.apart[swinging])
+        side_by_side = self._shift_to_even_ground(stride, estimate, usual)
+        distance = abs(stride.swing.place - side_by_side.place)
+        turn_back = abs(stride.corrections.turn_back)
+
+        # An early foot has met higher ground: its present height is that of the ground.
+        ground = stride.ground._replace(height=stride.ground.height + lift)
+        stride = stride._replace(ground=ground).on_the_other_foot()
+        # The walk ends side by side, and only without a command in the step that has ended.
+        is_settled = max(distance / _END_DISTANCE, turn_back / _END_TURN) <= 1.0 and not hurries
+        if is_settled and not (command.moves or stride.step.command.moves):
             middle = self.steps.middle(swinging, stride.swing.place)
-            step, trunk = stride.step._replace(active=0.0, zmp_from=middle), stride.trunk._replace(zmp=middle)
-            return stride._replace(step=step, trunk=trunk)
-        return self._next(stride, command, hurries=hurries)
+            return stride._replace(
+                step=stride.step._replace(active=0.0, zmp_from=middle),
+                trunk=stride.trunk._replace(zmp=middle),
+            )
+        return self._begin_step(stride, command, hurries=hurries)
 
     def _part(self, rate: float) -> float:
-        """Return by how much a value that goes at a rate [1/s] comes nearer in a sample."""
+        """Part of its error that a first-order lag with a rate [1/s] removes in one sample [1]."""
         return 1.0 - math.exp(-rate * self._period)
 
-    def _beyond(self, error: complex, times: float = 1.0) -> complex:
-        """Return an error of the divergent component without some times the deadband."""
+    def _outside_deadband(self, error: complex, deadbands: float = 1.0) -> complex:
+        """Reduce an error of the divergent component by the deadband. The result is zero within the deadband.
+
+        Args:
+            error: error ahead (real part) and to the left (imaginary part) [m].
+            deadbands: multiple of the deadband that is ignored [1].
+        """
         ahead, left = self._feedback.deadband
         return complex(
-            math.copysign(max(abs(error.real) - times * ahead, 0.0), error.real),
-            math.copysign(max(abs(error.imag) - times * left, 0.0), error.imag),
+            math.copysign(max(abs(error.real) - deadbands * ahead, 0.0), error.real),
+            math.copysign(max(abs(error.imag) - deadbands * left, 0.0), error.imag),
         )
 
 
-def _clipped(place: complex, most: tuple[float, float]) -> complex:
-    ahead, left = most
-    return complex(within(place.real, ahead), within(place.imag, left))
+def _clamp_parts(value: complex, limits: tuple[float, float]) -> complex:
+    """Limit the real part and the imaginary part of a complex number, each by its own limit."""
+    limit_ahead, limit_left = limits
+    return complex(clamp(value.real, limit_ahead), clamp(value.imag, limit_left))

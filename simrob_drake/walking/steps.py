@@ -1,33 +1,53 @@
-r"""Where feet land: as a command wants it, and so that a robot which is off its course comes to rest on it.
+r"""Footsteps that follow a command, and that bring a disturbed robot back to its walk.
 
-Told by the divergent component of a linear inverted pendulum in closed form (Englsberger 2015, Khadiv 2020). With the
-centre of mass c, :math:`\omega = \sqrt{g/h}` and the zero-moment point p,
+The robot is a linear inverted pendulum with the centre of mass c, the zero-moment point p and
+:math:`\omega = \sqrt{g/h}`. Its divergent component of motion is :math:`\xi` (Englsberger 2015, Khadiv 2020):
 
 .. math:: \xi = c + \dot c / \omega, \qquad \dot\xi = \omega (\xi - p), \qquad \dot c = \omega (\xi - c) .
 
-In a step of time T the zero-moment point goes from :math:`p_0` to :math:`p_1` on a straight line in the time D, and
-stays there; then what comes after it decides where :math:`\xi` must be at its start:
+In a step of duration T the zero-moment point first moves from :math:`p_0` to :math:`p_1`, on a straight line in the
+time D, and then stays there. The end of the step therefore decides where :math:`\xi` must be at its start:
 
 .. math:: \xi_0 = w_0 p_0 + w_1 p_1 + e^{-\omega T} \xi_T, \qquad
     w_0 = 1 - \frac{1 - e^{-\omega D}}{\omega D}, \quad w_1 = 1 - e^{-\omega T} - w_0 .
+
+Positions are complex numbers [m], measured from the stance foot: the real part ahead, the imaginary part to the left.
+A multiplication by exp(i a) turns a position by the angle a to the left.
 """
 
 from __future__ import annotations
 
+import cmath
 import math
-from cmath import exp as turned_by
 from dataclasses import dataclass
-from math import ceil, radians
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from simrob_drake.base.renaming import former_names_of, keep_former_attributes
 from simrob_drake.walking.parameters import Feedback, WalkingParameters
+
+# Steps that are planned after the next one. Later steps change the divergent component by less than a hundredth.
+_STEPS_AHEAD = 3
+# Spacing of the landing times that are compared [s].
+_TIME_GRID = 0.02
+# Two times of landing are the same if they differ by less [s].
+_SAME_TIME = 1e-9
+# Below this product of omega and transfer time [1], w_0 is zero: the formula would divide by zero.
+_NO_TRANSFER = 1e-9
+# A slower command counts as standing [m/s, rad/s].
+_SLOWEST = 1e-9
 
 
 class Weights(NamedTuple):
-    """What of a step its zero-moment point at its start, that at its end, and the end of the step count for."""
+    """Weights of a step in the divergent component at its start [1]; their sum is 1.
+
+    Attributes:
+        start: w_0, of the zero-moment point at the start of the step.
+        rest: w_1, of the zero-moment point at its end.
+        end: weight of the divergent component at the end of the step.
+    """
 
     start: float
     rest: float
@@ -35,187 +55,360 @@ class Weights(NamedTuple):
 
 
 def weights(omega: float, time: float, transfer: float) -> Weights:
-    """Return the weights of a step [1].
+    """Compute the weights of a step, see the equations of the module.
 
     Args:
-        omega: of the pendulum [1/s].
-        time: T, that the step still takes [s].
-        transfer: D, that the zero-moment point still goes [s].
+        omega: natural frequency of the pendulum [1/s].
+        time: remaining duration T of the step [s].
+        transfer: remaining time D in which the zero-moment point moves [s].
     """
-    way = omega * transfer
-    start = 1.0 - (1.0 - math.exp(-way)) / way if way > 1e-9 else 0.0
+    exponent = omega * transfer
+    start = 1.0 - (1.0 - math.exp(-exponent)) / exponent if exponent > _NO_TRANSFER else 0.0
     end = math.exp(-omega * time)
     return Weights(start, 1.0 - end - start, end)
 
 
-_AHEAD = 3  # steps that are looked ahead: what comes later counts for a hundredth
-_GRID = 0.02  # between the times of landing that are compared [s]
-
-
 class Command(NamedTuple):
-    """What a robot shall do: speeds [m/s] and turn [rad/s]."""
+    """Desired motion of a robot.
+
+    Attributes:
+        speed: speed ahead (real part) and to the left (imaginary part) [m/s].
+        turn: turning speed to the left [rad/s].
+    """
 
     speed: complex = 0j
     turn: float = 0.0
 
     @property
     def moves(self) -> bool:
-        """Whether it goes anywhere."""
-        return abs(self.speed) > 1e-9 or abs(self.turn) > 1e-9
+        """True if the command is a motion, False if it is to stand."""
+        return abs(self.speed) > _SLOWEST or abs(self.turn) > _SLOWEST
 
-    def nearer(self, target: Command, most: tuple[float, float, float]) -> Command:
-        """Return a command nearer to another one, each part by its largest change (ahead, left, turn [deg/s])."""
-        ahead, left, turn = most
-        way, more = target.speed - self.speed, target.turn - self.turn
-        step = complex(within(way.real, ahead), within(way.imag, left))
-        return Command(self.speed + step, self.turn + within(more, radians(turn)))
+    def approach(self, target: Command, largest_change: tuple[float, float, float]) -> Command:
+        """Change the command towards another one.
+
+        Args:
+            target: the command to approach.
+            largest_change: most that the speed ahead and to the left [m/s] and the turning speed [deg/s] change.
+        """
+        ahead, left, turn_deg = largest_change
+        speed_error = target.speed - self.speed
+        turn_error = target.turn - self.turn
+        speed_change = complex(clamp(speed_error.real, ahead), clamp(speed_error.imag, left))
+        turn_change = clamp(turn_error, math.radians(turn_deg))
+        return Command(self.speed + speed_change, self.turn + turn_change)
 
 
 class Landing(NamedTuple):
-    """How a step ends: when [s], where [m] and turned by how much [rad], from the foot that stands."""
+    """End of a step, as seen from the stance foot.
+
+    Attributes:
+        time: time from the start of the step to the landing [s].
+        place: foothold [m].
+        yaw: angle by which the foot is turned to the left when it lands [rad].
+    """
 
     time: float
     place: complex
     yaw: float = 0.0
 
 
-class Steps:
-    """Footsteps of a robot whose feet, one or a group, stand and swing in turn: 0 the right ones, 1 the left ones."""
+class LandingCondition(NamedTuple):
+    """Condition on the divergent component when the swing foot lands, so that the next steps go as planned.
 
-    def __init__(self, parameters: WalkingParameters, half: float, rolls: float = 1.0) -> None:
-        """Prepare.
+    With the foothold u it is (1 - start) u + offset.
+
+    Attributes:
+        start: weight w_0 of the next step's first zero-moment point, which is that of the present step [1].
+        offset: divergent component for a foothold at the origin [m].
+    """
+
+    start: float
+    offset: complex
+
+    def dcm_for(self, foothold: complex) -> complex:
+        """Divergent component that a foothold [m] requires [m]."""
+        return (1.0 - self.start) * foothold + self.offset
+
+    def foothold_for(self, dcm: complex) -> complex:
+        """Foothold that a divergent component [m] requires [m]."""
+        return (dcm - self.offset) / (1.0 - self.start)
+
+
+class Steps:
+    """Footsteps of a robot whose two groups of feet stand and swing in turn.
+
+    Group 0 is on the right, group 1 on the left. Each group is one foot or several feet that move together.
+
+    Attributes:
+        transfer: time in which the weight goes over to the stance foot at the start of a step [s].
+        rest_points: position of the zero-moment point while a foot stands, from that foot, for each group [m].
+        apart: position of each group from the other one in a robot at rest [m].
+    """
+
+    def __init__(self, parameters: WalkingParameters, half_width: float, roll_factor: float = 1.0) -> None:
+        """Create the footsteps of a walk.
 
         Args:
-            parameters: of the walk.
-            half: how far the middles of the two groups are to the side of the robot's [m].
-            rolls: how much further than its legs go a robot gets because its feet roll meanwhile.
+            parameters: parameters of the walk.
+            half_width: distance from the robot's middle to the middle of each group, to the side [m].
+            roll_factor: distance that the robot goes over the distance that its legs go [1]. Above 1 if the feet are
+                balls, which roll while they stand.
         """
-        self._time, self._pace = parameters.step_time, parameters.step_time / rolls
+        self._step_time = parameters.step_time
+        # Speed times pace is the length of a step of the legs [s]. Balls roll on by the rest.
+        self._pace = parameters.step_time / roll_factor
+        self._foothold = parameters.foothold
+        self._feedback = parameters.feedback
         self.transfer = parameters.double_support * parameters.step_time
-        self._foothold, self._feedback = parameters.foothold, parameters.feedback
-        ahead, inward = parameters.zmp_ahead, parameters.zmp_inward
-        self.rest_points = complex(ahead, inward), complex(ahead, -inward)
-        """Where the zero-moment point stays while a foot stands, from that foot."""
-        self.apart = complex(0.0, -2.0 * half), complex(0.0, 2.0 * half)
-        """Where a foot stands from the other one, in a robot at rest."""
+
+        # Inward is to the left of the right foot, and to the right of the left foot.
+        right = complex(parameters.zmp_ahead, parameters.zmp_inward)
+        left = complex(parameters.zmp_ahead, -parameters.zmp_inward)
+        self.rest_points = (right, left)
+        self.apart = (complex(0.0, -2.0 * half_width), complex(0.0, 2.0 * half_width))
 
     def middle(self, standing: int, foot: complex) -> complex:
-        """Return where the zero-moment point rests while both feet stand, the other one beside the first."""
-        return 0.5 * (self.rest_points[standing] + foot + self.rest_points[1 - standing])
-
-    def allowed(self, swinging: int, places: npt.NDArray[np.complex128]) -> npt.NDArray[np.bool_]:
-        """Tell which of some places, complex, a foot may land at."""
-        out, foothold = (1.0 if swinging else -1.0) * places.imag, self._foothold
-        ahead = (places.real <= foothold.ahead) & (places.real >= -foothold.behind)
-        return np.asarray(ahead & (out >= foothold.inner) & (out <= foothold.outer))
-
-    def planned(self, swinging: int, command: Command) -> Landing:
-        """Return where a foot lands by a command: about the middle of the robot, which goes and turns."""
-        yaw = command.turn * self._pace
-        return Landing(self._time, self._place(swinging, command, turned_by(1j * yaw)), yaw)
-
-    def _place(self, swinging: int, command: Command, turn: complex) -> complex:
-        """Return that place, for a turn by its end as a complex number of length one."""
-        out = 0.5 * self.apart[swinging]
-        return command.speed * self._pace + out + turn * out
-
-    def start_of(
-        self, standing: int, command: Command, parts: Weights, before: complex, ahead: int = _AHEAD
-    ) -> complex:
-        """Return the divergent component at the start of a planned step, and of those after it.
+        """Position of the zero-moment point while the robot stands on both feet [m].
 
         Args:
-            standing: the foot, from which it is seen.
-            command: that all steps follow.
-            parts: the weights of each.
-            before: where the zero-moment point comes from.
-            ahead: how many steps more are looked at; then the robot rests.
+            standing: index of the foot from which positions are measured.
+            foot: position of the other foot [m], which looks in the same direction.
         """
-        (start, rest, end), swinging, turn = parts, 1 - standing, turned_by(1j * command.turn * self._pace)
-        here = self.rest_points[standing], self.rest_points[swinging]  # in this step, in the next, and so on in turn
-        lands = self._place(swinging, command, turn), self._place(standing, command, turn)
-        came = (here[0] - lands[0]) / turn, (here[1] - lands[1]) / turn  # seen from the next foot
-        found = 0.5 * (came[ahead % 2] + here[1 - ahead % 2])
-        for step in range(ahead, -1, -1):  # from rest backwards
-            own = step % 2
-            found = start * (came[1 - own] if step else before) + rest * here[own] + end * (lands[own] + turn * found)
-        return found
+        return 0.5 * (self.rest_points[standing] + foot + self.rest_points[1 - standing])
 
-    def after(self, standing: int, command: Command, omega: float) -> tuple[float, complex]:
-        """Return what the divergent component must be when the swinging foot lands at u: (1 - a) u + b, as a and b.
+    def is_allowed(self, swinging: int, places: npt.NDArray[np.complex128]) -> npt.NDArray[np.bool_]:
+        """Check which positions (any shape) [m] are within the footholds that the robot's parameters allow.
 
-        a counts the zero-moment point from which the next step begins, that of the foot which stands now.
+        Args:
+            swinging: index of the swing foot.
+            places: positions as complex numbers, measured from the stance foot.
         """
-        parts, turn = weights(omega, self._time, self.transfer), turned_by(1j * command.turn * self._pace)
-        begins = self.start_of(1 - standing, command, parts, 0j)
-        return parts.start, turn * begins + parts.start * self.rest_points[standing]
+        foothold = self._foothold
+        outward = _outward(swinging) * places.imag
+        is_within_length = (places.real <= foothold.ahead) & (places.real >= -foothold.behind)
+        is_within_width = (outward >= foothold.inner) & (outward <= foothold.outer)
+        return np.asarray(is_within_length & is_within_width)
 
-    def adjusted(
-        self, swinging: int, planned: Landing, xi: Divergent, foot: complex, after: tuple[float, complex]
+    def plan_landing(self, swinging: int, command: Command) -> Landing:
+        """Plan the landing of a step without disturbances.
+
+        The middle of the robot moves and turns by the command, with each foot at its usual distance to the side.
+
+        Args:
+            swinging: index of the swing foot.
+            command: the command that the step follows.
+        """
+        yaw = command.turn * self._pace
+        place = self._planned_place(swinging, command, cmath.exp(1j * yaw))
+        return Landing(self._step_time, place, yaw)
+
+    def _planned_place(self, swinging: int, command: Command, turn: complex) -> complex:
+        """Compute the foothold of a step without disturbances [m].
+
+        Args:
+            swinging: index of the swing foot.
+            command: the command that the step follows.
+            turn: turn of the robot in the step, as a complex number of length one.
+        """
+        # From the stance foot to the robot's middle, and from there to the swing foot's side, which has turned.
+        to_side = 0.5 * self.apart[swinging]
+        return command.speed * self._pace + to_side + turn * to_side
+
+    def dcm_at_start(
+        self,
+        standing: int,
+        command: Command,
+        step_weights: Weights,
+        zmp_from: complex,
+        steps_ahead: int = _STEPS_AHEAD,
+    ) -> complex:
+        """Compute the divergent component at the start of a step that is followed by others, as planned [m].
+
+        Args:
+            standing: index of the stance foot of the first step, from which all positions are measured.
+            command: the command that all steps follow.
+            step_weights: weights of each step.
+            zmp_from: position of the zero-moment point at the start of the first step [m].
+            steps_ahead: count of further steps. The robot rests after the last one.
+        """
+        swinging = 1 - standing
+        turn = cmath.exp(1j * command.turn * self._pace)
+
+        # Values of every second step, each seen from its own stance foot: index 0 for the first, third ... step.
+        rest_points = (self.rest_points[standing], self.rest_points[swinging])
+        footholds = (
+            self._planned_place(swinging, command, turn),
+            self._planned_place(standing, command, turn),
+        )
+        # The same rest points as seen from the foot of the step after.
+        rest_points_from_next = (
+            (rest_points[0] - footholds[0]) / turn,
+            (rest_points[1] - footholds[1]) / turn,
+        )
+
+        # The divergent component rests between both feet after the last step. Go back step by step from there.
+        last = steps_ahead % 2
+        dcm = 0.5 * (rest_points_from_next[last] + rest_points[1 - last])
+        for step in range(steps_ahead, -1, -1):
+            index = step % 2
+            zmp_before = rest_points_from_next[1 - index] if step else zmp_from
+            end = footholds[index] + turn * dcm  # measured from the stance foot of this step
+            dcm = step_weights.start * zmp_before + step_weights.rest * rest_points[index] + step_weights.end * end
+        return dcm
+
+    def dcm_at_landing(self, standing: int, command: Command, omega: float) -> LandingCondition:
+        """Compute the condition on the divergent component at the end of the present step.
+
+        Args:
+            standing: index of the stance foot.
+            command: the command that the next steps follow.
+            omega: natural frequency of the pendulum [1/s].
+        """
+        step_weights = weights(omega, self._step_time, self.transfer)
+        turn = cmath.exp(1j * command.turn * self._pace)
+        # The next step begins with the zero-moment point at the present rest point r. Seen from the next foot, which
+        # is at u and turned by `turn`, that is (r - u) / turn. It is left out of the sum here, and added by its
+        # weight w_0: u + turn (dcm + w_0 (r - u) / turn) = (1 - w_0) u + (turn dcm + w_0 r).
+        dcm = self.dcm_at_start(1 - standing, command, step_weights, 0j)
+        offset = turn * dcm + step_weights.start * self.rest_points[standing]
+        return LandingCondition(step_weights.start, offset)
+
+    def adjust_landing(
+        self,
+        swinging: int,
+        planned: Landing,
+        state: DivergentComponent,
+        foot: complex,
+        condition: LandingCondition,
     ) -> Landing:
-        """Return the landing that serves a divergent component best, within reach of the foot in the time.
+        r"""Find the landing that answers an error of the divergent component best.
 
-        Times on a grid are compared by
+        Landing times T on a grid are compared by the cost
 
         .. math:: |u^* - u|^2 + k_u |u - u_0|^2 + k_T (T - T_0)^2
 
-        with the foothold u* by which the next steps are as planned, u what the foot reaches of it, and the planned
-        :math:`u_0` and :math:`T_0`.
+        with the foothold :math:`u^*` after which the next steps go as planned, the foothold u that the foot can reach
+        in time, the planned foothold :math:`u_0` and time :math:`T_0`, and the parameters `place_weight` :math:`k_u`
+        and `time_weight` :math:`k_T`.
+
+        Args:
+            swinging: index of the swing foot.
+            planned: landing without the error.
+            state: the divergent component.
+            foot: position of the swing foot [m].
+            condition: condition on the divergent component at the landing.
         """
         feedback = self._feedback
-        assert feedback is not None  # who has none does not ask
-        first = max(xi.now + _GRID, xi.lifts + feedback.min_swing_time)
-        count = max(ceil((xi.lifts + feedback.max_swing_time - first) / _GRID), 1)
-        best, least = planned, float("inf")
-        for time in (planned.time, *(first + _GRID * number for number in range(count))):
-            if time < first - 1e-9:
-                continue
-            desired = (xi.at(time) - after[1]) / (1.0 - after[0])
-            place = self._reached(swinging, planned, desired, foot, time - max(xi.now, xi.lifts), feedback)
+        assert feedback is not None  # a walk without feedback keeps its planned landings
+        lift_off = state.lift_off
+        swing_start = max(state.now, lift_off)
+        # One sample of the grid must remain for the foot to move, and a swing has a least duration.
+        earliest = max(state.now + _TIME_GRID, lift_off + feedback.min_swing_time)
+        latest = lift_off + feedback.max_swing_time
+        count = max(math.ceil((latest - earliest) / _TIME_GRID), 1)
+        times = (planned.time, *(earliest + _TIME_GRID * index for index in range(count)))
+
+        best = planned
+        least_cost = math.inf
+        for time in times:
+            if time < earliest - _SAME_TIME:
+                continue  # the planned time may be too early
+            desired = condition.foothold_for(state.at(time))
+            place = self._reachable_place(swinging, planned, desired, foot, time - swing_start, feedback)
             cost = abs(desired - place) ** 2 + feedback.place_weight * abs(place - planned.place) ** 2
             cost += feedback.time_weight * (time - planned.time) ** 2
-            if cost < least:
-                best, least = Landing(time, place, planned.yaw), cost
+            if cost < least_cost:
+                best = Landing(time, place, planned.yaw)
+                least_cost = cost
         return best
 
-    def _reached(
-        self, swinging: int, planned: Landing, desired: complex, foot: complex, time: float, feedback: Feedback
+    def _reachable_place(
+        self,
+        swinging: int,
+        planned: Landing,
+        desired: complex,
+        foot: complex,
+        time: float,
+        feedback: Feedback,
     ) -> complex:
-        """Return what a foot reaches in a time of where it is wanted."""
-        side, foothold = (1.0 if swinging else -1.0), self._foothold
-        place = planned.place + feedback.step_gain / (1.0 + feedback.place_weight) * (desired - planned.place)
-        out = min(max(side * place.imag, foothold.inner), foothold.outer)
-        way = complex(min(max(place.real, -foothold.behind), foothold.ahead), side * out) - foot
-        most = feedback.max_foot_speed * max(time, 0.0)
-        return foot + (way * (most / abs(way)) if abs(way) > most else way)
+        """Compute the foothold nearest to a desired one that the swing foot can reach [m].
+
+        Args:
+            swinging: index of the swing foot.
+            planned: landing without an error.
+            desired: foothold that the divergent component requires [m].
+            foot: position of the swing foot [m].
+            time: time until the foot lands [s].
+            feedback: parameters of the feedback.
+        """
+        foothold = self._foothold
+        side = _outward(swinging)
+
+        # The least of |u* - u|^2 + k_u |u - u_0|^2 is at u = u_0 + (u* - u_0) / (1 + k_u).
+        gain = feedback.step_gain / (1.0 + feedback.place_weight)
+        place = planned.place + gain * (desired - planned.place)
+
+        # Legs end the reach ahead and outward; inward, the feet must not cross.
+        ahead = min(max(place.real, -foothold.behind), foothold.ahead)
+        outward = min(max(side * place.imag, foothold.inner), foothold.outer)
+        path = complex(ahead, side * outward) - foot
+
+        # The joints of the legs have a largest speed, and so has the foot.
+        longest = feedback.max_foot_speed * max(time, 0.0)
+        if abs(path) > longest:
+            path *= longest / abs(path)
+        return foot + path
 
 
 @dataclass(frozen=True)
-class Divergent:
-    """The divergent component in a step, and where it goes while the foot stands.
+class DivergentComponent:
+    """The divergent component in a step, and the zero-moment point that moves it until the swing foot lands.
 
     Attributes:
-        xi: where it is, from the foot that stands [m].
-        omega: of the pendulum [1/s].
+        xi: divergent component now, from the stance foot [m].
+        omega: natural frequency of the pendulum [1/s].
         now: time since the step began [s].
-        lifts: when the other foot lifts, and the zero-moment point is at rest [s].
-        zmp: where that is now.
-        rest: where it rests.
+        lift_off: time at which the swing foot lifts and the zero-moment point comes to rest, since the step began [s].
+        zmp: position of the zero-moment point now [m].
+        rest: position where the zero-moment point rests [m].
     """
 
     xi: complex
     omega: float
     now: float
-    lifts: float
+    lift_off: float
     zmp: complex
     rest: complex
 
     def at(self, time: float) -> complex:
-        """Return where it is at a later time of the step."""
-        start, rest, end = weights(self.omega, time - self.now, max(self.lifts - self.now, 0.0))
+        """Predict the divergent component at a later time since the step began [m].
+
+        It solves the equation of the module for the end: xi_T = (xi_0 - w_0 p_0 - w_1 p_1) exp(omega T).
+        """
+        start, rest, end = weights(self.omega, time - self.now, max(self.lift_off - self.now, 0.0))
         return (self.xi - start * self.zmp - rest * self.rest) / end
 
 
-def within(value: float, most: float) -> float:
-    """Return a number, or the nearest between ``-most`` and ``most``."""
-    return min(max(value, -most), most)
+def clamp(value: float, limit: float) -> float:
+    """Limit a value to the range from -limit to +limit."""
+    return min(max(value, -limit), limit)
+
+
+def _outward(swinging: int) -> float:
+    """Sign of the direction to a foot's own side: +1 (left) for foot 1, -1 (right) for foot 0."""
+    return 1.0 if swinging else -1.0
+
+
+keep_former_attributes(Command, nearer="approach")
+keep_former_attributes(
+    Steps,
+    allowed="is_allowed",
+    planned="plan_landing",
+    start_of="dcm_at_start",
+    after="dcm_at_landing",
+    adjusted="adjust_landing",
+)
+keep_former_attributes(DivergentComponent, lifts="lift_off")
+if not TYPE_CHECKING:
+    __getattr__ = former_names_of(__name__, {"Divergent": "DivergentComponent", "within": "clamp"})

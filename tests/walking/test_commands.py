@@ -9,7 +9,7 @@ from pydrake.systems.framework import BasicVector, LeafSystem
 from simrob_drake import load_station, simulate
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.stations.checks import check_station
-from simrob_drake.walking.commands import Commanded, Commander, Follower, Waypoints, beyond, clipped
+from simrob_drake.walking.commands import Commanded, Commander, Follower, Waypoints, clip_command, find_excess
 from simrob_drake.walking.parameters import MaxSpeed
 from simrob_drake.walking.steps import Command
 
@@ -28,12 +28,12 @@ def station(duration=1.2, **walk):
 
 def test_each_part_of_a_command_is_clipped_at_its_own_limit():
     can = Command(0.3 - 0.1j, np.deg2rad(40))
-    assert clipped(can, MAX_SPEED) is can
-    assert clipped(Command(-0.5 + 0.2j, -3.0), MAX_SPEED) == Command(-0.2 + 0.1j, -np.deg2rad(40))
-    ahead, turn = beyond(Command(0.4, -1), MAX_SPEED)
+    assert clip_command(can, MAX_SPEED) is can
+    assert clip_command(Command(-0.5 + 0.2j, -3.0), MAX_SPEED) == Command(-0.2 + 0.1j, -np.deg2rad(40))
+    ahead, turn = find_excess(Command(0.4, -1), MAX_SPEED)
     assert ahead == ("ahead", 0.4, 0.3, "m/s")
     assert turn == ("turn_deg", pytest.approx(np.rad2deg(-1)), pytest.approx(-40), "deg/s")
-    assert beyond(can, MAX_SPEED) == []
+    assert find_excess(can, MAX_SPEED) == []
 
 
 def test_a_hand_comes_before_an_input_that_before_the_table_and_that_before_the_path():

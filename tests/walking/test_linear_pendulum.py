@@ -1,4 +1,4 @@
-"""The divergent component in closed form against its differential equation, and footsteps that keep a walk in step."""
+"""Footsteps: the divergent component in closed form against its differential equation, and adjusted landings."""
 
 from cmath import exp
 from math import pi
@@ -9,97 +9,164 @@ from scipy.integrate import solve_ivp
 
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.walking.parameters import WalkingParameters, load_walking
-from simrob_drake.walking.steps import Command, Divergent, Landing, Steps, weights
+from simrob_drake.walking.steps import Command, DivergentComponent, Landing, Steps, weights
 
-OMEGA = 5.2
+OMEGA = 5.2  # 1/s
+STEP_TIME = 0.4  # s
+HALF_WIDTH = 0.06  # m
 
 
-def figures(**changes: object) -> WalkingParameters:
+def load_parameters(**changes: object) -> WalkingParameters:
+    """Load the parameters of ZJUDancer's walk, with changes."""
     return load_walking(load_robot("zjudancer"), changes)
 
 
 @pytest.fixture(scope="module")
 def steps() -> Steps:
-    return Steps(figures(step_time=0.4, double_support=0.2), 0.06)
+    return Steps(load_parameters(step_time=STEP_TIME, double_support=0.2), HALF_WIDTH)
 
 
 @pytest.mark.parametrize(("time", "transfer"), [(0.4, 0.1), (0.3, 0.3), (0.5, 0.0)])
-def test_weights_are_those_of_the_differential_equation(time: float, transfer: float) -> None:
-    first, last, end = 0.03, -0.02, 0.05
-    told = weights(OMEGA, time, transfer)
-    start = told.start * first + told.rest * last + told.end * end
+def test_weights_solve_the_differential_equation(time: float, transfer: float) -> None:
+    zmp_start, zmp_end, xi_end = 0.03, -0.02, 0.05  # m
+    step_weights = weights(OMEGA, time, transfer)
+    xi_start = step_weights.start * zmp_start + step_weights.rest * zmp_end + step_weights.end * xi_end
 
     def rate(now: float, xi: np.ndarray) -> np.ndarray:
+        """Rate of the divergent component [m/s]: omega (xi - p), with p on a straight line, then at rest."""
         share = min(now / transfer, 1.0) if transfer else 1.0
-        return OMEGA * (xi - first - share * (last - first))
+        return OMEGA * (xi - zmp_start - share * (zmp_end - zmp_start))
 
-    whole = solve_ivp(rate, (0, time), [start], rtol=1e-10, atol=1e-12, max_step=0.01)
-    assert whole.y[0, -1] == pytest.approx(end, abs=1e-7)
-    assert sum(told) == pytest.approx(1.0)
+    solution = solve_ivp(rate, (0, time), [xi_start], rtol=1e-10, atol=1e-12, max_step=0.01)
+
+    assert solution.y[0, -1] == pytest.approx(xi_end, abs=1e-7)
+    assert sum(step_weights) == pytest.approx(1.0)
 
 
-def test_a_component_goes_where_its_equation_says() -> None:
-    now = Divergent(0.02 + 0.01j, OMEGA, 0.05, 0.1, 0.01j, 0.01 - 0.02j)
-    there = now.at(0.35)
-    told = weights(OMEGA, 0.3, 0.05)
-    assert told.start * now.zmp + told.rest * now.rest + told.end * there == pytest.approx(now.xi)
+def test_a_prediction_is_the_inverse_of_the_weights() -> None:
+    state = DivergentComponent(0.02 + 0.01j, OMEGA, now=0.05, lift_off=0.1, zmp=0.01j, rest=0.01 - 0.02j)
+
+    xi_end = state.at(0.35)
+
+    step_weights = weights(OMEGA, 0.35 - 0.05, 0.1 - 0.05)
+    xi_start = step_weights.start * state.zmp + step_weights.rest * state.rest + step_weights.end * xi_end
+    assert xi_start == pytest.approx(state.xi)
 
 
 @pytest.mark.parametrize("command", [Command(), Command(0.2 + 0.03j), Command(0.1, 0.4), Command(-0.1)])
-def test_a_step_as_planned_ends_where_the_next_one_begins(steps: Steps, command: Command) -> None:
-    """Seen from the next foot, the component is that of the same step a foot later; looking three steps ahead."""
-    here, landing = steps.rest_points[0], steps.planned(1, command)
+def test_a_step_ends_where_the_next_one_begins(steps: Steps, command: Command) -> None:
+    """The condition at the landing, seen from the next foot, is the start of the next step."""
+    landing = steps.plan_landing(1, command)
     turn = exp(1j * landing.yaw)
-    a, b = steps.after(0, command, OMEGA)
-    end = (1 - a) * landing.place + b
-    parts = weights(OMEGA, landing.time, steps.transfer)
-    then = steps.start_of(1, command, parts, (here - landing.place) / turn)
-    assert (end - landing.place) / turn == pytest.approx(then, abs=1e-12)
-    further = steps.start_of(1, command, parts, (here - landing.place) / turn, 12)
-    assert abs(then - further) < 2e-4
+    step_weights = weights(OMEGA, landing.time, steps.transfer)
+
+    xi_end = steps.dcm_at_landing(0, command, OMEGA).dcm_for(landing.place)
+
+    zmp_from_next_foot = (steps.rest_points[0] - landing.place) / turn
+    xi_from_next_foot = (xi_end - landing.place) / turn
+    expected = steps.dcm_at_start(1, command, step_weights, zmp_from_next_foot)
+    assert xi_from_next_foot == pytest.approx(expected, abs=1e-12)
 
 
-def test_commands_turn_and_walk_about_the_middle_of_the_feet(steps: Steps) -> None:
-    landing = steps.planned(1, Command(0.3, pi / 2 / 0.4))
-    middle = landing.place - exp(1j * landing.yaw) * 0.06j
-    assert (middle, landing.yaw) == (pytest.approx(0.12 + 0.06j), pytest.approx(pi / 2))
+def test_steps_far_ahead_change_little(steps: Steps) -> None:
+    command = Command(0.2 + 0.03j)
+    step_weights = weights(OMEGA, STEP_TIME, steps.transfer)
+
+    usual = steps.dcm_at_start(1, command, step_weights, -0.1j)
+    further = steps.dcm_at_start(1, command, step_weights, -0.1j, 12)
+
+    assert abs(usual - further) < 2e-4  # m
+
+
+def test_the_middle_of_the_robot_moves_and_turns_by_the_command(steps: Steps) -> None:
+    quarter_turn = Command(0.3, pi / 2 / STEP_TIME)
+
+    landing = steps.plan_landing(1, quarter_turn)
+
+    # The middle is to the right of the left foot, by half of the distance between the feet.
+    middle = landing.place - exp(1j * landing.yaw) * HALF_WIDTH * 1j
+    assert landing.yaw == pytest.approx(pi / 2)
+    assert middle == pytest.approx(0.3 * STEP_TIME + HALF_WIDTH * 1j)
+
+
+def test_a_condition_and_its_foothold_are_inverse(steps: Steps) -> None:
+    condition = steps.dcm_at_landing(0, Command(0.2 + 0.03j, 0.3), OMEGA)
+    foothold = 0.1 + 0.15j
+
+    assert condition.foothold_for(condition.dcm_for(foothold)) == pytest.approx(foothold)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_command_changes_by_its_largest_change(sign: int) -> None:
+    """The largest change of the turning speed is in degrees per second."""
+    target = Command(sign * (0.3 - 0.2j), sign * 1.0)
+
+    command = Command().approach(target, (0.06, 0.03, 15.0))
+
+    assert command.speed == pytest.approx(sign * (0.06 - 0.03j))
+    assert command.turn == pytest.approx(sign * pi / 12)
 
 
 class TestAdjustedLandings:
-    """What an error changes."""
+    """Change of a landing by an error of the divergent component, after the weight transfer."""
 
     command = Command(0.2 + 0j)
 
-    def landing(self, steps: Steps, error: complex, standing: int = 0, now: float = 0.15) -> tuple[Landing, Landing]:
-        rest, planned = steps.rest_points[standing], steps.planned(1 - standing, self.command)
-        after = steps.after(standing, self.command, OMEGA)
-        told = weights(OMEGA, planned.time - now, 0.0)
-        own = told.rest * rest + told.end * ((1 - after[0]) * planned.place + after[1])
-        state = Divergent(own + error, OMEGA, now, steps.transfer, rest, rest)
-        return planned, steps.adjusted(1 - standing, planned, state, planned.place / 2, after)
+    def adjust(self, steps: Steps, error: complex, standing: int = 0, now: float = 0.15) -> tuple[Landing, Landing]:
+        """Adjust a landing to an error: the planned landing, and the adjusted one."""
+        rest = steps.rest_points[standing]
+        planned = steps.plan_landing(1 - standing, self.command)
+        condition = steps.dcm_at_landing(standing, self.command, OMEGA)
+        step_weights = weights(OMEGA, planned.time - now, 0.0)
+        xi = step_weights.rest * rest + step_weights.end * condition.dcm_for(planned.place)
+        state = DivergentComponent(xi + error, OMEGA, now, steps.transfer, rest, rest)
+        half_way = planned.place / 2
+        return planned, steps.adjust_landing(1 - standing, planned, state, half_way, condition)
 
-    def test_none_without_an_error(self, steps: Steps) -> None:
-        planned, found = self.landing(steps, 0j)
-        assert (found.time, found.place) == (planned.time, pytest.approx(planned.place, abs=1e-9))
+    def test_without_an_error_the_landing_is_as_planned(self, steps: Steps) -> None:
+        planned, adjusted = self.adjust(steps, 0j)
 
-    def test_the_foot_goes_after_the_robot(self, steps: Steps) -> None:
-        planned, found = self.landing(steps, 0.012 + 0j)
-        assert planned.place.real < found.place.real <= 0.15
-        planned, found = self.landing(steps, 0.012j)
-        assert planned.place.imag < found.place.imag <= 0.2
+        assert adjusted.time == planned.time
+        assert adjusted.place == pytest.approx(planned.place, abs=1e-9)
 
-    def test_feet_do_not_cross_nor_leave_their_reach(self, steps: Steps) -> None:
-        reach = figures().foothold
-        for error in (0.5 + 0j, -0.5 + 0j, 0.5j, -0.5j):
-            for standing, side in ((0, 1), (1, -1)):
-                found = self.landing(steps, error, standing, now=0.1)[1].place
-                assert reach.inner - 1e-9 <= side * found.imag <= reach.outer + 1e-9
-                assert -reach.behind - 1e-9 <= found.real <= reach.ahead + 1e-9
+    def test_the_foot_steps_in_the_direction_of_the_error(self, steps: Steps) -> None:
+        planned, ahead = self.adjust(steps, 0.012 + 0j)
+        _, left = self.adjust(steps, 0.012j)
 
-    def test_no_foot_is_faster_than_it_can(self, steps: Steps) -> None:
-        planned, found = self.landing(steps, 0.1 + 0j, now=0.35)
-        assert abs(found.place - planned.place / 2) <= 1.5 * (found.time - 0.35) + 1e-9
+        assert planned.place.real < ahead.place.real <= 0.15
+        assert planned.place.imag < left.place.imag <= 0.2
 
-    def test_a_large_error_hurries_the_step(self, steps: Steps) -> None:
-        planned, found = self.landing(steps, 0.05 + 0j, now=0.1)
-        assert found.time < planned.time
+    @pytest.mark.parametrize("error", [0.5 + 0j, -0.5 + 0j, 0.5j, -0.5j])
+    @pytest.mark.parametrize(("standing", "side"), [(0, 1), (1, -1)])
+    def test_footholds_stay_within_their_region(self, steps: Steps, error: complex, standing: int, side: int) -> None:
+        region = load_parameters().foothold
+
+        _, adjusted = self.adjust(steps, error, standing, now=0.1)
+
+        place = adjusted.place
+        assert region.inner - 1e-9 <= side * place.imag <= region.outer + 1e-9
+        assert -region.behind - 1e-9 <= place.real <= region.ahead + 1e-9
+
+    def test_a_foot_is_not_faster_than_its_limit(self, steps: Steps) -> None:
+        planned, adjusted = self.adjust(steps, 0.1 + 0j, now=0.35)
+
+        distance = abs(adjusted.place - planned.place / 2)
+        assert distance <= 1.5 * (adjusted.time - 0.35) + 1e-9
+
+    def test_a_large_error_makes_the_step_shorter_in_time(self, steps: Steps) -> None:
+        planned, adjusted = self.adjust(steps, 0.05 + 0j, now=0.1)
+
+        assert adjusted.time < planned.time
+
+    def test_the_path_of_a_foot_begins_at_lift_off(self, steps: Steps) -> None:
+        """In the weight transfer, the time until lift-off is no time of the swing."""
+        planned = steps.plan_landing(1, self.command)
+        condition = steps.dcm_at_landing(0, self.command, OMEGA)
+        rest = steps.rest_points[0]
+        far_away = DivergentComponent(1.0 + 1.0j, OMEGA, now=0.0, lift_off=0.3, zmp=rest, rest=rest)
+        foot = steps.apart[1]
+
+        adjusted = steps.adjust_landing(1, planned, far_away, foot, condition)
+
+        assert abs(adjusted.place - foot) <= 1.5 * (adjusted.time - 0.3) + 1e-9
+        assert adjusted.place != foot

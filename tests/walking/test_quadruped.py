@@ -13,7 +13,7 @@ from simrob_drake.base.errors import InvalidConfig
 from simrob_drake.parts.controllers.walk import WalkingLoop
 from simrob_drake.stations.load import load_station
 from simrob_drake.stations.station import add_station
-from simrob_drake.walking.body import Seen
+from simrob_drake.walking.body import BodyState
 from simrob_drake.walking.estimator import Estimate
 from simrob_drake.walking.steps import Command
 from simrob_drake.walking.stride import Ground, Step, Stride
@@ -32,7 +32,7 @@ def measured(loop: WalkingLoop, posture: np.ndarray, yaw: float, forces: list[fl
     base = np.array([0.7, -0.4, 0.3, math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)])
     motion = np.array([0.5 * math.cos(yaw), 0.5 * math.sin(yaw), 0.0, 0.0, 0.0, 0.0])
     return loop.engine.estimator.estimate(
-        Stride(), loop.engine.body.seen(np.concatenate([posture, 0 * posture, base, motion])), forces
+        Stride(), loop.engine.body.observe(np.concatenate([posture, 0 * posture, base, motion])), forces
     )
 
 
@@ -45,13 +45,13 @@ def loop() -> WalkingLoop:
 
 
 def test_the_line_between_the_feet_of_a_pair_tells_its_heading(loop: WalkingLoop) -> None:
-    _, posture = loop.engine.standing(loop.start)
+    _, posture = loop.engine.stand(loop.start)
     posture = posture + 0.1 * np.sin(np.arange(len(posture)))  # legs that turn their balls
     level, turned = measured(loop, posture, 0.0), measured(loop, posture, 0.8)
     assert turned.com == pytest.approx(level.com, abs=1e-12)
     assert turned.xi == pytest.approx(level.xi, abs=1e-12)
     assert turned.heading - level.heading == pytest.approx(0.8)
-    seen = loop.engine.body.seen(np.concatenate([posture, 0 * posture, [0, 0, 0.3, 1, 0, 0, 0], np.zeros(6)]))
+    seen = loop.engine.body.observe(np.concatenate([posture, 0 * posture, [0, 0, 0.3, 1, 0, 0, 0], np.zeros(6)]))
     front, rear = (np.array(seen.feet[foot])[:2, 3] for foot in (2, 3))  # of the left pair
     flat = complex(*(front - rear))
     place = complex(*(seen.com[:2] - (front + rear) / 2)) / flat * abs(flat)
@@ -60,7 +60,7 @@ def test_the_line_between_the_feet_of_a_pair_tells_its_heading(loop: WalkingLoop
 
 
 def test_a_pair_touches_when_both_of_its_feet_do(loop: WalkingLoop) -> None:
-    _, posture = loop.engine.standing(loop.start)
+    _, posture = loop.engine.stand(loop.start)
     assert not measured(loop, posture, 0.0, [20.0, 0.0, 90.0, 90.0]).touches
     assert measured(loop, posture, 0.0, [20.0, 11.0, 0.0, 0.0]).touches
 
@@ -88,21 +88,21 @@ def test_feet_that_feel_the_floor_trot_as_by_heights() -> None:
         assert speed == pytest.approx(0.5, rel=0.06)  # m/s, as commanded; balls that roll would make it 9 % more
 
 
-def seen(loop: WalkingLoop, posture: np.ndarray, turned: RollPitchYaw) -> Seen:
+def seen(loop: WalkingLoop, posture: np.ndarray, turned: RollPitchYaw) -> BodyState:
     """Return what the kinematics make of a robot at rest whose trunk is turned."""
     base = [0.0, 0.0, loop.engine.planner._parameters.bearing.height, *turned.ToQuaternion().wxyz()]
-    return loop.engine.body.seen(np.concatenate([posture, 0 * posture, base, np.zeros(6)]))
+    return loop.engine.body.observe(np.concatenate([posture, 0 * posture, base, np.zeros(6)]))
 
 
 def test_two_pairs_tell_a_slope_and_each_the_part_along_its_line(loop: WalkingLoop) -> None:
-    _, posture = loop.engine.standing(loop.start)
+    _, posture = loop.engine.stand(loop.start)
     turned = RollPitchYaw(0.04, -0.1, 0.0)
     up = turned.ToRotationMatrix().matrix()[:, 2]
     slope = -complex(up[0], up[1]) / up[2]  # of the plane that the feet stand on
     tilted = seen(loop, posture, turned)
     assert loop.engine.estimator.slope(tilted) == pytest.approx(slope, abs=1e-3)
     for standing in (0, 1):
-        line = loop.engine.stance.about[standing][0]
+        line = loop.engine.stance.offsets[standing][0]
         told = loop.engine.estimator.estimate(Stride(Step(standing)), tilted).slope
         assert (told * line.conjugate()).real == pytest.approx((slope * line.conjugate()).real, abs=1e-3)
         assert (told * line.conjugate()).imag == pytest.approx(0.0, abs=1e-12)
@@ -115,7 +115,7 @@ def test_two_pairs_tell_a_slope_and_each_the_part_along_its_line(loop: WalkingLo
 
 def test_a_foot_that_feels_the_ground_stays_while_the_other_one_comes_down(loop: WalkingLoop) -> None:
     engine = loop.engine
-    stride, posture = engine.standing(loop.start)
+    stride, posture = engine.stand(loop.start)
     while stride.swing.share < 0.7:
         asked = Estimate(stride.trunk.com, stride.trunk.com, 0.0, 0.0, 0.0, 0j, touches=False, down=(False, False))
         stride, posture = engine.sample(stride, posture, Command(0.2 + 0j), asked)
@@ -135,7 +135,7 @@ def test_a_foot_that_feels_the_ground_stays_while_the_other_one_comes_down(loop:
 
 def test_a_first_step_takes_its_time_however_long_it_stood(loop: WalkingLoop) -> None:
     engine = loop.engine
-    stride, posture = engine.standing(loop.start)
+    stride, posture = engine.stand(loop.start)
     for _ in range(50):
         stride, posture = engine.sample(stride, posture, Command(), None)
     stride, _ = engine.sample(stride, posture, Command(0.2 + 0j), None)

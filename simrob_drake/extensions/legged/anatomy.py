@@ -94,7 +94,7 @@ class Anatomy:
             for place, axis in enumerate(limb.leg.axes):
                 signs[axis] = self._sign(axis, limb.left, ankle=place > limb.knee.place)
             knee = limb.leg.axes[limb.knee.place]
-            signs[knee] = 1 if limb.knee.bent(posture[knee]) >= 0 else -1
+            signs[knee] = 1 if limb.knee.bend_at(posture[knee]) >= 0 else -1
         for axes in self.arms:
             put_upright(self.clearance, self.robot, straight(self.robot))
             left = self.ahead(self.origin(axes[0]))[1] > 0

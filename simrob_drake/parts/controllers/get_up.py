@@ -19,7 +19,7 @@ from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.gaits_file import gaits_file
 from simrob_drake.walking.getting_up import RisingPosture, load_getting_up, postures
-from simrob_drake.walking.stride import eased
+from simrob_drake.walking.stride import smoothstep
 
 _FALLEN, _UPRIGHT = math.radians(60.0), math.radians(15.0)  # lean of the trunk [rad]
 _LOW = 0.7  # of the height at which it stands
@@ -139,7 +139,7 @@ class Rising(SampledBlock):
     def _rising(self, memory: Named, elapsed: float, posture: RisingPosture, goal: Vector, ahead_deg: float) -> Changes:
         """Go on to a posture, and from there to the next if the trunk lies as it should."""
         share, (least, most) = min(elapsed / posture.time, 1.0), posture.lean_deg
-        target = memory["origin"] + eased(share) * (goal - memory["origin"])
+        target = memory["origin"] + smoothstep(share) * (goal - memory["origin"])
         speed = (target - memory["target"]) / self.period
         changed: dict[str, Vector | float] = {"target": target, "offset_velocity": speed, "elapsed": elapsed}
         if share < 1.0:

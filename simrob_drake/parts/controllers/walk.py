@@ -22,12 +22,20 @@ from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.gaits_file import gaits_file
 from simrob_drake.walking.body import Body
-from simrob_drake.walking.commands import Commanded, Commander, Follower, Waypoints, beyond, clipped, command_of
+from simrob_drake.walking.commands import (
+    Commanded,
+    Commander,
+    Follower,
+    Waypoints,
+    clip_command,
+    command_of,
+    find_excess,
+)
 from simrob_drake.walking.engine import WalkingEngine
 from simrob_drake.walking.height_map import HeightMap
 from simrob_drake.walking.parameters import WalkingParameters, load_walking
 from simrob_drake.walking.steps import Command
-from simrob_drake.walking.stride import NUMBERS, Stride, eased
+from simrob_drake.walking.stride import NUMBERS, Stride, smoothstep
 
 _SAME = 1e-3  # of a posture [rad]
 _NEAR = 0.5  # from where the robot stands to where its path starts, at most [m]
@@ -139,7 +147,7 @@ class Walk(LoopSection):
             commands["path"] = Command(complex(self.path.speed))
         found = list[str]()
         for place, command in commands.items():
-            for part, value, limit, unit in beyond(command, max_speed):
+            for part, value, limit, unit in find_excess(command, max_speed):
                 name = f"{key}.{place}.{'speed' if place == 'path' else part}"
                 if self.strict:
                     expected = message(
@@ -219,7 +227,7 @@ class Walk(LoopSection):
             facing=facing,
         )
         groups = [[names.index(foot) for foot in group] for group in parameters.groups]
-        height_map = HeightMap(site.plant.ground.beneath, body.sole + _EDGE) if self.height_map else None
+        height_map = HeightMap(site.plant.ground.beneath, body.sole_reach + _EDGE) if self.height_map else None
         path = None if self.path is None else Follower(self.path, parameters.max_speed, facing)
         return WalkingLoop(
             self,
@@ -311,7 +319,7 @@ class WalkingLoop(SampledBlock):
             begun, end = memory["begun"], memory["posture"]
             time = _READY * math.sqrt(np.abs(end - begun).max() / (math.pi / 4))
             ready = min(memory["ready"][0] + self.period / max(time, self.period), 1.0)
-            target = begun + eased(ready) * (end - begun)
+            target = begun + smoothstep(ready) * (end - begun)
             velocity = (target - memory["target"]) / self.period
             return {**changes, "target": target, "offset_velocity": velocity, "ready": ready}
         posture, engine, (known, stride) = memory["posture"], self.engine, self._last
@@ -319,7 +327,7 @@ class WalkingLoop(SampledBlock):
         if memory["stride"].tobytes() != known:
             stride = Stride.of(memory["stride"])
         command = self._commanded(memory, read, changes)
-        estimate = None if blind else estimator.estimate(stride, engine.body.seen(seen), self._forces(stride, read))
+        estimate = None if blind else estimator.estimate(stride, engine.body.observe(seen), self._forces(stride, read))
         after, target = engine.sample(stride, posture, command, estimate)
         numbers = after.numbers()
         self._last = numbers.tobytes(), after
@@ -343,10 +351,10 @@ class WalkingLoop(SampledBlock):
             changes["progress"] = along
         if desired is None:  # the path does not see where the robot is
             return command_of(before)
-        command = clipped(desired, self.engine.max_speed)
+        command = clip_command(desired, self.engine.max_speed)
         less = float(command is not desired)
         if less and self._strict:
-            part, value, limit, unit = beyond(desired, self.engine.max_speed)[0]
+            part, value, limit, unit = find_excess(desired, self.engine.max_speed)[0]
             raise RunEnds(
                 message(
                     "parts.command_beyond_legs",
@@ -368,13 +376,13 @@ class WalkingLoop(SampledBlock):
         """Return the vertical forces on the feet where they count, for reading them takes time; None: none are told."""
         if not self._feet:
             return None
-        felt = self.engine.estimator.felt(stride)
+        felt = self.engine.estimator.feet_to_measure(stride)
         return [abs(float(read[foot][2])) if place in felt else 0.0 for place, foot in enumerate(self._feet)]
 
     def _begun(self, read: Named) -> Changes:
         engine = self.engine
-        seen = engine.body.seen(np.concatenate([read[name] for name in _READ]))
-        stride, posture = engine.standing(self.start, engine.estimator.slope(seen))
+        seen = engine.body.observe(np.concatenate([read[name] for name in _READ]))
+        stride, posture = engine.stand(self.start, engine.estimator.slope(seen))
         far = np.abs(posture - read["position"]).max()
         return {
             "target": read["position"] if far > _SAME else posture,

@@ -1,0 +1,64 @@
+"""Former names of functions, classes and attributes, which work with a DeprecationWarning until version 0.2.
+
+Former names of whole modules are in :mod:`simrob_drake.former_names`.
+"""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Callable, Mapping
+from typing import Any
+
+
+class _FormerAttribute:
+    """Descriptor that gives the value of an attribute under its former name."""
+
+    def __init__(self, former: str, present: str) -> None:
+        """Create the descriptor of one former name and the present name of the same attribute."""
+        self._former = former
+        self._present = present
+
+    def __get__(self, instance: object | None, owner: type) -> Any:
+        """Value of the present attribute, of an object or of the class itself."""
+        _warn(f"{owner.__name__}.{self._former}", f"{owner.__name__}.{self._present}")
+        return getattr(owner if instance is None else instance, self._present)
+
+
+def keep_former_attributes(owner: type, **present_names: str) -> None:
+    """Let the attributes and methods of a class also be read by their former names.
+
+    Args:
+        owner: the class that has the present names.
+        **present_names: present name by former name.
+    """
+    for former, present in present_names.items():
+        setattr(owner, former, _FormerAttribute(former, present))
+
+
+def former_names_of(module: str, present_names: Mapping[str, str]) -> Callable[[str], Any]:
+    """Make the function ``__getattr__`` of a module whose functions or classes were renamed.
+
+    Args:
+        module: full name of the module.
+        present_names: present name by former name, both of this module.
+    """
+
+    def find(name: str) -> Any:
+        """Find the function or class of a former name."""
+        present = present_names.get(name)
+        if present is None:
+            raise AttributeError(f"module {module!r} has no attribute {name!r}")
+        _warn(f"{module}.{name}", f"{module}.{present}")
+        return getattr(sys.modules[module], present)
+
+    return find
+
+
+def _warn(former: str, present: str) -> None:
+    """Warn the code that used a former name, two callers above this function."""
+    warnings.warn(
+        f"{former} is now {present}; the former name works until simrob_drake 0.2",
+        DeprecationWarning,
+        stacklevel=3,
+    )
