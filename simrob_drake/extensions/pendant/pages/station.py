@@ -275,7 +275,7 @@ class _Page:
             return
         self._heard = ending
         if ending["ending"] not in ("completed", "stopped"):
-            line = f"{ending['time']:.2f} s: {self._t.render(ending['message'])}"
+            line = f"{ending['reached']:.2f} s: {self._t.render(ending['message'])}"
             self._endings = [line, *self._endings][:_MOST_ENDINGS]
             self._show_stops()
 
