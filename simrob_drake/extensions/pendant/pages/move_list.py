@@ -8,7 +8,7 @@ from nicegui import context, ui
 
 from simrob_drake.extensions.pendant.pages.elements import follow, icon_button, set_keys, set_label
 from simrob_drake.extensions.pendant.pages.move_forms import Read, choices_of, stored_form, yaml_form
-from simrob_drake.extensions.pendant.pages.words import Content, Phrases, Words, figure
+from simrob_drake.extensions.pendant.pages.words import Content, Phrases, Words
 from simrob_drake.extensions.pendant.session import Session
 from simrob_drake.programs.moves.move import Move
 from simrob_drake.programs.timeline import GRID
@@ -227,7 +227,7 @@ class ProgramTimeline:
 
     def _block(self, number: int, text: str) -> None:
         duration = self._durations[number]
-        caption = f"{number + 1}. {text}" + (f" · {figure(duration)} s" if duration else "")
+        caption = f"{number + 1}. {text}" + (f" · {self._t.figure(duration)} s" if duration else "")
         with ui.element("div").classes("pendant-block").props(f"draggable=true data-move={number}") as block:
             ui.label(caption)
             if (asked := getattr(self._session.book.program.moves[number], "duration", None)) is not None:

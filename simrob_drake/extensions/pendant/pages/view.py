@@ -151,9 +151,9 @@ def build_bar(session: Session, t: Words) -> None:
         scrubber.props["step"] = _grid(session)
         scrubber.value = session.run.time
         running = session.phase == "running"
-        clock.text = t("run.time", time=f"{session.run.time:.2f}", reach=f"{last:.2f}") + (
-            f"  {t('run.ratio', ratio=f'{session.run.ratio:.1f}')}" if running else ""
-        )
+        times = {"time": t.decimals(session.run.time, 2), "reach": t.decimals(last, 2)}
+        ratio = t("run.ratio", ratio=t.decimals(session.run.ratio, 1))
+        clock.text = t("run.time", **times) + (f"  {ratio}" if running else "")
 
     follow(session, phase, "phase", "program", "description")
     follow(session, time, "tick")
@@ -198,7 +198,7 @@ def _tick(session: Session) -> None:
 
 
 def _pace(session: Session, t: Words) -> None:
-    options = {**{str(pace): f"{pace:g} ×" for pace in PACES}, _FASTEST: t("run.fastest")}
+    options = {**{str(pace): f"{t.figure(pace)} ×" for pace in PACES}, _FASTEST: t("run.fastest")}
     select = ui.select(options, label=t("run.pace")).props("dense options-dense outlined").style("min-width: 6.5rem")
 
     def chosen(value: str) -> None:

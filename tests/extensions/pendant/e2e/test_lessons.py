@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 from playwright.sync_api import expect
-from running import Running, running
+from running import running
 from visiting import SCREENS, Visit
 
 pytestmark = pytest.mark.long
