@@ -106,11 +106,15 @@ def look_at_the_fall_and_stiffen(visit: Visit) -> None:
     visit.open_station()
     visit.set_key("servo.kp", "300")
     visit.set_key("servo.kd", "30")
-    push_until_it_falls(visit)
+    play(visit)
 
 
 def balance(visit: Visit) -> None:
     visit.page.get_by_role("tab", name=visit.texts["shell.legs_tab"]).click()
+    pushes = visit.page.get_by_role("button", name=re.compile(f"^{visit.texts['legs.delete']}: .* 60 0 0 N "))
+    expect(pushes).to_have_count(1)
+    pushes.click()
+    expect(pushes).to_have_count(0)
     visit.page.get_by_role("switch", name=visit.texts["names.balance"], exact=True).click()
     visit.idle()
     visit.push("+x", newtons=10, seconds=0.1)
