@@ -202,7 +202,7 @@ class ProgramTimeline:
         self._ran: Sequence[Mapping[str, Any]] = ()  # moves of the last run of a program
         self._heard: dict[str, Any] | None = None
         self._now: ui.element | None = None
-        self._place = ui.element("div").classes("pendant-timeline pendant-more").props("aria-hidden=true")
+        self._place = ui.element("div").classes("pendant-timeline").props("aria-hidden=true")
         for event in ("dragstart", "dragover"):
             self._place.on(event, js_handler="(event) => window.timeline.drag(event)")
         for event, act, does in (("drop", "drag", session.book.move_entry), ("pointerdown", "stretch", self._stretch)):

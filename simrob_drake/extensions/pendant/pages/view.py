@@ -18,11 +18,16 @@ def build(session: Session, t: Words) -> None:
     """Build the view of a session's run."""
     with ui.element("div").classes("pendant-view") as place:
         opening = ui.label(t("why.opening")).classes("pendant-opening")
+        ghost = ui.label().classes("pendant-ghost")
 
     def tell() -> None:
         opening.set_visibility(session.phase == "opening")
+        run = session.run.ghost
+        ghost.set_visibility(run is not None)
+        if run is not None:
+            ghost.text = t("shell.ghost", run=t("run.earlier", number=run.number))
 
-    follow(session, tell, "phase")
+    follow(session, tell, "phase", "history", "tick")
 
     async def show() -> None:
         can = await ui.run_javascript("window.hasWebGL()", timeout=10.0)
@@ -71,7 +76,7 @@ _DURATION, _LONGEST = 0.1, 60.0  # s
 
 def build_pad(session: Session, t: Words) -> None:
     """Build the pad; its buttons act while a run goes on."""
-    with ui.expansion(t("push.title"), icon="back_hand").classes("w-full pendant-more").props("dense"):
+    with ui.expansion(t("push.title"), icon="back_hand").classes("w-full").props("dense"):
         with ui.row().classes("w-full items-start gap-2"):
             body = ui.select([], label=t("push.body"), with_input=True).props("dense outlined").classes("w-44")
             force = NumberField(t, t("push.force"), _FORCE, low=0.0, high=_MOST, unit=" N")
