@@ -93,6 +93,10 @@ def stop_by_force(visit: Visit) -> None:
 def try_and_add_a_shoulder(visit: Visit) -> None:
     shoulder = visit.page.get_by_role("spinbutton", name=visit.texts["axes.left_shoulder_pitch"])
     shoulder.fill("40")
+    # The page proposes 20 s, in which these servos reach the angle.
+    duration = visit.page.get_by_role("spinbutton", name=visit.texts["fields.duration"]).first
+    expect(duration).to_have_value("20")
+    duration.fill("2")
     visit.test_and_add("legs.test", 1)
 
 
