@@ -250,7 +250,7 @@ class _Page:
         self._changed.clear()
         with self._changed:
             for key, value in self._session.book.settings.items():
-                chip = ui.chip(f"{key}: {as_text(value) or '–'}", removable=True, icon="tune")
+                chip = ui.chip(f"{key}: {as_text(value) or '–'}", removable=True, icon="tune").props("outline")
                 chip.on_value_change(lambda key=key: self._session.setup.unset(key))
 
     def _show_stops(self) -> None:

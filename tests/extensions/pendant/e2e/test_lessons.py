@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 from playwright.sync_api import expect
-from running import running
+from running import choose_option, running
 from visiting import SCREENS, Visit
 
 pytestmark = pytest.mark.long
@@ -78,8 +78,7 @@ def stop_by_force(visit: Visit) -> None:
     visit.idle()
     monitors = keys.locator(".q-expansion-item").filter(has_text="monitors")
     monitors.get_by_label(texts["station.entry_name"]).fill("hard")
-    monitors.get_by_role("combobox", name=texts["station.entry_kind"]).click()
-    page.get_by_role("option", name="force_limit", exact=True).click()
+    choose_option(page, texts["station.entry_kind"], "force_limit", within=".station-form:visible")
     monitors.get_by_label(texts["station.entry_keys"]).fill("{limit: 40}")
     monitors.get_by_role("button", name=texts["station.entry_add"]).click()
     expect(page.locator(".q-chip").get_by_text(re.compile(r"^monitors\.hard"))).to_be_visible()
