@@ -196,7 +196,7 @@ def test_a_lesson_is_done_from_begin_to_end_with_its_buttons_in_sight(page, tmp_
         for number, (step, do) in enumerate(zip(steps, LESSON_STEPS[lesson], strict=True), 1):
             expect(strip).to_contain_text(texts["tour.step"].format(number=number, count=len(steps)))
             visit.idle()
-            assert visit.is_in_sight(visit.button("run.play").first), "the strip cuts the button off"
+            visit.expect_in_sight(visit.button("run.play").first)
             do(visit)
             if "checks" in step:
                 expect(strip).to_contain_text(texts["tour.done"])

@@ -90,6 +90,9 @@ class Visit:
         for _ in range(times):
             handle.press(key)
 
-    def is_in_sight(self, locator):
-        box, size = locator.bounding_box(), self.page.viewport_size
-        return box["x"] + box["width"] <= size["width"] and box["y"] + box["height"] <= size["height"]
+    def expect_in_sight(self, locator):
+        """Wait until an element lies in the window, which the page sees to once the strip above has its new height."""
+        inside = (
+            "e => { const b = e.getBoundingClientRect(); return b.right <= innerWidth && b.bottom <= innerHeight; }"
+        )
+        self.page.wait_for_function(inside, arg=locator.element_handle())
