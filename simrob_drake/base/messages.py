@@ -178,6 +178,16 @@ def message_of(error: BaseException) -> str:
     return next((candidate for candidate in candidates if isinstance(candidate, Message)), str(error))
 
 
+def number_in_language(digits: str, language: str) -> str:
+    """Write a number with the decimal sign of a language.
+
+    Args:
+        digits: the number as Python writes it, such as ``1,234.5``.
+        language: the language, such as ``es``.
+    """
+    return digits.translate(_SWAPPED_SEPARATORS) if language in _WITH_DECIMAL_COMMA else digits
+
+
 def in_language(text: str, language: str) -> str:
     """Render a message in a language. A text that is no :class:`Message` is returned as it is.
 
@@ -350,9 +360,7 @@ class _Filler(string.Formatter):
             return format(in_language(value, self._language), format_spec)
         text = format(value, format_spec)
         is_number = isinstance(value, Number) and not isinstance(value, bool)
-        if is_number and self._language in _WITH_DECIMAL_COMMA:
-            return text.translate(_SWAPPED_SEPARATORS)
-        return text
+        return number_in_language(text, self._language) if is_number else text
 
 
 def _template(message_id: str, language: str) -> str | None:

@@ -12,7 +12,7 @@ from nicegui import background_tasks, context, ui
 
 from simrob_drake.extensions.pendant.pages import plots
 from simrob_drake.extensions.pendant.pages.elements import Dial, NumberField, follow, icon_button
-from simrob_drake.extensions.pendant.pages.words import Content, Phrases, figure, matches
+from simrob_drake.extensions.pendant.pages.words import Content, Phrases, matches
 from simrob_drake.extensions.pendant.run import shortfall
 from simrob_drake.extensions.pendant.session import Session
 
@@ -221,6 +221,7 @@ class Marks:
             return ""
         unit, force = self._phrases.unit(axis["name"]), _FORCES[axis["unit"]]
         digits = 1 if axis["unit"] == "deg" else 4
+        figure = self._phrases.t.figure
         lengths = {name: f"{figure(round(value, digits))}{unit}" for name, value in (("done", done), ("off", abs(off)))}
         forces = {"torque": figure(round(abs(torque), 2)), "limit": f"{figure(limit)} {force}"}
         return self._phrases.t(f"shortfall.{reason}", **lengths, **forces)
