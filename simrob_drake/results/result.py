@@ -261,7 +261,8 @@ def joined(
         rows = np.empty((len(times), plant.plant.num_positions()))
         for index in set(number.tolist()):
             own = number == index
-            rows[own] = positions_of[index](np.clip(times[own] - begins[index], 0.0, runs[index].stop_time))
+            run = runs[index]
+            rows[own] = positions_of[index](run.start_time + np.clip(times[own] - begins[index], 0.0, run.simulated_time))
         return rows
 
     kept = [slice(None, -1)] * (len(runs) - 1) + [slice(None)]
@@ -276,8 +277,8 @@ def joined(
         config=config,
         plant=plant,
         message=_message(last, len(runs), float(begins[-2])),
-        times=np.concatenate([run.times[own] + begin for run, own, begin in zip(runs, kept, begins, strict=False)]),
-        step_times=np.concatenate([[0.0], *(run.step_times[1:] + b for run, b in zip(runs, begins, strict=False))]),
+        times=np.concatenate([run.times[own] - run.start_time + begin for run, own, begin in zip(runs, kept, begins, strict=False)]),
+        step_times=np.concatenate([[0.0], *(run.step_times[1:] - run.start_time + b for run, b in zip(runs, begins, strict=False))]),
         positions_at=positions_at,
         stepping_time=sum(run.stepping_time for run in runs),
         signal_time=sum(run.signal_time for run in runs),
@@ -294,6 +295,7 @@ def joined(
         marks=tuple(marks),
         move_spans=tuple(move_spans),
         program=program,
+        trace=None,
     )
     return _with_signals(whole, kept, wandering)
 
@@ -363,11 +365,11 @@ def _message(last: RecordedRun, count: int, begin: float) -> str:
         return message(
             "results.ran_to_its_end",
             "ran to its end at {time:.6g} s, in {count} {count:run|runs}",
-            time=begin + last.stop_time,
+            time=begin + last.simulated_time,
             count=count,
         )
     if last.runs:  # it was cut where something happened
-        return _message(last.runs[-1], count, begin + last.stop_time - last.runs[-1].stop_time)
+        return _message(last.runs[-1], count, begin + last.simulated_time - last.runs[-1].simulated_time)
     return (
         message(
             "results.ending_of_last_run",

@@ -1,25 +1,28 @@
 """Run a station: reference in, result out, however the run ends."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from copy import copy
-from dataclasses import replace
-from typing import Any, Self
+from dataclasses import dataclass, replace
+from typing import Any, Literal, Self, get_args
 
 import numpy as np
 from pydrake.systems.framework import Context, Diagram, LeafSystem
 
-from simrob_drake.base.arguments import drake_asserts, instance
-from simrob_drake.base.errors import InvalidParameter, SimrobError
-from simrob_drake.base.messages import message
+from simrob_drake.base.arguments import drake_asserts, instance, seconds
+from simrob_drake.base.errors import InvalidParameter, SimrobError, one_of, quoted
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.blocks.references import Reference, Samples
 from simrob_drake.parts.controllers import own_blocks
 from simrob_drake.parts.controllers.own import OwnController, driven_inputs, named_blocks, with_driven
 from simrob_drake.parts.forces import Push
-from simrob_drake.results.record.state import State
+from simrob_drake.results.record.state import Origin, State, Trace
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.built import ByHand, Hands, StationDiagrams
 from simrob_drake.simulation.run import OnStep, ReferencesLike, Run, by_robot, watched, with_duration, with_pushes
-from simrob_drake.simulation.stepping import Outcome, Stepper, Ticks
+from simrob_drake.simulation.resume import StepsDiffer, continuable_trace, fits, is_same_motion, other_station, restarts_of
+from simrob_drake.simulation.stepping import Outcome, Restart, Stepper, Ticks
 from simrob_drake.stations.closed import ClosedStation, check_reference, station_references
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.ports import StationPorts
@@ -27,6 +30,9 @@ from simrob_drake.stations.prescribed import alone_on, begin_on_prescribed
 from simrob_drake.stations.resolve import check_parts, resolve
 from simrob_drake.stations.start_overlap import check_start_overlap
 from simrob_drake.stations.station import StationLike, config_of
+
+StartTime = Literal["zero", "keep"]
+"""Time at which a run begins: zero, or the time of the state in which it begins."""
 
 Blocks = Sequence[LeafSystem] | Mapping[str, LeafSystem]
 _NOT_OWN = ("pydrake", "simrob_drake")
@@ -39,6 +45,7 @@ def simulate(
     duration: float | None = None,
     blocks: Blocks = (),
     start: State | None = None,
+    start_time: StartTime = "zero",
     progress: bool = True,
     on_step: OnStep | None = None,
     commands: Hands | None = None,
@@ -57,8 +64,13 @@ def simulate(
         blocks: LeafSystems of your own, in a list or by name. An input that is named as an output of the station reads
             it; an output that is named as an input of the station (``reference``, ``feedforward`` ...) drives it in
             place of the configuration's source; other outputs are signals, ``<block>.<output>``.
-        start: where the station begins, such as the ``final_state`` of another result; time begins at zero all the
-            same, and the configuration's references begin where that run's reference ended.
+        start: state in which the station begins, such as the ``final_state`` of another result. Without
+            ``start_time``, time begins at zero all the same: references, pushes and programs of controllers begin anew,
+            and the configuration's references begin where that run's reference ended.
+        start_time: ``keep`` continues the run that ended in ``start`` as if it had never been stopped: time goes on,
+            and with it references, pushes and programs. The times of the result are those of the whole motion.
+            Equal to the last bit for the final state of a result; a state from a file continues within the accuracy
+            of the solver.
         progress: show a bar on a terminal.
         on_step: called after each accepted step with the time [s] and the positions of the whole plant (nq,), perhaps
             a few steps beyond a monitor's stop; it cannot change the run. What it raises goes on to the caller;
@@ -77,8 +89,55 @@ def simulate(
         VerdictError: with ``strict`` a run that has warnings, diverged, or in which a block failed.
     """
     runner = Runner(config_or_station, blocks=blocks)
-    arguments: dict[str, Any] = {"reference": reference, "duration": duration, "start": start}
+    arguments: dict[str, Any] = {
+        "reference": reference,
+        "duration": duration,
+        "start": start,
+        "start_time": start_time,
+    }
     return runner.run(**arguments, progress=progress, on_step=on_step, commands=commands, strict=strict)
+
+
+@dataclass(frozen=True)
+class RunPlan:
+    """A run that a `Runner` is about to make.
+
+    Attributes:
+        config: configuration of the station in this run.
+        requested: references that the user gives, by robot.
+        begins_in_motion: whether the run continues the motion of another run.
+        start: state in which the run begins; None for the initial state of the station.
+        begin: start of the run, in simulated time [s].
+        end: end of the run [s]; None if it is ``begin`` plus the configuration's duration.
+        origins: positions (n,) at which the configuration's references begin, by robot; None for the initial posture.
+        ticks: times at which stepping begins anew; None if there are none.
+        restart: recorded step of an earlier run at which stepping begins; None if it begins in ``start``.
+        origin: the run from which stepping repeats an earlier motion up to ``begin``; None if it does not.
+        repeated: the earlier run whose steps are repeated and compared; None if there is none.
+        repeated_until: time up to which the steps are those of an earlier run [s].
+    """
+
+    config: StationConfig
+    requested: Mapping[str, Reference | Samples]
+    begins_in_motion: bool
+    start: State | None = None
+    begin: float = 0.0
+    end: float | None = None
+    origins: Mapping[str, Vector] | None = None
+    ticks: Ticks | None = None
+    restart: Restart | None = None
+    origin: Origin | None = None
+    repeated: Trace | None = None
+    repeated_until: float = -np.inf
+
+
+@dataclass(frozen=True)
+class Callbacks:
+    """What the user sees of a run, and commands in it, while it is stepped; see :func:`simulate`."""
+
+    progress: bool = False
+    on_step: OnStep | None = None
+    commands: Hands | None = None
 
 
 class Runner:
@@ -95,6 +154,7 @@ class Runner:
         """
         self.config = config_of(station)
         made = own_blocks(self.config.controllers)
+        self._given_blocks = blocks
         self._blocks = {**made, **named_blocks(blocks)}
         self._driven = driven_inputs(self._blocks)
         inputs = with_driven(self.config.inputs, self._blocks)
@@ -126,6 +186,7 @@ class Runner:
         reference: ReferencesLike = None,
         duration: float | None = None,
         start: State | None = None,
+        start_time: StartTime = "zero",
         pushes: Mapping[str, Any] | None = None,
         progress: bool = False,
         on_step: OnStep | None = None,
@@ -140,40 +201,168 @@ class Runner:
         begins anew, and may end.
         """
         config = with_pushes(with_duration(self.config, duration), pushes)
-        if on_step is not None and not callable(on_step):
-            raise InvalidParameter(
-                "on_step",
-                on_step,
-                message("simulation.function_of_time_and_positions", "a function of time and positions"),
-            )
+        _check_callback(on_step)
+        requested = by_robot(config, reference)
+        keeps_time = one_of("start_time", start_time, get_args(StartTime)) == "keep"
         # A start that the caller or the station gives continues another run. This is evaluated before _started(), which
         # also makes a start for a robot with prescribed axes.
-        begins_in_motion = _checked_start(config, start) is not None
-        start = self._started(config, start)
-        hand = ByHand(config, commands)
-        requested = by_robot(config, reference)
-        diagrams = self._playing(config, requested, start, watched=ticks is not None)
+        given_start = _checked_start(config, start)
+        plan = RunPlan(config, requested, begins_in_motion=given_start is not None, ticks=ticks)
+        if keeps_time:
+            if given_start is None:
+                raise InvalidParameter(
+                    "start_time",
+                    quoted("keep"),
+                    message("simulation.keep_needs_start", "a start whose time is kept, such as result.final_state"),
+                )
+            origins = given_start.origins or None
+            plan = replace(plan, start=given_start, begin=given_start.time, origins=origins)
+        else:
+            start = self._started(config, given_start)
+            plan = replace(plan, start=start, origins=_origins(start))
+        callbacks = Callbacks(progress=progress, on_step=on_step, commands=commands)
+        trace = given_start.valid_trace if keeps_time and given_start is not None else None
+        result = self._continued(plan, callbacks, trace) if trace is not None else None
+        if result is None:
+            result = self._run(plan, callbacks)
+        return result.check(strict)
+
+    @drake_asserts()
+    def resume(
+        self,
+        result: SimulationResult,
+        *,
+        until: float,
+        progress: bool = False,
+        on_step: OnStep | None = None,
+        strict: bool = False,
+    ) -> SimulationResult:
+        """Continue a run as if it had never been stopped, with its references, pushes, programs and commands.
+
+        Args:
+            result: a run of this station that was completed, or interrupted by the user. It may come from another
+                process, by pickle.
+            until: end of the run [s]. It is later than that of ``result``.
+            progress: as in :func:`simulate`.
+            on_step: as in :func:`simulate`, for the steps after the end of ``result``.
+            strict: as in :func:`simulate`.
+
+        Returns:
+            the whole run, from the start of ``result``: equal, to the last bit, to a run that was not stopped. A solver
+            that keeps more than its state and the length of its steps, such as ``radau3``, may have to step again from
+            the start for that.
+
+        Raises:
+            InvalidParameter: the run cannot be continued, is of another station, or ended after ``until``.
+            SimrobError, VerdictError: as :func:`simulate`.
+        """
+        expected = message("simulation.a_result", "a result of simulate() or of a Runner")
+        trace = continuable_trace(instance(result, "result", SimulationResult, expected))
+        _check_callback(on_step)
+        end = seconds(until, "until")
+        if end <= result.stop_time:
+            later = message("simulation.later_than", "later than the end of the run, {end:g} s", end=result.stop_time)
+            raise InvalidParameter("until", compound("{until:g} s", until=end), later)
+        if result.commanded:
+            commanded = {name: result.config.controllers[name] for name in result.commanded}
+            controllers = {**self.config.controllers, **commanded}
+            runner = type(self)(self.config.model_copy(update={"controllers": controllers}), blocks=self._given_blocks)
+            return runner.resume(
+                replace(result, commanded=()), until=end, progress=progress, on_step=on_step, strict=strict
+            )
+        config = with_duration(self.config, end - result.start_time)
+        config = config.model_copy(update={"forces": result.config.forces})
+        plan = RunPlan(
+            config,
+            result.references,
+            begins_in_motion=trace.origin.begins_in_motion,
+            start=result.start,
+            begin=result.start_time,
+            end=end,
+            origins=result.final_state.origins or None,
+            repeated_until=result.stop_time,
+        )
+        callbacks = Callbacks(progress=progress, on_step=on_step)
+        resumed = self._continued(plan, callbacks, trace)
+        if resumed is None:
+            raise InvalidParameter("result", *other_station(config))
+        elapsed = result.stepping_time + resumed.stepping_time
+        return replace(resumed, stepping_time=elapsed).check(strict)
+
+    def _continued(self, plan: "RunPlan", callbacks: "Callbacks", trace: Trace) -> SimulationResult | None:
+        """Run a plan from recorded steps of an earlier run, which are repeated and compared.
+
+        Args:
+            plan: the run.
+            callbacks: the user's callbacks.
+            trace: the earlier run.
+
+        Returns:
+            the result, or None if nothing repeats the recorded steps to the last bit, since the station is another one.
+        """
+        repeated_until = max(trace.history.end, plan.repeated_until)
+        plan = replace(plan, repeated=trace, repeated_until=repeated_until)
+        attempts = [replace(plan, restart=restart) for restart in restarts_of(trace, plan.config)]
+        if is_same_motion(trace.origin.config, plan.config):
+            attempts.append(replace(plan, origin=trace.origin))
+        for attempt in attempts:
+            with suppress(StepsDiffer):
+                return self._run(attempt, callbacks)
+        return None
+
+    def _run(self, plan: "RunPlan", callbacks: "Callbacks") -> SimulationResult:
+        """Run a plan once."""
+        config = plan.config
+        restart = plan.restart
+        # The run itself is the first one of its motion, unless it repeats an earlier run from its origin.
+        origin = plan.origin or Origin(config, plan.start, plan.begin, plan.begins_in_motion)
+        hand = ByHand(config, callbacks.commands, begin=plan.begin)
+        diagrams = self._playing(config, plan.requested, plan.origins, watched=plan.ticks is not None, end=plan.end)
         references = diagrams.references
+        if restart is not None and not fits(restart.history, diagrams.whole):
+            raise StepsDiffer
         stepper = Stepper(
             config,
             diagrams.stepped,
             diagrams.edges,
             blocks=self._blocks,
-            ticks=ticks,
-            begins_in_motion=begins_in_motion,
+            begin=origin.begin,
+            end=plan.begin + config.duration if plan.end is None else plan.end,
+            ticks=plan.ticks,
+            begins_in_motion=origin.begins_in_motion,
+            restart=restart,
         )
-        if start is None:
-            check_start_overlap(config, stepper.built.ports, stepper.simulator.get_context())
-        else:
-            start.put(stepper.built.diagram, stepper.built.ports, stepper.simulator.get_mutable_context())
+        context = stepper.simulator.get_mutable_context()
+        if origin.start is None:
+            check_start_overlap(config, stepper.built.ports, context)
+        elif restart is None:
+            origin.start.put(stepper.built.diagram, stepper.built.ports, context)
         whole = diagrams.whole
-        run = Run(config, whole, stepper, lambda: whole.play(references, config.forces), diagrams.forget)
+        run = Run(
+            config,
+            whole,
+            stepper,
+            lambda: whole.play(references, config.forces),
+            diagrams.forget,
+            begin=plan.begin,
+            restart=restart,
+            repeated=plan.repeated,
+            repeated_until=plan.repeated_until,
+            origin=origin if plan.repeated is None else plan.repeated.origin,
+            origins=dict(plan.origins or {}),
+        )
         blocks = {name: OwnController.of(block) for name, block in self._blocks.items()}
         own = {**config.controllers, **{name: blocks[name] for name in blocks if name not in config.controllers}}
-        watch = (lambda context: hand.look(stepper.built.diagram, context)) if commands else None
-        result = run.result(progress=progress, on_step=on_step, references=requested, start=start, hand=watch)
+        watch = (lambda context: hand.look(stepper.built.diagram, context)) if callbacks.commands else None
+        result = run.result(
+            progress=callbacks.progress,
+            on_step=callbacks.on_step,
+            references=dict(plan.requested),
+            start=plan.start,
+            hand=watch,
+        )
         config = hand.commanded(result.config.model_copy(update={"controllers": own}))
-        return replace(result, config=config, commanded=hand.names).check(strict)
+        return replace(result, config=config, commanded=hand.names)
 
     @drake_asserts()
     def ports(self, *, watched: bool = False) -> StationPorts:
@@ -181,7 +370,7 @@ class Runner:
 
         ``watched``: whether the runs have ticks. Raises SimrobError: as of :func:`simulate`.
         """
-        return self._playing(self.config, {}, self._started(self.config, None), watched=watched).whole.ports
+        return self._playing(self.config, {}, _origins(self._started(self.config, None)), watched=watched).whole.ports
 
     @drake_asserts()
     def fork(self, at: float, *, reference: ReferencesLike = None) -> "Fork":
@@ -202,7 +391,7 @@ class Runner:
                 ),
             )
         start = self._started(config, None)
-        diagrams = self._playing(config, by_robot(config, reference), start)
+        diagrams = self._playing(config, by_robot(config, reference), _origins(start))
         begins_in_motion = _checked_start(config, None) is not None
         return Fork(config, at, diagrams, self._blocks, start, begins_in_motion=begins_in_motion)
 
@@ -215,7 +404,7 @@ class Runner:
         start = _checked_start(self.config, None)
         self._check_references(self.references(reference, start), self.config.duration)
         if start is not None:
-            built = self._playing(self.config, by_robot(self.config, reference), start).stepped(0.0)
+            built = self._playing(self.config, by_robot(self.config, reference), _origins(start)).stepped(0.0)
             start.put(built.diagram, built.ports, built.diagram.CreateDefaultContext())
 
     def references(self, reference: ReferencesLike, start: State | None) -> dict[str, Reference]:
@@ -223,7 +412,7 @@ class Runner:
 
         Raises SimrobError: a reference that does not fit its robot.
         """
-        return station_references(self._station, by_robot(self.config, reference), start.references if start else None)
+        return station_references(self._station, by_robot(self.config, reference), _origins(start))
 
     def _started(self, config: StationConfig, start: State | None) -> State | None:
         """Return the state in which a run begins, prescribed axes on their references; None for that of the station."""
@@ -242,13 +431,26 @@ class Runner:
         self,
         config: StationConfig,
         requested: Mapping[str, Reference | Samples],
-        start: State | None,
+        origins: Mapping[str, Vector] | None,
         *,
         watched: bool = False,
+        end: float | None = None,
     ) -> StationDiagrams:
-        """Return the diagrams for a run, which play its references and pushes."""
-        references = station_references(self._station, requested, start.references if start else None)
-        self._check_references(references, config.duration)
+        """Find the diagrams for a run, and let them play its references and pushes.
+
+        Args:
+            config: configuration of the station in this run.
+            requested: references that the user gives, by robot.
+            origins: positions (n,) at which the configuration's references begin, by robot; None for the initial
+                posture.
+            watched: whether the run has ticks.
+            end: end of the run [s]; None if it is the configuration's duration.
+
+        Raises:
+            SimrobError: a reference does not fit its robot, or blocks of the user's own would stand in two diagrams.
+        """
+        references = station_references(self._station, requested, origins)
+        self._check_references(references, config.duration if end is None else end)
         places = watched, *((name, force.kind, force.at) for name, force in config.forces.items())
         diagrams = self._diagrams.get(places)
         if diagrams is None or not diagrams.fits(references):
@@ -289,8 +491,9 @@ def simulate_diagram(
     Args:
         diagram: all of whose inputs are fed.
         ports: what :func:`add_station` gave, or ``station.ports``.
-        duration: in place of that of the station's configuration [s].
-        context: of the diagram, to begin in; its default one unless given.
+        duration: length of the run, in place of that of the station's configuration [s].
+        context: of the diagram, to begin in; its default one unless given. The run begins at the time of the context,
+            and the times of the result are absolute.
         progress: show a bar on a terminal.
         on_step: as of :func:`simulate`.
 
@@ -316,22 +519,26 @@ def simulate_diagram(
     ]
     blocks = {name: diagram.GetSubsystemByName(name) for name in names}
     begins_in_motion = False
+    begin = 0.0
     if context is not None:
         expected = message(
             "simulation.context_of_diagram", "a Context of the diagram, such as diagram.CreateDefaultContext() gives"
         )
         instance(context, "context", Context, expected)
         begins_in_motion = _is_moving(ports, context)
+        begin = context.get_time()
     stepper = Stepper(
         config,
         lambda time: built,
         sorted(set(ports.edges)),
         blocks=blocks,
+        begin=begin,
         begins_in_motion=begins_in_motion,
     )
     if context is not None:
         stepper.simulator.get_mutable_context().SetTimeStateAndParametersFrom(context)
-    return Run(config, built, stepper).result(progress=progress, on_step=on_step, references={}, start=None)
+    run = Run(config, built, stepper, begin=begin, in_own_diagram=True)
+    return run.result(progress=progress, on_step=on_step, references={}, start=None)
 
 
 def _is_moving(ports: StationPorts, context: Context) -> bool:
@@ -350,6 +557,18 @@ def _built_of(config: StationConfig) -> StationConfig:
     }
     played = {"reference": None, "duration": 0.0, "sample_rate": 0.0, "start": None, "name": "", "description": ""}
     return config.model_copy(update={**played, "robots": robots, "forces": forces})
+
+
+def _check_callback(on_step: OnStep | None) -> None:
+    """Check the user's callback after each step; raises InvalidParameter: it cannot be called."""
+    if on_step is not None and not callable(on_step):
+        expected = message("simulation.function_of_time_and_positions", "a function of time and positions")
+        raise InvalidParameter("on_step", on_step, expected)
+
+
+def _origins(start: State | None) -> dict[str, Vector] | None:
+    """Positions (n,) at which the configuration's references begin in a run that begins anew in a state, by robot."""
+    return start.references if start else None
 
 
 def _checked_start(config: StationConfig, start: State | None) -> State | None:

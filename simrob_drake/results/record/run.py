@@ -22,7 +22,7 @@ from simrob_drake.blocks.references import Reference, Samples
 from simrob_drake.parts.resolved import named
 from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.results.record.piece_contacts import ContactSample, sample_piece_contacts
-from simrob_drake.results.record.state import State
+from simrob_drake.results.record.state import State, Trace
 from simrob_drake.results.record.touch import Event, Touch, onsets
 from simrob_drake.stations.config import StationConfig
 
@@ -139,6 +139,8 @@ class RecordedRun:
             run, so this is the only record of when each of them began. Moves that were not begun are left out.
         program: for a program, the YAML text that repeats it; empty if it cannot be written as YAML.
         commanded: names of walks that the user commanded during the run; their sections contain the commands.
+        trace: recorded states, from which the run can be continued; None for a program, and for other engines.
+        in_own_diagram: whether the station was part of a diagram of the user's own.
     """
 
     config: StationConfig
@@ -171,6 +173,8 @@ class RecordedRun:
     move_spans: tuple[MoveSpan, ...] = ()
     program: str = ""
     commanded: tuple[str, ...] = ()
+    trace: Trace | None = None
+    in_own_diagram: bool = False
 
     def __getitem__(self, name: str) -> Vector:
         """Signal by the name of its column, such as ``q.joint_2``, shape (m,).
@@ -287,6 +291,16 @@ class RecordedRun:
         return float(self.times[-1])
 
     @property
+    def start_time(self) -> float:
+        """Start of the run, in simulated time [s]: zero, unless the run continues another one."""
+        return float(self.times[0])
+
+    @property
+    def simulated_time(self) -> float:
+        """Length of the run: from its start to its end, in simulated time [s]."""
+        return self.stop_time - self.start_time
+
+    @property
     def end_in_words(self) -> str:
         """How the run ended, in words, with the name of the monitor if one ended it."""
         return (
@@ -317,7 +331,7 @@ class RecordedRun:
     @property
     def realtime_rate(self) -> float:
         """Simulated time divided by wall-clock time; 0 if no wall-clock time was measured."""
-        return self.stop_time / self.wall_time if self.wall_time > 0 else 0.0
+        return self.simulated_time / self.wall_time if self.wall_time > 0 else 0.0
 
     @cached_property
     def _indices(self) -> dict[str, int]:
@@ -351,7 +365,7 @@ def move_title(index: int) -> Message:
 
 def begins_of(*runs: RecordedRun) -> Vector:
     """Times at which runs that follow each other begin, and the end of the last run [s], shape (k + 1,)."""
-    return np.cumsum([0.0, *(run.stop_time for run in runs)])
+    return np.cumsum([0.0, *(run.simulated_time for run in runs)])
 
 
 def fallen(result: RecordedRun) -> str | None:
@@ -372,9 +386,11 @@ def all_events(result: RecordedRun) -> list[Event]:
 
     In a program, the ends of its runs and the pieces that are attached and released between them are events, too.
     """
-    events = [(0.0, "start"), *result.marks]
+    events = [(result.start_time, "start"), *result.marks]
     for begin, run in zip(begins_of(*result.parts), result.parts, strict=False):
-        events += [(float(begin + time), text) for time, text in run.onsets]
+        # The times of a single run are absolute, and those of a program count from its first run.
+        shift = float(begin) - run.start_time if result.runs else 0.0
+        events += [(time + shift, text) for time, text in run.onsets]
     events.sort(key=lambda event: event[0])
     end = f"stopped: {result.stopped_by}" if result.ending == "monitor" else "end"
     return [*events, (result.stop_time, end)]
@@ -384,10 +400,10 @@ def events_of(result: RecordedRun) -> list[Event]:
     """Select the most important events of :func:`all_events`, at most two dozen, far enough apart for a picture."""
     everything = all_events(result)
     share = _LEAST_GAP
-    events = _events_apart(everything, share * result.stop_time)
+    events = _events_apart(everything, share * result.simulated_time)
     while len(events) > _MOST_EVENTS:
         share *= 1.5
-        events = _events_apart(everything, share * result.stop_time)
+        events = _events_apart(everything, share * result.simulated_time)
     return events
 
 

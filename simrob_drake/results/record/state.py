@@ -25,9 +25,11 @@ from simrob_drake.blocks.monitor import Monitor
 from simrob_drake.parts.resolved import ResolvedRobot
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationPlant
+from simrob_drake.results.record.history import FlightCheck, StateHistory
 from simrob_drake.stations.config import StationConfig
 
 _LARGEST = 10_000_000  # bytes of a file
+_TRACED_STEPS = 80  # count of the last steps of a run that its final state contains, see Trace.last
 _OF_ROBOTS, _OF_PLANT = ("positions", "velocities", "references"), ("joints", "blocks")
 
 
@@ -90,9 +92,52 @@ class _Kept(Strict):
     positions: dict[str, _Array]
     velocities: dict[str, _Array]
     references: dict[str, _Array]
+    time: Number = 0.0
+    origins: dict[str, _Array] = {}
     joints: dict[str, tuple[_Array, _Array]]
     blocks: dict[str, tuple[_Array, tuple[_Array, ...], tuple[_Value, ...]]]
     """Continuous state, discrete groups, abstract values."""
+
+
+@dataclass(frozen=True)
+class Origin:
+    """The run that a motion began with, from which the motion can be repeated.
+
+    Attributes:
+        config: configuration of the station in this run.
+        start: state in which it began; None for the initial state of the station.
+        begin: its start, in simulated time [s].
+        begins_in_motion: whether it continued the motion of another run.
+    """
+
+    config: StationConfig
+    start: "State | None"
+    begin: float
+    begins_in_motion: bool
+
+
+@dataclass(frozen=True)
+class Trace:
+    """States of a run at its steps, with what another run needs to continue it to the last bit.
+
+    Attributes:
+        history: states at the ends of the accepted steps: of the whole run, or of its last steps.
+        flight_checks: the last checks of flight, in order; empty for other schemes than ``cenic``.
+        origin: the run that the motion began with.
+        free_row: last row of the history that does not depend on when the run ended. A solver that chooses its steps
+            shortens those that would go beyond the end.
+    """
+
+    history: StateHistory
+    flight_checks: tuple[FlightCheck, ...]
+    origin: Origin
+    free_row: int
+
+    def last(self, count: int) -> "Trace":
+        """Copy the last states of the trace: up to ``count`` states before ``free_row``, and all after it."""
+        first_row = max(self.free_row - count, 0)
+        history = self.history.last(len(self.history.times) - first_row)
+        return replace(self, history=history, free_row=self.free_row - first_row)
 
 
 @dataclass(frozen=True)
@@ -109,6 +154,12 @@ class State:
         references: what each robot's reference was last, shape (n,); references of the next run begin there.
         joints: by ``<model instance>/<joint>``, of plants that are stepped.
         blocks: by the block's name.
+        time: simulated time of the state [s]. A run continues at this time with ``start_time="keep"``, and otherwise
+            begins at zero.
+        origins: positions (n,) at which the references of the configuration began, by robot; empty if they began in
+            the initial posture. A run with ``start_time="keep"`` continues these references.
+        trace: the last steps of the run that ended in this state, with which ``start_time="keep"`` continues it to the
+            last bit; None if they are not known, as in a state from a file.
     """
 
     positions: dict[str, Vector]
@@ -116,6 +167,10 @@ class State:
     references: dict[str, Vector]
     joints: dict[str, JointState] = field(default_factory=dict)
     blocks: dict[str, BlockState] = field(default_factory=dict)
+    time: float = 0.0
+    origins: dict[str, Vector] = field(default_factory=dict)
+    trace: Trace | None = field(default=None, repr=False)
+    _traced: tuple[Any, ...] = field(default=(), repr=False)  # the values of this state when its trace was set
 
     def __repr__(self) -> str:
         robots = ", ".join(f"{name} ({len(positions)} axes)" for name, positions in self.positions.items())
@@ -156,7 +211,29 @@ class State:
             q, v = plant.GetPositions(own), plant.GetVelocities(own)
             known = joints_of(ports.plant.plant)
             joints = {name: JointState(q[places], v[speeds]) for name, places, speeds in known}
-        return cls(of_robots("position"), of_robots("velocity"), of_robots("reference"), joints, blocks)
+        positions, velocities, references = map(of_robots, ("position", "velocity", "reference"))
+        return cls(positions, velocities, references, joints, blocks, time=context.get_time())
+
+    def with_trace(self, trace: Trace | None) -> "State":
+        """Copy the state, with the last steps of the run that ended in it.
+
+        Args:
+            trace: the run; None if it cannot be continued.
+        """
+        if trace is None:
+            return self
+        return replace(self, trace=trace.last(_TRACED_STEPS), _traced=self._values())
+
+    @property
+    def valid_trace(self) -> Trace | None:
+        """The trace, or None if there is none or the state was changed since."""
+        is_unchanged = all(now is before for now, before in zip(self._values(), self._traced, strict=False))
+        return self.trace if is_unchanged else None
+
+    def _values(self) -> tuple[Any, ...]:
+        """All values of the state, to notice changes."""
+        vectors = [self.positions, self.velocities, self.references]
+        return tuple(value for entries in (*vectors, self.joints, self.blocks) for value in entries.values())
 
     def check(self) -> None:
         """Check that a run can begin here; raises InvalidParameter: what is no number, as after a block failed."""
@@ -243,7 +320,9 @@ class State:
         Abstract values that JSON does not know are left out: their blocks begin with those that they declare.
         """
         own = {key: {name: tuple(vars(one).values()) for name, one in getattr(self, key).items()} for key in _OF_PLANT}
-        return _Kept.model_construct(**{**vars(self), **own}).model_dump_json(indent=1)
+        kept = {key: getattr(self, key) for key in (*_OF_ROBOTS, "time", "origins")}
+        left_out = {key for key in ("time", "origins") if not kept[key]}
+        return _Kept.model_construct(**kept, **own).model_dump_json(indent=1, exclude=left_out)
 
     @classmethod
     def from_json(cls, text: str, where: Path | str = "state") -> "State":
@@ -251,7 +330,8 @@ class State:
         kept = validated(_Kept, parse_json(text, where), where)
         joints = {name: JointState(*joint) for name, joint in kept.joints.items()}
         blocks = {name: BlockState(*block) for name, block in kept.blocks.items()}
-        return cls(kept.positions, kept.velocities, kept.references, joints, blocks)
+        vectors = kept.positions, kept.velocities, kept.references
+        return cls(*vectors, joints, blocks, time=float(kept.time), origins=kept.origins)
 
     @classmethod
     def at_start_of(cls, config: StationConfig) -> "State | None":
