@@ -14,7 +14,6 @@ from simrob_drake.results.record.history import FlightCheck, Recorder, StateHist
 from simrob_drake.results.record.run import INTERRUPTED, RecordedRun
 from simrob_drake.results.record.state import Trace
 from simrob_drake.simulation.stepping import Restart
-from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.steps import controlled_by
 
@@ -133,19 +132,6 @@ def is_same_motion(first: StationConfig, second: StationConfig) -> bool:
     """Whether two configurations describe the same motion, perhaps of other lengths and sampled at other rates."""
     ignored = {"duration": 0.0, "sample_rate": 0.0, "name": "", "description": ""}
     return first.model_copy(update=ignored) == second.model_copy(update=ignored)
-
-
-def fits(history: StateHistory, built: ClosedStation) -> bool:
-    """Whether recorded states have the sizes of the states of a diagram."""
-    context = built.diagram.CreateDefaultContext()
-    groups = range(context.num_discrete_state_groups())
-    sizes = [context.get_discrete_state(group).size() for group in groups]
-    has_abstract_values = not history.abstract or len(history.abstract[0]) == context.num_abstract_states()
-    return (
-        history.continuous.shape[1] == context.num_continuous_states()
-        and [group.shape[1] for group in history.discrete] == sizes
-        and has_abstract_values
-    )
 
 
 def other_station(config: StationConfig) -> tuple[Message, Message]:

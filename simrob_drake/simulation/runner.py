@@ -17,11 +17,12 @@ from simrob_drake.blocks.references import Reference, Samples
 from simrob_drake.parts.controllers import own_blocks
 from simrob_drake.parts.controllers.own import OwnController, driven_inputs, named_blocks, with_driven
 from simrob_drake.parts.forces import Push
+from simrob_drake.results.record.rebuilt import fits
 from simrob_drake.results.record.state import Origin, State, Trace
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.built import ByHand, Hands, StationDiagrams
 from simrob_drake.simulation.run import OnStep, ReferencesLike, Run, by_robot, watched, with_duration, with_pushes
-from simrob_drake.simulation.resume import StepsDiffer, continuable_trace, fits, is_same_motion, other_station, restarts_of
+from simrob_drake.simulation.resume import StepsDiffer, continuable_trace, is_same_motion, other_station, restarts_of
 from simrob_drake.simulation.stepping import Outcome, Restart, Stepper, Ticks
 from simrob_drake.stations.closed import ClosedStation, check_reference, station_references
 from simrob_drake.stations.config import StationConfig

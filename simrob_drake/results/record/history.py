@@ -12,11 +12,11 @@ from array import array
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.common.value import AbstractValue
+from pydrake.common.value import AbstractValue, Value
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, EventStatus
@@ -259,6 +259,16 @@ class StateHistory:
     discrete: list[Vector] = field(default_factory=list)
     abstract: list[list[AbstractValue]] = field(default_factory=list)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Content of a pickled history: Drake's abstract values as the Python objects that they contain."""
+        values = [[_plain_value(value) for value in row] for row in self.abstract]
+        return {**self.__dict__, "abstract": values}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore a pickled history."""
+        self.__dict__.update(state)
+        self.__dict__["abstract"] = [[_abstract_value(*value) for value in row] for row in state["abstract"]]
+
     @property
     def end(self) -> float:
         """Time of the last state [s]."""
@@ -398,6 +408,16 @@ class StateHistory:
             [group[-count:].copy() for group in self.discrete],
             self.abstract[-count:],
         )
+
+
+def _plain_value(value: AbstractValue) -> tuple[Any, bool]:
+    """Object in an abstract value, and whether it is declared as any Python object instead of a type of Drake's."""
+    return value.get_value(), isinstance(value, Value[object])
+
+
+def _abstract_value(content: Any, is_any_object: bool) -> AbstractValue:
+    """Make an abstract value of an object, as :func:`_plain_value` gives it."""
+    return Value[object](content) if is_any_object else AbstractValue.Make(content)
 
 
 def _hermite(part: Vector, low: Vector, high: Vector, low_slope: Vector, high_slope: Vector) -> Vector:
