@@ -187,9 +187,9 @@ with open(sys.argv[2], "wb") as file:
 @pytest.mark.long
 def test_a_walk_cut_anywhere_equals_the_whole_one_in_another_process_too(tmp_path):
     """Ten seconds of a walk with a push and a program of commands, cut at five random times."""
-    commands = [[0.0, 0.1, 0.0, 0.0], [3.0, 0.05, 0.0, 0.2], [6.0, 0.1, 0.02, 0.0]]
+    commands = [{"time": 0.5, "ahead": 0.1}, {"time": 3, "ahead": 0.05, "turn_deg": 10}, {"time": 6, "ahead": 0.1}]
     push = {"kind": "push", "start": 4.0, "duration": 0.1, "force": [0, 5, 0]}
-    station = load_station("roid1_walking", {"controllers.walk.command": commands, "forces": {"shove": push}})
+    station = load_station("roid1_walking", {"controllers.walk.commands": commands, "forces": {"shove": push}})
     runner = Runner(station)
     whole = runner.run(duration=10.0)
     assert whole.ending == "completed"

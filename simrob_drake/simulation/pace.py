@@ -36,7 +36,7 @@ from simrob_drake.stations.closed import ClosedStation, closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver
-from simrob_drake.stations.steps import DISCRETE, apply_solver, bound_steps, controlled_by, stiffest
+from simrob_drake.stations.steps import DISCRETE, set_solver, bound_steps, controlled_by, stiffest
 
 _TRIAL = 0.3  # duration of a trial, by a clock [s]
 _GAIN = 3.0  # a suspect is to blame if a trial without it gets at least so many times as far
@@ -260,7 +260,7 @@ def _time_reached(
         step: length of the first step [s], if the solver chooses the length of its steps.
         look: callback after each step.
     """
-    apply_solver(simulator, config)
+    set_solver(simulator, config)
     begin = simulator.get_context().get_time()
     if controlled_by(config) is not None:
         simulator.get_mutable_integrator().request_initial_step_size_target(step)

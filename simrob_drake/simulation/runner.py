@@ -26,6 +26,7 @@ from simrob_drake.simulation.resume import StepsDiffer, continuable_trace, is_sa
 from simrob_drake.simulation.stepping import Outcome, Restart, Stepper, Ticks
 from simrob_drake.stations.closed import ClosedStation, check_reference, station_references
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.open_inputs import check_inputs
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.prescribed import alone_on, begin_on_prescribed
 from simrob_drake.stations.resolve import check_parts, resolve
@@ -502,7 +503,7 @@ def simulate_diagram(
         the result; its ``station.yaml`` holds the station alone.
 
     Raises:
-        SimrobError: a solver that cannot run the station where it stands.
+        SimrobError: a solver that cannot run the station where it stands, or inputs that nothing feeds, with their names.
     """
     instance(
         diagram,
@@ -513,6 +514,7 @@ def simulate_diagram(
     instance(
         ports, "ports", StationPorts, message("simulation.station_ports", "what add_station() gave, or station.ports")
     )
+    check_inputs(diagram, ports.inputs, may_be_exported=False)
     config = with_duration(ports.config, duration)
     built = ClosedStation(diagram, ports)
     names = [

@@ -27,7 +27,7 @@ from simrob_drake.results.record.state import State
 from simrob_drake.simulation.pace import CHECKS_KEPT, Flight, creeping
 from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.steps import apply_solver, controlled_by, likely_cause, stepped_by
+from simrob_drake.stations.steps import set_solver, controlled_by, likely_cause, stepped_by
 
 _ROUNDING = 1e-9  # times that differ by less are equal [s]
 _PROGRAMMING_ERRORS = (TypeError, AttributeError, NameError, LookupError)  # no solver raises these
@@ -341,7 +341,7 @@ class Stepper:
         context = self.simulator.get_mutable_context()
         time = context.get_time()
         self._count_steps()
-        apply_solver(self.simulator, self._config)
+        set_solver(self.simulator, self._config)
         context.SetTime(time)  # a new integrator has set it to zero
         recorder.attach(self.simulator, self.pace())
         self._initialize_in_motion()
@@ -403,7 +403,7 @@ class Stepper:
     def _simulator(self, built: ClosedStation) -> Simulator:
         """Make a simulator for a diagram, with the solver of the station."""
         simulator = Simulator(built.diagram)
-        apply_solver(simulator, self._config)
+        set_solver(simulator, self._config)
         return simulator
 
     def _monitor_outcome(self, watch: Watch) -> Outcome | None:

@@ -23,8 +23,10 @@ from simrob_drake.stations.closed import reference_samples
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.dynamic import largest_explicit_steps, servo_inertias
 from simrob_drake.stations.findings import Finding
+from simrob_drake.stations.open_inputs import check_inputs
 from simrob_drake.stations.prescribed import constraining_couplings, is_discrete_with_contact
 from simrob_drake.stations.solver_config import ContinuousSolver
+from simrob_drake.stations.station import StationLike, config_of
 
 _STIFF_STOPS = 2e10
 """Largest stiffness of a stop, divided by the inertia of its axis, at which an implicit scheme does not creep [1/s²].
@@ -362,16 +364,27 @@ def stepped_by(config: StationConfig) -> ContinuousSolver | None:
     return solver.model_copy(update={"max_step": solver.max_step * (1 + _SLACK)})
 
 
-def apply_solver(simulator: Simulator, config: StationConfig) -> None:
-    """Set the solver of a simulator as the station's file demands.
+def apply_solver(simulator: Simulator, station: StationLike) -> None:
+    """Set the solver of a simulator of your own, as a station's file demands.
 
     Args:
         simulator: the simulator, whose integrator is replaced. Its diagram contains the station, at any depth.
-        config: configuration of the station. Nothing is changed if it has no continuous solver.
+        station: the station: its name, its file, its configuration, or a built one. Nothing is changed if it has no
+            continuous solver.
 
     Raises:
         UnsupportedSolver: the scheme ``cenic`` with a station that is not a direct part of the root diagram.
+        SimrobError: there is no such station, or an input in the diagram is neither connected nor exported.
     """
+    config = config_of(station)
+    system = simulator.get_system()
+    if isinstance(system, Diagram):
+        check_inputs(system, {}, may_be_exported=True)
+    set_solver(simulator, config)
+
+
+def set_solver(simulator: Simulator, config: StationConfig) -> None:
+    """Set the solver of a simulator, whose diagram has no open inputs, see :func:`apply_solver`."""
     if not config.engine.moves_by_forces or not isinstance(config.solver, ContinuousSolver):
         return
     solver = config.solver
