@@ -99,7 +99,8 @@ class SimulationResult(RecordedRun):
         """Fields of the pickled result, with the verdict if it was evaluated, and those about its moves."""
         moves = tuple(replace(move, verdict=judge_move(self, move)) for move in self.moves)
         content = super()._pickled_content() | {"moves": moves}
-        if "verdict" in self.__dict__:
+        # The contacts that a verdict needs cannot be evaluated again if there is a recorded motion only.
+        if "verdict" in self.__dict__ or content["motion"] is not None:
             content["verdict"] = self.verdict
         return content
 

@@ -41,7 +41,10 @@ def pickled_fields(run: "RecordedRun") -> dict[str, Any]:
     kept = {field.name: getattr(run, field.name) for field in fields(run) if field.name not in REBUILT}
     kept["has_contacts"] = run.contacts_at is not None
     kept["has_context"] = run.context is not None
-    kept["motion"] = None if run.runs or has_layout_of_station(run) else _motion(run)
+    # The class of a user's block may be unknown where the result is read.
+    has_own_blocks = any(section.runs_code for section in run.config.controllers.values())
+    is_motion_recorded = has_layout_of_station(run) and not has_own_blocks
+    kept["motion"] = None if run.runs or is_motion_recorded else _motion(run)
     return kept
 
 
@@ -102,7 +105,7 @@ class RebuiltRun:
             states: Vector = sampler.sample([ports.state], times)[0]
             return states[:, : ports.plant.plant.num_positions()]
         if self._motion is None:
-            raise self._lost(message("results.positions_of_pickled", "positions between its samples"))
+            raise self._lost(message("results.positions_of_pickled", "positions"))
         known_times, positions = self._motion
         return np.column_stack([np.interp(times, known_times, column) for column in positions.T])
 
