@@ -500,7 +500,8 @@ def simulate_diagram(
         on_step: as of :func:`simulate`.
 
     Returns:
-        the result; its ``station.yaml`` holds the station alone.
+        the result. Saved, its ``station.yaml`` is the station alone, with the recorded reference and the state in which
+        it began: a run of this file repeats the motion if the diagram gave the station nothing but its reference.
 
     Raises:
         SimrobError: a solver that cannot run the station where it stands, or inputs that nothing feeds, with their names.
@@ -538,10 +539,12 @@ def simulate_diagram(
         begin=begin,
         begins_in_motion=begins_in_motion,
     )
+    start = None
     if context is not None:
         stepper.simulator.get_mutable_context().SetTimeStateAndParametersFrom(context)
+        start = State.of(diagram, ports, stepper.simulator.get_context())
     run = Run(config, built, stepper, begin=begin, in_own_diagram=True)
-    return run.result(progress=progress, on_step=on_step, references={}, start=None)
+    return run.result(progress=progress, on_step=on_step, references={}, start=start)
 
 
 def _is_moving(ports: StationPorts, context: Context) -> bool:
