@@ -5,14 +5,15 @@ it, an explicit scheme becomes unstable, and a scheme with variable steps takes 
 findings compare stiffness and damping with the steps before a run.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
 from pydrake.multibody.cenic import CenicIntegrator
 from pydrake.multibody.contact_solvers import IcfSolverParameters
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
-from pydrake.systems.framework import Context, Diagram
+from pydrake.systems.framework import Context, Diagram, System
 
 from simrob_drake.base.errors import UnsupportedSolver
 from simrob_drake.base.frames import Vector
@@ -388,18 +389,8 @@ def set_solver(simulator: Simulator, config: StationConfig) -> None:
     if not config.engine.moves_by_forces or not isinstance(config.solver, ContinuousSolver):
         return
     solver = config.solver
-    system = simulator.get_system()
-    has_plant = isinstance(system, Diagram) and system.HasSubsystemNamed("plant")
-    if solver.engine.needs_plant_as_direct_child and not has_plant:
-        raise UnsupportedSolver(
-            message(
-                "stations.plant_as_direct_part",
-                "solver.scheme is {scheme}, which needs the plant as a direct part of the simulated "
-                "diagram: add the station with add_station() to the root's builder, or choose "
-                "another scheme such as 'radau3'",
-                scheme=repr(solver.scheme),
-            )
-        )
+    if solver.engine.needs_plant_as_direct_child:
+        _check_only_plant(simulator.get_system(), solver.scheme)
     settings = SimulatorConfig(
         integration_scheme=solver.scheme,
         max_step_size=solver.max_step,
@@ -410,6 +401,46 @@ def set_solver(simulator: Simulator, config: StationConfig) -> None:
     cenic = stepped_by(config)
     if cenic is not None:
         bound_steps(simulator, cenic)
+
+
+def _check_only_plant(system: System, scheme: str) -> None:
+    """Check that a diagram has one plant, as a direct part that is named ``plant``.
+
+    Args:
+        system: the diagram that is simulated.
+        scheme: name of the scheme that needs this.
+
+    Raises:
+        UnsupportedSolver: the plants that the diagram has instead.
+    """
+    plants = list(_plants_in(system, ""))
+    if plants == ["plant"]:
+        return
+    raise UnsupportedSolver(
+        message(
+            "stations.only_plant",
+            "solver.scheme is {scheme}, which needs a single plant in the simulated diagram, named plant, as a direct "
+            "part of it; there {count:is|are}: {plants}. Add a single station, without name, with add_station() to the "
+            "root's builder, or choose another scheme such as 'radau3'",
+            scheme=repr(scheme),
+            count=len(plants),
+            plants=", ".join(plants) or message("stations.no_plant", "none"),
+        )
+    )
+
+
+def _plants_in(system: System, path: str) -> Iterator[str]:
+    """Yield the names of the plants in a diagram, with the names of the diagrams around them.
+
+    Args:
+        system: the diagram, or a system that is none.
+        path: names of the diagrams around its parts, each with a ``/`` after it.
+    """
+    for part in system.GetSystems() if isinstance(system, Diagram) else ():
+        name = f"{path}{part.get_name()}"
+        if isinstance(part, MultibodyPlant):
+            yield name
+        yield from _plants_in(part, f"{name}/")
 
 
 def bound_steps(

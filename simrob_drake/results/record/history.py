@@ -410,9 +410,20 @@ class StateHistory:
         )
 
 
+def python_value(value: AbstractValue) -> Any:
+    """Object in an abstract value. It is None for types of Drake's own that Python does not know.
+
+    A discrete plant of a user's diagram has such a value. It can be copied, but not read.
+    """
+    try:
+        return value.get_value()
+    except RuntimeError:
+        return None
+
+
 def _plain_value(value: AbstractValue) -> tuple[Any, bool]:
     """Object in an abstract value, and whether it is declared as any Python object instead of a type of Drake's."""
-    return value.get_value(), isinstance(value, Value[object])
+    return python_value(value), isinstance(value, Value[object])
 
 
 def _abstract_value(content: Any, is_any_object: bool) -> AbstractValue:

@@ -25,7 +25,7 @@ from simrob_drake.blocks.monitor import Monitor
 from simrob_drake.parts.resolved import ResolvedRobot
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationPlant
-from simrob_drake.results.record.history import FlightCheck, StateHistory
+from simrob_drake.results.record.history import FlightCheck, StateHistory, python_value
 from simrob_drake.stations.config import StationConfig
 
 _LARGEST = 10_000_000  # bytes of a file
@@ -200,10 +200,10 @@ class State:
             if own.num_continuous_states() or own.num_discrete_state_groups() or own.num_abstract_states():
                 has_continuous = own.num_continuous_states() > 0
                 groups, values = range(own.num_discrete_state_groups()), range(own.num_abstract_states())
-                blocks[system.get_name()] = BlockState(
+                blocks[_block_name(system, ports)] = BlockState(
                     own.get_continuous_state_vector().CopyToVector() if has_continuous else np.zeros(0),
                     tuple(own.get_discrete_state(group).value().copy() for group in groups),
-                    tuple(deepcopy(own.get_abstract_state(index).get_value()) for index in values),
+                    tuple(deepcopy(python_value(own.get_abstract_state(index))) for index in values),
                 )
         joints = {}
         if diagram.HasSubsystemNamed(plant.get_name()):
@@ -269,7 +269,7 @@ class State:
                 self._check(robot.name, values.get(robot.name), len(robot.axes))
         plant = ports.plant.stepped
         for system in _with_memory(diagram, plant):
-            kept = self.blocks.get(system.get_name())
+            kept = self.blocks.get(_block_name(system, ports))
             if kept is not None:
                 self._put_block(system, kept, context)
         if diagram.HasSubsystemNamed(plant.get_name()):
@@ -389,6 +389,12 @@ class State:
                 message("results.state_in_which", "a state in which '{name}' is {found}", name=name, found=found),
                 message("results.station_of_size", "of a station where it is of {size}", size=size),
             )
+
+
+def _block_name(system: System, ports: Site) -> str:
+    """Name of a block in a state: its name in the diagram, without that of the station there."""
+    name = str(system.get_name())
+    return name.removeprefix(f"{ports.name}.") if ports.name else name
 
 
 def _with_memory(diagram: Diagram, plant: System) -> Iterator[System]:
