@@ -1,5 +1,6 @@
 """Run a station: reference in, result out, however the run ends."""
 
+import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from copy import copy
@@ -11,6 +12,7 @@ from pydrake.systems.framework import Context, Diagram, LeafSystem
 
 from simrob_drake.base.arguments import drake_asserts, instance, seconds
 from simrob_drake.base.errors import InvalidParameter, SimrobError, one_of, quoted
+from simrob_drake.base.former_arguments import former_argument
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
 from simrob_drake.blocks.references import Reference, Samples
@@ -40,14 +42,17 @@ Blocks = Sequence[LeafSystem] | Mapping[str, LeafSystem]
 _NOT_OWN = ("pydrake", "simrob_drake")
 
 
+@former_argument("config_or_station", "station")
 def simulate(
-    config_or_station: StationLike,
+    station: StationLike,
     *,
+    overrides: Mapping[str, Any] | None = None,
     reference: ReferencesLike = None,
     duration: float | None = None,
     blocks: Blocks = (),
     start: State | None = None,
     start_time: StartTime = "zero",
+    pushes: Mapping[str, Any] | None = None,
     progress: bool = True,
     on_step: OnStep | None = None,
     commands: Hands | None = None,
@@ -56,8 +61,9 @@ def simulate(
     """Run a station and return what happened.
 
     Args:
-        config_or_station: a station's name or YAML file, its configuration, or a station made from one, which is built
-            anew from it.
+        station: a station's name or YAML file, its configuration, or a station made from one, which is built anew from
+            it.
+        overrides: new values of the station, as :func:`simrob_drake.load_station` takes them.
         reference: in place of the configuration's: a trajectory of shape (n, 1), an array (m, 1 + n) whose first
             column is the time, or a pair of times (m,) and positions (m, n); SI units and radians. With several
             robots, a mapping by robot. Values are joined by straight lines, as Simulink joins them; in a kinematic
@@ -73,6 +79,7 @@ def simulate(
             and with it references, pushes and programs. The times of the result are those of the whole motion.
             Equal to the last bit for the final state of a result; a state from a file continues within the accuracy
             of the solver.
+        pushes: in place of the configuration's, by name, as in ``{"shove": {"start": 1, "force": [5, 0, 0]}}``.
         progress: show a bar on a terminal.
         on_step: called after each accepted step with the time [s] and the positions of the whole plant (nq,), perhaps
             a few steps beyond a monitor's stop; it cannot change the run. What it raises goes on to the caller;
@@ -90,12 +97,13 @@ def simulate(
         SimrobError: input that cannot be run at all.
         VerdictError: with ``strict`` a run that has warnings, diverged, or in which a block failed.
     """
-    runner = Runner(config_or_station, blocks=blocks)
+    runner = Runner(station, blocks=blocks, overrides=overrides)
     arguments: dict[str, Any] = {
         "reference": reference,
         "duration": duration,
         "start": start,
         "start_time": start_time,
+        "pushes": pushes,
     }
     return runner.run(**arguments, progress=progress, on_step=on_step, commands=commands, strict=strict)
 
@@ -149,12 +157,15 @@ class Runner:
         config: the station.
     """
 
-    def __init__(self, station: StationLike, *, blocks: Blocks = ()) -> None:
-        """Take a station and blocks as :func:`simulate` does; its diagrams are built at the first run.
+    def __init__(
+        self, station: StationLike, *, blocks: Blocks = (), overrides: Mapping[str, Any] | None = None
+    ) -> None:
+        """Take a station, blocks and overrides as :func:`simulate` does; its diagrams are built at the first run.
 
-        Raises SimrobError: no such station, or a block that is none.
+        Raises:
+            SimrobError: there is no such station, an override is invalid, or a block is none.
         """
-        self.config = config_of(station)
+        self.config = config_of(station, overrides)
         made = own_blocks(self.config.controllers)
         self._given_blocks = blocks
         self._blocks = {**made, **named_blocks(blocks)}
@@ -196,11 +207,12 @@ class Runner:
         ticks: Ticks | None = None,
         strict: bool = False,
     ) -> SimulationResult:
-        """Run the station, as :func:`simulate` does, whose arguments and errors these are, but for four.
+        """Run the station, as :func:`simulate` does, whose arguments and errors these are, but for two.
 
-        ``duration`` [s] and ``pushes``, by name as in ``{"shove": {"start": 1, "force": [5, 0, 0]}}``, take the place
-        of the configuration's; ``progress`` shows a bar on a terminal; ``ticks`` are even times at which stepping
-        begins anew, and may end.
+        Args:
+            reference, duration, start, start_time, pushes, on_step, commands, strict: as in :func:`simulate`.
+            progress: as in :func:`simulate`, but off by default, since a runner makes many runs.
+            ticks: even times at which stepping begins anew, and may end; None if there are none.
         """
         config = with_pushes(with_duration(self.config, duration), pushes)
         _check_callback(on_step)
@@ -375,11 +387,16 @@ class Runner:
         return self._playing(self.config, {}, _origins(self._started(self.config, None)), watched=watched).whole.ports
 
     @drake_asserts()
-    def fork(self, at: float, *, reference: ReferencesLike = None) -> "Fork":
-        """Run the station up to a moment ``at`` [s], from which runs with other pushes go on.
+    def branch(self, at: float, *, reference: ReferencesLike = None) -> "Branch":
+        """Run the station up to a time, from which runs with other pushes go on.
 
-        That is later than the start, and that at which a push of the station begins. The reference is as of
-        :func:`simulate`. Raises SimrobError: input that cannot be run at all.
+        Args:
+            at: the time [s]: after the start of the run, and not after the start of the pushes.
+            reference: as in :func:`simulate`.
+
+        Raises:
+            InvalidParameter: the time is not within the run.
+            SimrobError: input that cannot be run at all.
         """
         config = self.config
         if not 0 < at < config.duration:
@@ -395,7 +412,13 @@ class Runner:
         start = self._started(config, None)
         diagrams = self._playing(config, by_robot(config, reference), _origins(start))
         begins_in_motion = _checked_start(config, None) is not None
-        return Fork(config, at, diagrams, self._blocks, start, begins_in_motion=begins_in_motion)
+        return Branch(self, reference, at, diagrams, self._blocks, start, begins_in_motion=begins_in_motion)
+
+    def fork(self, at: float, *, reference: ReferencesLike = None) -> "Branch":
+        """Former name of :meth:`branch`. Until 0.2."""
+        text = message("simulation.fork_is_branch", "Runner.fork() is now Runner.branch(); the former name goes in 0.2")
+        warnings.warn(text, DeprecationWarning, stacklevel=2)
+        return self.branch(at, reference=reference)
 
     @drake_asserts()
     def check(self, reference: ReferencesLike = None) -> None:
@@ -586,16 +609,20 @@ def _checked_start(config: StationConfig, start: State | None) -> State | None:
     return start
 
 
-class Fork:
-    """What a run came to at a moment, and how it ends under these pushes or those: what came before is stepped once.
+class Branch:
+    """A run up to a time, and runs with other pushes that go on from there: what came before is stepped once.
 
-    Each ends as the whole run does, to the last bit under ``cenic`` and discrete solvers; others begin anew at the
-    moment with the steps that their error control chooses. No signals are computed.
+    Under ``cenic`` and discrete solvers, each ends as the whole run does, to the last bit.
+
+    Attributes:
+        at: the time [s].
+        begun: how the run up to this time ended: ``completed`` if nothing ended it before.
     """
 
     def __init__(
         self,
-        config: StationConfig,
+        runner: Runner,
+        reference: ReferencesLike,
         at: float,
         diagrams: StationDiagrams,
         blocks: Mapping[str, LeafSystem],
@@ -603,33 +630,41 @@ class Fork:
         *,
         begins_in_motion: bool,
     ) -> None:
-        """Step a station up to the time of the fork.
+        """Step a station up to the time of the branch.
 
         Args:
-            config: configuration of the station.
-            at: time of the fork [s].
+            runner: runs the station.
+            reference: references of the user, as in :func:`simulate`.
+            at: time of the branch [s].
             diagrams: diagrams of the station, which play its references and pushes.
             blocks: the user's own blocks, by name.
             start: state in which the run begins, or None for the initial state of the station.
             begins_in_motion: whether the run continues the motion of another run.
         """
-        self._config = config
+        self.at = at
+        self._runner = runner
+        self._reference = reference
+        self._config = runner.config
         self._diagrams = diagrams
         self._blocks = blocks
         self._references = diagrams.references
-        config_until_fork = config.model_copy(update={"duration": at})
-        self._stepper = self._stepping(config_until_fork, begins_in_motion=begins_in_motion)
+        self._trunk: SimulationResult | None = None  # the run up to the branch, with signals; made when it is needed
+        config_until_branch = self._config.model_copy(update={"duration": at})
+        self._stepper = self._stepping(config_until_branch, begins_in_motion=begins_in_motion)
         if start is not None:
-            start.put(
-                self._stepper.built.diagram, self._stepper.built.ports, self._stepper.simulator.get_mutable_context()
-            )
-        self.begun = self._outcome(self._stepper)  # how the run ended that far: completed, if nothing ended it
+            built = self._stepper.built
+            start.put(built.diagram, built.ports, self._stepper.simulator.get_mutable_context())
+        self.begun = self._outcome(self._stepper)
 
     @drake_asserts()
     def outcome(self, pushes: Mapping[str, Any]) -> Outcome:
-        """Return how a run ends under pushes, as ``Runner.run`` takes them.
+        """Step on under pushes, and tell only how the run ends. No signals are computed.
 
-        Raises InvalidParameter: a push that cannot be.
+        Args:
+            pushes: as in :meth:`Runner.run`.
+
+        Raises:
+            InvalidParameter: a push that cannot be.
         """
         if self.begun.ending != "completed":
             return self.begun
@@ -637,8 +672,57 @@ class Fork:
         self._diagrams.play(self._references, config.forces)
         return self._outcome(self._stepping(config, reached=self._stepper.simulator.get_context()))
 
+    @drake_asserts()
+    def run(
+        self,
+        *,
+        pushes: Mapping[str, Any] | None = None,
+        progress: bool = False,
+        on_step: OnStep | None = None,
+        strict: bool = False,
+    ) -> SimulationResult:
+        """Run on under pushes, and return the whole run with its signals.
+
+        Args:
+            pushes: pushes that begin at the time of the branch or later, as in :meth:`Runner.run`. They take the place
+                of the station's own ones of these times.
+            progress: as in :meth:`Runner.run`.
+            on_step: as in :meth:`Runner.run`, for the steps after the branch.
+            strict: as in :meth:`Runner.run`.
+
+        Raises:
+            InvalidParameter: a push that begins before the branch.
+            SimrobError, VerdictError: as :meth:`Runner.run`.
+        """
+        if self._trunk is None:
+            self._trunk = self._runner.run(reference=self._reference, duration=self.at)
+        if self._trunk.ending != "completed":
+            return self._trunk.check(strict)
+        earlier = {}
+        for name, force in self._config.forces.items():
+            if isinstance(force, Push) and force.start < self.at:
+                earlier[name] = force
+        later = with_pushes(self._config, {} if pushes is None else pushes).forces
+        if pushes is None:
+            later = self._config.forces
+        for name in pushes or {}:
+            if later[name].edges[0] < self.at:
+                found = message("simulation.push_at_time", "a push at {start:g} s", start=later[name].edges[0])
+                expected = message("simulation.push_after_branch", "one at {at:g} s, the branch, or later", at=self.at)
+                raise InvalidParameter(message("simulation.push_called", "pushes: {name}", name=name), found, expected)
+        branched = replace(self._trunk, config=self._trunk.config.model_copy(update={"forces": {**earlier, **later}}))
+        return self._runner.resume(
+            branched, until=self._config.duration, progress=progress, on_step=on_step, strict=strict
+        )
+
     def _stepping(self, config: StationConfig, **more: Any) -> Stepper:
+        """Make a stepper of the diagrams of the branch; arguments are those of `Stepper`."""
         return Stepper(config, self._diagrams.stepped, self._diagrams.edges, blocks=self._blocks, **more)
 
     def _outcome(self, stepper: Stepper) -> Outcome:
+        """Step to the end of the stepper's run, and tell how it ended."""
         return stepper.run(*watched(stepper, self._diagrams.whole))
+
+
+Fork = Branch
+"""Former name of `Branch`. Until 0.2."""

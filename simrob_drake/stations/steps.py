@@ -6,7 +6,7 @@ findings compare stiffness and damping with the steps before a run.
 """
 
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.multibody.cenic import CenicIntegrator
@@ -16,6 +16,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import Context, Diagram, System
 
 from simrob_drake.base.errors import UnsupportedSolver
+from simrob_drake.base.former_arguments import former_argument
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
 from simrob_drake.blocks.references import Reference
@@ -365,19 +366,23 @@ def stepped_by(config: StationConfig) -> ContinuousSolver | None:
     return solver.model_copy(update={"max_step": solver.max_step * (1 + _SLACK)})
 
 
-def apply_solver(simulator: Simulator, station: StationLike) -> None:
+@former_argument("config", "station")
+def apply_solver(
+    simulator: Simulator, station: StationLike, *, overrides: Mapping[str, Any] | None = None
+) -> None:
     """Set the solver of a simulator of your own, as a station's file demands.
 
     Args:
         simulator: the simulator, whose integrator is replaced. Its diagram contains the station, at any depth.
         station: the station: its name, its file, its configuration, or a built one. Nothing is changed if it has no
             continuous solver.
+        overrides: new values of the station, as :func:`simrob_drake.load_station` takes them.
 
     Raises:
         UnsupportedSolver: the scheme ``cenic`` with a station that is not a direct part of the root diagram.
         SimrobError: there is no such station, or an input in the diagram is neither connected nor exported.
     """
-    config = config_of(station)
+    config = config_of(station, overrides)
     system = simulator.get_system()
     if isinstance(system, Diagram):
         check_inputs(system, {}, may_be_exported=True)
