@@ -18,7 +18,7 @@ from simrob_drake.base.messages import compound, message
 from simrob_drake.blocks.references import Reference, Samples
 from simrob_drake.parts.controllers import own_blocks
 from simrob_drake.parts.controllers.own import OwnController, driven_inputs, named_blocks, with_driven
-from simrob_drake.parts.forces import Push
+from simrob_drake.parts.forces import ForceConfig, Push
 from simrob_drake.results.record.rebuilt import fits
 from simrob_drake.results.record.state import Origin, State, Trace
 from simrob_drake.results.result import SimulationResult
@@ -696,24 +696,45 @@ class Branch:
         """
         if self._trunk is None:
             self._trunk = self._runner.run(reference=self._reference, duration=self.at)
-        if self._trunk.ending != "completed":
-            return self._trunk.check(strict)
-        earlier = {}
-        for name, force in self._config.forces.items():
-            if isinstance(force, Push) and force.start < self.at:
-                earlier[name] = force
-        later = with_pushes(self._config, {} if pushes is None else pushes).forces
-        if pushes is None:
-            later = self._config.forces
-        for name in pushes or {}:
-            if later[name].edges[0] < self.at:
-                found = message("simulation.push_at_time", "a push at {start:g} s", start=later[name].edges[0])
-                expected = message("simulation.push_after_branch", "one at {at:g} s, the branch, or later", at=self.at)
-                raise InvalidParameter(message("simulation.push_called", "pushes: {name}", name=name), found, expected)
-        branched = replace(self._trunk, config=self._trunk.config.model_copy(update={"forces": {**earlier, **later}}))
-        return self._runner.resume(
-            branched, until=self._config.duration, progress=progress, on_step=on_step, strict=strict
+        trunk = self._trunk
+        if trunk.ending != "completed" or trunk.trace is None:
+            return trunk.check(strict)
+        # Pushes from the branch on do not change what came before it: the run up to there is one with all of them.
+        forces = self._forces(pushes)
+        origin = trunk.trace.origin
+        pushed_origin = replace(origin, config=origin.config.model_copy(update={"forces": forces}))
+        pushed = replace(
+            trunk,
+            config=trunk.config.model_copy(update={"forces": forces}),
+            trace=replace(trunk.trace, origin=pushed_origin),
         )
+        return self._runner.resume(
+            pushed, until=self._config.duration, progress=progress, on_step=on_step, strict=strict
+        )
+
+    def _forces(self, pushes: Mapping[str, Any] | None) -> dict[str, ForceConfig]:
+        """Forces of a run that goes on from the branch, by name: the station's own ones before it, and the pushes.
+
+        Args:
+            pushes: the pushes from the branch on; None for the station's own ones.
+
+        Raises:
+            InvalidParameter: a push that cannot be, or that begins before the branch.
+        """
+        own = self._config.forces
+        if pushes is None:
+            return dict(own)
+        earlier = {name: force for name, force in own.items() if isinstance(force, Push) and force.start < self.at}
+        forces = with_pushes(self._config, pushes).forces
+        for name in pushes:
+            push = forces[name]
+            if isinstance(push, Push) and push.start < self.at:
+                raise InvalidParameter(
+                    message("simulation.push_called", "pushes: {name}", name=name),
+                    message("simulation.push_at_time", "a push at {start:g} s", start=push.start),
+                    message("simulation.push_after_branch", "one at {at:g} s, the branch, or later", at=self.at),
+                )
+        return {**earlier, **forces}
 
     def _stepping(self, config: StationConfig, **more: Any) -> Stepper:
         """Make a stepper of the diagrams of the branch; arguments are those of `Stepper`."""

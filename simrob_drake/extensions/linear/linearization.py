@@ -1,6 +1,7 @@
 """From a station to its linear model about a rest."""
 
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
