@@ -10,7 +10,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import (
     Arm,
-    Branch,
+    RunBranch,
     Runner,
     Workcell,
     add_station,
@@ -49,7 +49,7 @@ def test_overrides_are_accepted_wherever_a_station_is():
 
 
 def test_wrong_overrides_are_named():
-    with pytest.raises(SimrobError, match="overrides.*gravitty"):
+    with pytest.raises(SimrobError, match=r"overrides.*gravitty"):
         Runner(load_station("irb120_dynamic"), overrides={"gravitty": 1})
     with pytest.raises(SimrobError, match="overrides is 5; it must be a mapping"):
         simulate("irb120_dynamic", overrides=5)
@@ -83,7 +83,7 @@ def test_pushes_alike_in_simulate_and_in_a_runner():
 def test_a_branch_gives_the_whole_run_with_signals():
     runner = Runner("humanoid_dynamic", overrides={"duration": 0.6})
     branch = runner.branch(0.3)
-    assert isinstance(branch, Branch)
+    assert isinstance(branch, RunBranch)
     for force in (5.0, -8.0):
         pushes = {"shove": {"start": 0.3, "duration": 0.1, "force": [0, force, 0]}}
         whole = runner.run(pushes=pushes)

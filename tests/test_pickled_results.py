@@ -141,5 +141,7 @@ def test_a_result_of_another_version_is_refused(monkeypatch):
     result = simulate(load_station("bouncing_ball"), duration=0.05, progress=False)
     content = pickle.dumps(result)
     monkeypatch.setattr("simrob_drake.results.record.rebuilt.FORMAT", rebuilt.FORMAT + 1)
-    with pytest.raises(SimrobError, match=r"another version of simrob_drake \(format 1, here 2\); run the station again"):
+    with pytest.raises(
+        SimrobError, match=r"another version of simrob_drake \(format 1, here 2\); run the station again"
+    ):
         pickle.loads(content)

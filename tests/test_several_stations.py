@@ -21,7 +21,9 @@ def hold(builder, ports):
 
 
 def arm(**overrides):
-    return load_station("irb120_dynamic", {"solver": {"kind": "discrete"}, "servo.realization": "implicit", **overrides})
+    return load_station(
+        "irb120_dynamic", {"solver": {"kind": "discrete"}, "servo.realization": "implicit", **overrides}
+    )
 
 
 def alone(config, duration):

@@ -18,7 +18,7 @@ import numpy as np
 from simrob_drake.base.folders import filled_at_once
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
-from simrob_drake.blocks.references import as_reference
+from simrob_drake.blocks.references import Samples, as_reference
 from simrob_drake.parts.references import TIME_COLUMN, Interpolation, Table, speed_columns
 from simrob_drake.results.plots.formats import PlotFormat, plot_format
 from simrob_drake.results.record.run import RecordedRun, all_events
@@ -166,6 +166,7 @@ def with_tables(result: RecordedRun, folder: Path) -> StationConfig:
         reference, played = config.reference_of(robot), result.references.get(robot)
         axes = result.plant.robots[robot].axes
         way: Interpolation = "cubic" if config.follows_speed(robot) else "linear"  # as simulate() joins samples
+        samples: Samples
         if result.in_own_diagram:
             # Sources of the diagram gave the reference. Times of a run of the file count from zero.
             samples = result.times - result.start_time, result.axes("q_ref", robot)

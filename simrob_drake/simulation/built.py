@@ -174,7 +174,8 @@ class ByHand:
     def look(self, diagram: Diagram, context: Context) -> None:
         """Call the functions for commands, and pass on the commands that have changed.
 
-        At the start of the run no function is called: the first sample of a controller is not yet taken, and would drop the command.
+        At the start of the run no function is called: the first sample of a controller is not yet taken, and would
+        drop the command.
 
         Args:
             diagram: the diagram that is stepped.

@@ -36,7 +36,7 @@ from simrob_drake.stations.closed import ClosedStation, closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver
-from simrob_drake.stations.steps import DISCRETE, set_solver, bound_steps, controlled_by, stiffest
+from simrob_drake.stations.steps import DISCRETE, bound_steps, controlled_by, set_solver, stiffest
 
 _TRIAL = 0.3  # duration of a trial, by a clock [s]
 _GAIN = 3.0  # a suspect is to blame if a trial without it gets at least so many times as far

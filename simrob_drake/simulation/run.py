@@ -26,7 +26,7 @@ from simrob_drake.parts.forces import Push
 from simrob_drake.results.record.history import Recorder, StateHistory
 from simrob_drake.results.record.run import FAILED, INTERRUPTED
 from simrob_drake.results.record.signals import Sampler, Stop, Watch, cut_at_stop, sample_signals
-from simrob_drake.results.record.state import Origin, State, Trace
+from simrob_drake.results.record.state import MotionOrigin, State, Trace
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.pace import PaceWatch
 from simrob_drake.simulation.resume import RepeatedSteps, last_free_row
@@ -66,7 +66,7 @@ class Run:
         restart: recorded step at which stepping begins; None if it begins at the start of the run or of the motion. The
             result contains the recorded steps before it.
         repeated: the earlier run whose last steps are repeated and compared; None if there is none.
-        repeated_until: time up to which the steps are those of an earlier run [s], which callbacks of the user have seen.
+        repeated_until: time up to which callbacks of the user have seen the steps, in an earlier run [s].
         origins: positions (n,) at which the references of the configuration begin, by robot, for the final state.
         origin: the run that the motion began with; None in a diagram of the user's own.
         in_own_diagram: whether the station is part of a diagram of the user's own.
@@ -82,7 +82,7 @@ class Run:
     repeated: Trace | None = None
     repeated_until: float = -np.inf
     origins: Mapping[str, Vector] = field(default_factory=dict)
-    origin: Origin | None = None
+    origin: MotionOrigin | None = None
     in_own_diagram: bool = False
 
     @property
@@ -183,7 +183,7 @@ class Run:
         outcome = samples.outcome
         position_count = ports.plant.plant.num_positions()
         has_contacts = self.config.has_contact_forces
-        origin = self.origin or Origin(config, None, self.begin, self.stepper.begins_in_motion)
+        origin = self.origin or MotionOrigin(config, None, self.begin, self.stepper.begins_in_motion)
         free_row = last_free_row(sampler.history, config)
         trace = Trace(sampler.history, self.stepper.flight_checks, origin, free_row)
         is_whole = outcome.ending in ("completed", INTERRUPTED) and not self.in_own_diagram

@@ -20,11 +20,11 @@ from simrob_drake.parts.controllers import own_blocks
 from simrob_drake.parts.controllers.own import OwnController, driven_inputs, named_blocks, with_driven
 from simrob_drake.parts.forces import ForceConfig, Push
 from simrob_drake.results.record.rebuilt import fits
-from simrob_drake.results.record.state import Origin, State, Trace
+from simrob_drake.results.record.state import MotionOrigin, State, Trace
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.built import ByHand, Hands, StationDiagrams
-from simrob_drake.simulation.run import OnStep, ReferencesLike, Run, by_robot, watched, with_duration, with_pushes
 from simrob_drake.simulation.resume import StepsDiffer, continuable_trace, is_same_motion, other_station, restarts_of
+from simrob_drake.simulation.run import OnStep, ReferencesLike, Run, by_robot, watched, with_duration, with_pushes
 from simrob_drake.simulation.stepping import Outcome, Restart, Stepper, Ticks
 from simrob_drake.stations.closed import ClosedStation, check_reference, station_references
 from simrob_drake.stations.config import StationConfig
@@ -136,7 +136,7 @@ class RunPlan:
     origins: Mapping[str, Vector] | None = None
     ticks: Ticks | None = None
     restart: Restart | None = None
-    origin: Origin | None = None
+    origin: MotionOrigin | None = None
     repeated: Trace | None = None
     repeated_until: float = -np.inf
 
@@ -167,7 +167,7 @@ class Runner:
         """
         self.config = config_of(station, overrides)
         made = own_blocks(self.config.controllers)
-        self._given_blocks = blocks
+        self._user_blocks = blocks
         self._blocks = {**made, **named_blocks(blocks)}
         self._driven = driven_inputs(self._blocks)
         inputs = with_driven(self.config.inputs, self._blocks)
@@ -210,7 +210,14 @@ class Runner:
         """Run the station, as :func:`simulate` does, whose arguments and errors these are, but for two.
 
         Args:
-            reference, duration, start, start_time, pushes, on_step, commands, strict: as in :func:`simulate`.
+            reference: as in :func:`simulate`, as are the other arguments.
+            duration: as in :func:`simulate`.
+            start: as in :func:`simulate`.
+            start_time: as in :func:`simulate`.
+            pushes: as in :func:`simulate`.
+            on_step: as in :func:`simulate`.
+            commands: as in :func:`simulate`.
+            strict: as in :func:`simulate`.
             progress: as in :func:`simulate`, but off by default, since a runner makes many runs.
             ticks: even times at which stepping begins anew, and may end; None if there are none.
         """
@@ -220,22 +227,22 @@ class Runner:
         keeps_time = one_of("start_time", start_time, get_args(StartTime)) == "keep"
         # A start that the caller or the station gives continues another run. This is evaluated before _started(), which
         # also makes a start for a robot with prescribed axes.
-        given_start = _checked_start(config, start)
-        plan = RunPlan(config, requested, begins_in_motion=given_start is not None, ticks=ticks)
+        first_state = _checked_start(config, start)
+        plan = RunPlan(config, requested, begins_in_motion=first_state is not None, ticks=ticks)
         if keeps_time:
-            if given_start is None:
+            if first_state is None:
                 raise InvalidParameter(
                     "start_time",
                     quoted("keep"),
                     message("simulation.keep_needs_start", "a start whose time is kept, such as result.final_state"),
                 )
-            origins = given_start.origins or None
-            plan = replace(plan, start=given_start, begin=given_start.time, origins=origins)
+            origins = first_state.origins or None
+            plan = replace(plan, start=first_state, begin=first_state.time, origins=origins)
         else:
-            start = self._started(config, given_start)
+            start = self._started(config, first_state)
             plan = replace(plan, start=start, origins=_origins(start))
         callbacks = Callbacks(progress=progress, on_step=on_step, commands=commands)
-        trace = given_start.valid_trace if keeps_time and given_start is not None else None
+        trace = first_state.valid_trace if keeps_time and first_state is not None else None
         result = self._continued(plan, callbacks, trace) if trace is not None else None
         if result is None:
             result = self._run(plan, callbacks)
@@ -280,7 +287,7 @@ class Runner:
         if result.commanded:
             commanded = {name: result.config.controllers[name] for name in result.commanded}
             controllers = {**self.config.controllers, **commanded}
-            runner = type(self)(self.config.model_copy(update={"controllers": controllers}), blocks=self._given_blocks)
+            runner = type(self)(self.config.model_copy(update={"controllers": controllers}), blocks=self._user_blocks)
             return runner.resume(
                 replace(result, commanded=()), until=end, progress=progress, on_step=on_step, strict=strict
             )
@@ -329,7 +336,7 @@ class Runner:
         config = plan.config
         restart = plan.restart
         # The run itself is the first one of its motion, unless it repeats an earlier run from its origin.
-        origin = plan.origin or Origin(config, plan.start, plan.begin, plan.begins_in_motion)
+        origin = plan.origin or MotionOrigin(config, plan.start, plan.begin, plan.begins_in_motion)
         hand = ByHand(config, callbacks.commands, begin=plan.begin)
         diagrams = self._playing(config, plan.requested, plan.origins, watched=plan.ticks is not None, end=plan.end)
         references = diagrams.references
@@ -387,7 +394,7 @@ class Runner:
         return self._playing(self.config, {}, _origins(self._started(self.config, None)), watched=watched).whole.ports
 
     @drake_asserts()
-    def branch(self, at: float, *, reference: ReferencesLike = None) -> "Branch":
+    def branch(self, at: float, *, reference: ReferencesLike = None) -> "RunBranch":
         """Run the station up to a time, from which runs with other pushes go on.
 
         Args:
@@ -412,9 +419,9 @@ class Runner:
         start = self._started(config, None)
         diagrams = self._playing(config, by_robot(config, reference), _origins(start))
         begins_in_motion = _checked_start(config, None) is not None
-        return Branch(self, reference, at, diagrams, self._blocks, start, begins_in_motion=begins_in_motion)
+        return RunBranch(self, reference, at, diagrams, self._blocks, start, begins_in_motion=begins_in_motion)
 
-    def fork(self, at: float, *, reference: ReferencesLike = None) -> "Branch":
+    def fork(self, at: float, *, reference: ReferencesLike = None) -> "RunBranch":
         """Former name of :meth:`branch`. Until 0.2."""
         text = message("simulation.fork_is_branch", "Runner.fork() is now Runner.branch(); the former name goes in 0.2")
         warnings.warn(text, DeprecationWarning, stacklevel=2)
@@ -527,7 +534,7 @@ def simulate_diagram(
         it began: a run of this file repeats the motion if the diagram gave the station nothing but its reference.
 
     Raises:
-        SimrobError: a solver that cannot run the station where it stands, or inputs that nothing feeds, with their names.
+        SimrobError: a solver that cannot run the station where it stands, or open inputs.
     """
     instance(
         diagram,
@@ -609,7 +616,7 @@ def _checked_start(config: StationConfig, start: State | None) -> State | None:
     return start
 
 
-class Branch:
+class RunBranch:
     """A run up to a time, and runs with other pushes that go on from there: what came before is stepped once.
 
     Under ``cenic`` and discrete solvers, each ends as the whole run does, to the last bit.
@@ -745,5 +752,5 @@ class Branch:
         return stepper.run(*watched(stepper, self._diagrams.whole))
 
 
-Fork = Branch
-"""Former name of `Branch`. Until 0.2."""
+Fork = RunBranch
+"""Former name of `RunBranch`. Until 0.2."""

@@ -27,7 +27,7 @@ from simrob_drake.results.record.state import State
 from simrob_drake.simulation.pace import CHECKS_KEPT, Flight, creeping
 from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.steps import set_solver, controlled_by, likely_cause, stepped_by
+from simrob_drake.stations.steps import controlled_by, likely_cause, set_solver, stepped_by
 
 _ROUNDING = 1e-9  # times that differ by less are equal [s]
 _PROGRAMMING_ERRORS = (TypeError, AttributeError, NameError, LookupError)  # no solver raises these

@@ -418,7 +418,8 @@ def _config(robot: RobotModel, content: Mapping[str, Any]) -> StationConfig:
     else:
         section["urdf"] = robot.urdf_path
     others = {key: value for key, value in content.items() if key != "robot"}
-    return StationConfig(name=robot.name, robots={ONLY_ROBOT: section}, **others)
+    unchecked: dict[str, Any] = {"name": robot.name, "robots": {ONLY_ROBOT: section}, **others}
+    return StationConfig(**unchecked)
 
 
 _FIRST_LINE = "# First station of an imported robot; change it as you like, and try `simrob check` on it.\n"

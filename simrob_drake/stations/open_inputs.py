@@ -12,7 +12,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, Diagram, InputPort, InputPortIndex, System
 
 from simrob_drake.base.errors import SimrobError
-from simrob_drake.base.messages import join_texts, message
+from simrob_drake.base.messages import message
 
 _CHECKED_PACKAGES_OF_DRAKE = ("pydrake.systems.primitives", "pydrake.systems.controllers")
 """Drake's packages with blocks that need all of their inputs. Those of others, such as visualizers, may be optional."""
@@ -87,7 +87,9 @@ def _open_inputs_of(diagram: Diagram, context: Context, name_of: _Names) -> Iter
     for index in range(diagram.num_input_ports()):
         port = diagram.get_input_port(index)
         if not port.HasValue(context):
-            targets = [system.get_input_port(place) for system, place in diagram.GetInputPortLocators(InputPortIndex(index))]
+            targets = [
+                system.get_input_port(place) for system, place in diagram.GetInputPortLocators(InputPortIndex(index))
+            ]
             known = [name for name in map(name_of, map(_key, targets)) if name is not None]
             own_name = message("stations.input_of_diagram", "{port} of the diagram", port=port.get_name())
             yield known[0] if known else own_name

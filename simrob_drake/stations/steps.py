@@ -367,9 +367,7 @@ def stepped_by(config: StationConfig) -> ContinuousSolver | None:
 
 
 @former_argument("config", "station")
-def apply_solver(
-    simulator: Simulator, station: StationLike, *, overrides: Mapping[str, Any] | None = None
-) -> None:
+def apply_solver(simulator: Simulator, station: StationLike, *, overrides: Mapping[str, Any] | None = None) -> None:
     """Set the solver of a simulator of your own, as a station's file demands.
 
     Args:

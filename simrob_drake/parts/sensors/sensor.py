@@ -183,7 +183,9 @@ def replayed(
     ticks = period * np.arange(_first_tick(recorded, period), end_tick)
     ports = {name: source for name, source in inputs.items() if isinstance(source, OutputPort)}
     values = dict(zip(ports, recorded.sample(list(ports.values()), ticks), strict=True))
-    before = np.maximum(ticks - period, recorded.step_times[0])  # while stepping, sensors that sample together see each other's last
+    before = np.maximum(
+        ticks - period, recorded.step_times[0]
+    )  # while stepping, sensors that sample together see each other's last
     values |= {name: source(recorded, before) for name, source in inputs.items() if not isinstance(source, OutputPort)}
     context = block.CreateDefaultContext()
     outputs = [block.get_output_port(index) for index in range(block.num_output_ports())]

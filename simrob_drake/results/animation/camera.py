@@ -78,7 +78,7 @@ def framed_time(result: RecordedRun) -> float:
 
 
 def frame_times(end: float, frames_per_second: float, *, begin: float = 0.0) -> Vector:
-    """Return the times of a motion's frames from ``begin`` to ``end`` [s]; raises InvalidParameter: no positive rate."""
+    """Return the times of a motion's frames from ``begin`` to ``end`` [s]; raises InvalidParameter: a wrong rate."""
     if not (np.isfinite(frames_per_second) and frames_per_second > 0):
         raise InvalidParameter(
             "frames_per_second", frames_per_second, message("results.positive_rate", "a positive rate [1/s]")

@@ -71,7 +71,11 @@ def film_strip(result: RecordedRun, *, frames: Frames = 7, height: int | None = 
     """
     check_frames(frames)
     events = events_of(result) if frames == "events" else []
-    times = np.array([time for time, _ in events]) if events else np.linspace(result.start_time, result.stop_time, int(frames))
+    times = (
+        np.array([time for time, _ in events])
+        if events
+        else np.linspace(result.start_time, result.stop_time, int(frames))
+    )
     height = (_HEIGHT if len(times) <= _FEW else _LOW) if height is None else height
     if height < 16:
         raise InvalidParameter("height", height, message("results.least_pixels", "at least 16 [pixels]"))

@@ -7,7 +7,7 @@ Drake's plants and diagrams cannot be pickled. A result is pickled by its config
 from collections.abc import Callable, Iterator
 from dataclasses import fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from pydrake.multibody.plant import ContactResults
@@ -21,9 +21,11 @@ from simrob_drake.results.record.history import StateHistory
 from simrob_drake.stations.config import StationConfig
 
 if TYPE_CHECKING:
-    from simrob_drake.results.record.run import RecordedRun
     from simrob_drake.results.record.signals import Sampler
     from simrob_drake.stations.closed import ClosedStation
+
+Run: TypeAlias = Any
+"""A `RecordedRun`. Its module imports this one, so the class cannot be named here."""
 
 FORMAT = 1
 """Number of the format of pickled results. It changes if older pickled results cannot be read any more."""
@@ -32,7 +34,7 @@ REBUILT = ("plant", "positions_at", "contacts_at", "context")
 """Fields of a run that are not pickled, but made again."""
 
 
-def pickled_fields(run: "RecordedRun") -> dict[str, Any]:
+def pickled_fields(run: Run) -> dict[str, Any]:
     """Fields of a run that can be pickled, by name.
 
     Args:
@@ -48,12 +50,12 @@ def pickled_fields(run: "RecordedRun") -> dict[str, Any]:
     return kept
 
 
-def has_layout_of_station(run: "RecordedRun") -> bool:
+def has_layout_of_station(run: Run) -> bool:
     """Whether the recorded states of a run may be those of a diagram of its station alone."""
     return run.trace is not None and not run.in_own_diagram
 
 
-def _motion(run: "RecordedRun") -> tuple[Vector, Vector]:
+def _motion(run: Run) -> tuple[Vector, Vector]:
     """Positions of the plant at the samples and at the ends of the steps of a run.
 
     Returns:
@@ -67,7 +69,7 @@ def _motion(run: "RecordedRun") -> tuple[Vector, Vector]:
 class RebuiltRun:
     """The plant of a run, and what is computed from it."""
 
-    def __init__(self, run: "RecordedRun", *, has_contacts: bool, motion: tuple[Vector, Vector] | None) -> None:
+    def __init__(self, run: Run, *, has_contacts: bool, motion: tuple[Vector, Vector] | None) -> None:
         """Prepare to build the station of a run again.
 
         Args:
@@ -150,7 +152,7 @@ class RebuiltRun:
             return _built_again(self._run, self._run.config.model_copy(update={"controllers": known}))
 
 
-def _built_again(run: "RecordedRun", config: StationConfig) -> "ClosedStation":
+def _built_again(run: Run, config: StationConfig) -> "ClosedStation":
     """Build the diagram in which the signals of a run are evaluated.
 
     Args:
@@ -166,9 +168,7 @@ def _built_again(run: "RecordedRun", config: StationConfig) -> "ClosedStation":
     inputs = with_driven(config.inputs, blocks)
     station = resolve(config.model_copy(update={"inputs": inputs}))
     references = station_references(station, run.references, run.final_state.origins or None)
-    built = closed_station(
-        station, references, sensors=list(station.sensors), blocks=blocks, monitors=False, lean=True
-    )
+    built = closed_station(station, references, sensors=list(station.sensors), blocks=blocks, monitors=False, lean=True)
     built.play_forces(config.forces)
     return built
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import GetPydanticSchema, PlainSerializer
+from pydantic import Field, GetPydanticSchema, PlainSerializer
 from pydantic_core.core_schema import no_info_after_validator_function
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint
@@ -93,14 +93,14 @@ class _Kept(Strict):
     velocities: dict[str, _Array]
     references: dict[str, _Array]
     time: Number = 0.0
-    origins: dict[str, _Array] = {}
+    origins: dict[str, _Array] = Field(default_factory=dict)
     joints: dict[str, tuple[_Array, _Array]]
     blocks: dict[str, tuple[_Array, tuple[_Array, ...], tuple[_Value, ...]]]
     """Continuous state, discrete groups, abstract values."""
 
 
 @dataclass(frozen=True)
-class Origin:
+class MotionOrigin:
     """The run that a motion began with, from which the motion can be repeated.
 
     Attributes:
@@ -130,7 +130,7 @@ class Trace:
 
     history: StateHistory
     flight_checks: tuple[FlightCheck, ...]
-    origin: Origin
+    origin: MotionOrigin
     free_row: int
 
     def last(self, count: int) -> "Trace":
@@ -232,8 +232,8 @@ class State:
 
     def _values(self) -> tuple[Any, ...]:
         """All values of the state, to notice changes."""
-        vectors = [self.positions, self.velocities, self.references]
-        return tuple(value for entries in (*vectors, self.joints, self.blocks) for value in entries.values())
+        everything: list[dict[str, Any]] = [self.positions, self.velocities, self.references, self.joints, self.blocks]
+        return tuple(value for entries in everything for value in entries.values())
 
     def check(self) -> None:
         """Check that a run can begin here; raises InvalidParameter: what is no number, as after a block failed."""
@@ -320,9 +320,9 @@ class State:
         Abstract values that JSON does not know are left out: their blocks begin with those that they declare.
         """
         own = {key: {name: tuple(vars(one).values()) for name, one in getattr(self, key).items()} for key in _OF_PLANT}
-        kept = {key: getattr(self, key) for key in (*_OF_ROBOTS, "time", "origins")}
+        kept: dict[str, Any] = {key: getattr(self, key) for key in (*_OF_ROBOTS, "time", "origins")}
         left_out = {key for key in ("time", "origins") if not kept[key]}
-        return _Kept.model_construct(**kept, **own).model_dump_json(indent=1, exclude=left_out)
+        return _Kept.model_construct(**kept | own).model_dump_json(indent=1, exclude=left_out)
 
     @classmethod
     def from_json(cls, text: str, where: Path | str = "state") -> "State":
