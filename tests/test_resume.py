@@ -11,6 +11,7 @@ from pydrake.systems.analysis import Simulator
 
 from simrob_drake import Runner, State, load_station, simulate, simulate_diagram
 from simrob_drake.base.errors import SimrobError
+from simrob_drake.simulation.resume import RepeatedSteps
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.resolve import resolve
 
@@ -127,7 +128,19 @@ def test_a_monitor_that_has_waited_goes_on_waiting():
     assert_equal_runs(runner.resume(part, until=1.5), whole)
 
 
-def test_what_cannot_be_resumed(tmp_path):
+def test_an_interruption_within_the_repeated_steps_goes_on_to_the_caller(monkeypatch):
+    runner = Runner(load_station("humanoid_dynamic"))
+    part = runner.run(duration=0.3)
+
+    def interrupt(self, recorder):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(RepeatedSteps, "compare", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        runner.run(duration=0.1, start=part.final_state, start_time="keep")
+
+
+def test_what_cannot_be_resumed():
     runner = Runner(load_station("bouncing_ball"))
     part = runner.run(duration=0.2)
     with pytest.raises(SimrobError, match=r"until is 0.1 s; it must be later than the end of the run, 0.2 s"):

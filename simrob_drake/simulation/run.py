@@ -136,6 +136,9 @@ class Run:
             began = perf_counter()
             outcome = self.stepper.run(recorder, watch)
             stepping_time = perf_counter() - began
+        if recorder.times[-1] < self.begin:
+            # The user interrupted it within the steps that are repeated: there is no run yet.
+            raise KeyboardInterrupt
         known: dict[str, Any] = {"stepping_time": stepping_time, "references": references, "start": start}
         try:
             return self._make_result(recorder, watch, outcome, **known)

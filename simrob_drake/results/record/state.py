@@ -71,7 +71,7 @@ class BlockState:
 
 
 def _json_value(value: Any) -> Any:
-    """Return an abstract value; None in place of one that JSON does not know."""
+    """Check an abstract value. Returns the value, or None if JSON cannot write it."""
     try:
         return value if json.loads(json.dumps(value)) == value else None
     except (TypeError, ValueError):
@@ -86,7 +86,7 @@ _Value = Annotated[Any, PlainSerializer(_json_value)]
 
 
 class _Kept(Strict):
-    """What stands in the file of a state."""
+    """Content of a file of a state."""
 
     of_any_size = True
     positions: dict[str, _Array]
@@ -142,7 +142,7 @@ class Trace:
 
 @dataclass(frozen=True)
 class State:
-    """Where a station is: for each joint, each block with a memory, and each robot's reference.
+    """The state of a station: of each joint, each block with a memory, and each robot's reference.
 
     Everything goes by name, so the state fits a station that was rebuilt and changed: with a piece on another parent,
     other gains, another solver. Joints and blocks that the new station does not have are left out, and new ones begin
@@ -231,7 +231,7 @@ class State:
         return self.trace if is_unchanged else None
 
     def _values(self) -> tuple[Any, ...]:
-        """All values of the state, to notice changes."""
+        """List the values of the state. An entry that is another object later has been changed."""
         everything: list[dict[str, Any]] = [self.positions, self.velocities, self.references, self.joints, self.blocks]
         return tuple(value for entries in everything for value in entries.values())
 
@@ -335,7 +335,7 @@ class State:
 
     @classmethod
     def at_start_of(cls, config: StationConfig) -> "State | None":
-        """Return the state that a station's file says it begins in; None where it says none.
+        """Read the state in which a station begins. Returns None if the station names no such state.
 
         Raises:
             InvalidConfig: a file that cannot be read or holds no state.
