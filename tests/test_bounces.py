@@ -25,6 +25,7 @@ def trace():
     return BounceTrace(result.times, result["distance.gap"] + noise)
 
 
+@pytest.mark.long
 def test_both_figures_are_found_within_2_percent(trace):
     found = identify_bounces(trace, mass=MASS)
     assert found.stiffness == pytest.approx(4000, rel=0.02)
@@ -104,6 +105,7 @@ def test_a_file_that_is_not_there(tmp_path):
             read_bounces(nothing)
 
 
+@pytest.mark.long
 def test_a_ball_that_is_let_go_at_rest_is_identified_without_any_noise():
     """The speed at the start is zero to rounding, and the Jacobian must not be."""
     times = np.arange(0.0, 1.2, 0.004)

@@ -39,6 +39,7 @@ def test_a_run_leaves_a_whole_result(tmp_path, capsys):
     assert (tmp_path / "result" / "recording.html").as_uri() in out
 
 
+@pytest.mark.long
 def test_options_of_output_do_not_change_the_signals(tmp_path):
     command = ["run", "irb120_dynamic", "--duration", "0.2"]
     run_command([*command, "--out", "plain", "--no-recording"])
@@ -76,6 +77,7 @@ def test_converge_prints_the_difference(capsys):
     assert float(degrees) == pytest.approx(np.rad2deg(float(difference)), rel=0.01)
 
 
+@pytest.mark.long
 def test_converge_compares_the_base_of_a_legged_robot(capsys):
     command = ["run", "humanoid_dynamic", "--duration", "0.3", "--no-recording", "--set", "robot.base=[0,0,0.46,0,0,0]"]
     assert run_command([*command, "--converge"]) == 0
@@ -128,6 +130,7 @@ def test_check_foretells_the_overload(capsys):
     assert "-20.79" in out
 
 
+@pytest.mark.long
 def test_check_tells_what_an_arm_can_carry(capsys):
     """The Puma's elbow is the first at its limit, stretched out level: see tests/test_dynamics.py for the figures."""
     arm = Dynamics.of_robot("puma560")
@@ -185,6 +188,7 @@ def test_help_has_its_commands_under_titles_and_flags_without_a_type(capsys, ask
     assert "<bool>" not in shown + capsys.readouterr().out
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("typed", "completed"), [("dia", "diagram"), ("run irb120_kin", "irb120_kinematic")])
 def test_a_shell_completes_commands_and_stations(typed, completed):
     words = {"COMP_WORDS": f"simrob {typed}", "COMP_CWORD": str(len(typed.split()))}
@@ -350,6 +354,7 @@ def test_one_thread_works_unless_the_environment_says_otherwise(told, threads):
     assert done.stdout.splitlines()[-1] == f"threads {min(threads, len(os.sched_getaffinity(0)))}"
 
 
+@pytest.mark.long
 @pytest.mark.plots
 def test_plots_are_written_as_what_is_asked_for(tmp_path, capsys):
     command = ["run", "irb120_dynamic", "--duration", "0.1", "--no-recording", "--out", "r", "--plots"]
@@ -401,6 +406,7 @@ def test_a_missing_package_is_named(capsys, module, told):
     assert told in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_an_encoding_that_lacks_letters_ends_nothing(tmp_path):
     command = [sys.executable, "-m", "simrob_drake.cli", "check", "double_pendulum"]
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}

@@ -57,6 +57,7 @@ def test_while_the_program_loads_it_leaves_at_once():
     assert (done.returncode, done.stdout, done.stderr) == (ExitCode.INTERRUPTED, "", "simrob: interrupted\n")
 
 
+@pytest.mark.long
 def test_a_caller_that_ignores_interrupts_is_heard():
     ignored = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
     done = interrupted_while_loading("pydrake.systems.framework", "diagram", "irb120_kinematic", first=ignored)
@@ -64,6 +65,7 @@ def test_a_caller_that_ignores_interrupts_is_heard():
     assert "digraph" in done.stdout
 
 
+@pytest.mark.long
 def test_a_library_that_loads_on_after_any_exception_does_not_keep_it(tmp_path, one_joint_urdf):
     """The library of meshes takes an interrupt for a missing Pillow: `simrob check` went on as if nothing were."""
     link = '<link name="tip"><visual><geometry><mesh filename="tip.stl"/></geometry></visual></link>'
@@ -88,6 +90,7 @@ def test_a_library_that_swallows_any_exception_does_not_keep_it():
     assert signal.getsignal(signal.SIGINT) is before
 
 
+@pytest.mark.long
 def test_while_a_run_is_stepped_its_part_is_saved(tmp_path):
     at_the_clocks_pace = ["run", "double_pendulum", "--duration", "900", "--live", "--out", "x", "--no-recording"]
     with start(tmp_path, at_the_clocks_pace) as command:
@@ -103,6 +106,7 @@ def test_while_a_run_is_stepped_its_part_is_saved(tmp_path):
     assert 0 < summary["stop_time"] < 60
 
 
+@pytest.mark.long
 def test_while_files_are_written_they_are_finished(tmp_path):
     with start(tmp_path, RUN) as command:
         wait_for_writing(tmp_path, command)
@@ -115,6 +119,7 @@ def test_while_files_are_written_they_are_finished(tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["x"]
 
 
+@pytest.mark.long
 def test_who_insists_gets_away_and_leaves_nothing(tmp_path):
     with start(tmp_path, RUN) as command:
         wait_for_writing(tmp_path, command)

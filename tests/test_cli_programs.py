@@ -67,6 +67,7 @@ def test_a_program_of_arms_is_one_result_that_runs_again(tmp_path, capsys):
     assert one.size != other.size  # four events against two frames
 
 
+@pytest.mark.long
 def test_the_folder_of_a_program_of_legs_holds_all_of_it(tmp_path, capsys):
     with open("w.yaml", "w") as file:
         yaml.safe_dump(WAVES, file)
@@ -114,6 +115,7 @@ def test_what_cannot_be_done_is_one_line_and_leaves_nothing(tmp_path, capfd, com
     assert [file.name for file in tmp_path.iterdir()] == ["p.yaml"]
 
 
+@pytest.mark.long
 def test_a_station_is_changed_beneath_its_program(tmp_path):
     arguments = ["run", write(), "--out", "r", "--no-recording", "--set", "mode=dynamic"]
     assert run_command(arguments) == ExitCode.DONE

@@ -89,6 +89,7 @@ def test_the_drafted_station_runs_at_once(raw, tmp_path, capsys):
     assert "--force" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_a_station_of_the_package_takes_a_raw_robot(published_irb120, tmp_path):
     setting = f"robot.urdf={published_irb120}"
     arguments = ["run", "irb120_dynamic", "--set", setting, "--duration", "0.2", "--no-recording", "--out", "r"]
@@ -145,6 +146,7 @@ def test_bad_input_is_one_line(raw, tmp_path, capsys, arguments, says):
     assert list((tmp_path / "work").iterdir()) == []
 
 
+@pytest.mark.long
 def test_view_shows_the_robot_until_it_is_interrupted(raw):
     command = [sys.executable, "-u", "-m", "simrob_drake.cli", "view", str(raw)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as window:

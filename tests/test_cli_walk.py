@@ -18,6 +18,7 @@ def _in_an_empty_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
+@pytest.mark.long
 def test_a_walk_is_that_of_the_program_and_its_way_is_told(tmp_path, capsys):
     arguments = ["walk", "roid1_dynamic", "--steps", "2", "--amplitude", "0.5", "--gait", "walk", "--out", "r"]
     assert run_command([*arguments, "--no-recording", "--set", "sample_rate=50"]) == 0
@@ -65,6 +66,7 @@ def test_what_cannot_be_walked_is_one_line_and_leaves_nothing(tmp_path, capfd, a
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.long
 def test_an_act_is_that_of_the_program(tmp_path, capsys):
     assert run_command(["act", "humanoid_fixed", "wave", "--out", "r", "--no-recording"]) == 0
     expected = LeggedRobot("humanoid_fixed").act("wave")

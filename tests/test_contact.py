@@ -55,6 +55,7 @@ def falls(times, values):
 
 
 class TestBouncingBall:
+    @pytest.mark.long
     def test_heights_and_times_are_those_of_an_independent_integration(self, ball):
         apexes, landings = bounces(3.0)
         tops = [
@@ -186,6 +187,7 @@ class TestBoxOnFloor:
         assert np.abs(force[moving]).max() > 1.0
         np.testing.assert_allclose(result["force.floor.x"][moving], force[moving], atol=0.3)
 
+    @pytest.mark.long
     def test_a_fall_ends_the_run(self):
         lean = float(np.deg2rad(30))
         height = 0.045 * np.sin(lean) + 0.095 * np.cos(lean) + 0.005
@@ -204,6 +206,7 @@ def touched():
 
 
 class TestForceStop:
+    @pytest.mark.long
     @pytest.mark.usefixtures("no_plots")
     def test_the_run_ends_where_the_ball_touches(self, touched, tmp_path):
         assert (touched.ending, touched.stopped_by) == ("monitor", "stop")
@@ -255,6 +258,7 @@ class TestCobot:
         assert swings[0] > 0.03
         assert swings[0] == pytest.approx(swings[1], rel=0.05)
 
+    @pytest.mark.long
     def test_it_yields_more_and_more_without_chatter(self):
         swings = []
         for gain in (0, 10, 100, 300, 1000):

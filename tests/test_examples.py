@@ -110,6 +110,7 @@ def test_weaker_motors_hold_less():
     assert ends[10.0] == pytest.approx(110, abs=0.1)
 
 
+@pytest.mark.long
 def test_what_is_drawn_lies_on_the_table():
     arm, moves = example("irb120_draw").run()
     tip = example("irb120_draw").drawing(arm, moves)
@@ -120,6 +121,7 @@ def test_what_is_drawn_lies_on_the_table():
     np.testing.assert_allclose(np.linalg.norm(circle[:, :2] - [0.17, 0.15], axis=1), 0.05, atol=1e-4)
 
 
+@pytest.mark.long
 def test_the_pencil_keeps_to_the_axes_of_the_holes():
     holes = example("irb120_pencil_into_holes")
     for hole, way in holes.run().items():
@@ -180,6 +182,7 @@ def test_parts_on_a_belt_that_runs_on_are_taken_where_a_camera_found_them():
     assert cell.position("belt")[0] - 0.45 == pytest.approx(belt.SPEED * cell.result().stop_time)  # it did not stop
 
 
+@pytest.mark.long
 def test_the_belt_s_rook_stands_on_the_pallet():
     cell, _ = example("belt_pick").run()
     assert cell.config.pieces["rook"].parent == "pallet"
@@ -193,6 +196,7 @@ def test_the_belt_s_program_is_the_same_as_a_file():
     np.testing.assert_allclose(whole.values, cell.result().values, rtol=0, atol=1e-9)
 
 
+@pytest.mark.long
 def test_both_hands_leave_the_parcel_beside():
     robot = example("humanoid_box").run()
     np.testing.assert_allclose(robot.cell.frame("parcel").translation(), [0.03, -0.1243, 0.27], atol=1e-6)
@@ -253,6 +257,7 @@ def test_the_base_is_calmer_by_pd_than_by_p():
     assert all(move[-1, 1] < -50 for move in moves.values())  # both go to -y
 
 
+@pytest.mark.long
 def test_the_step_is_carried_by_the_large_areas_and_not_by_the_real_sole():
     results = example("humanoid_contact_areas").run()
     assert {area: result.ending for area, result in results.items()} == {

@@ -87,6 +87,7 @@ def test_what_was_there_comes_back_where_the_new_cannot_take_its_place(tmp_path,
     assert list(tmp_path.iterdir()) == [folder]
 
 
+@pytest.mark.long
 def test_a_result_that_is_replaced_is_there_all_the_time(tmp_path):
     folder, seen, done = tmp_path / "out", [], Event()
     fill(folder, "0")

@@ -125,6 +125,7 @@ def test_a_warm_motor_is_held_at_what_it_may_give_for_ever():
     assert torque[-100:] == pytest.approx(30, abs=3)
 
 
+@pytest.mark.long
 def test_a_run_goes_on_while_an_axis_gives_way_to_the_last_bit():
     deep = {"kind": "hold", "target_deg": [0, 31.469, 14.9, 0, 43.631, 0]}
     config = load_station("irb120_motor_protection", {**SAP_LIKE, "reference": deep})

@@ -121,6 +121,7 @@ def test_yaml_that_means_more_than_it_says_is_one_short_line(text: str, why: str
     assert len(str(refused.value)) < 400
 
 
+@pytest.mark.long
 def test_what_a_user_gives_is_told_back_in_short() -> None:
     for changes in (
         {"x" * 10**6: 1},

@@ -171,12 +171,14 @@ def unexplained_impulse(config: StationConfig) -> np.ndarray:
     return (evenly[100:] - evenly[:-100]) / weight
 
 
+@pytest.mark.long
 def test_nothing_but_contacts_and_gravity_moves_the_humanoid() -> None:
     discrete = {"solver.kind": "discrete", "solver.time_step": 2e-3}
     unexplained = unexplained_impulse(load_station("humanoid_dynamic", {**STEPPING, "duration": 4.0, **discrete}))
     assert np.abs(unexplained).max() < 1e-3  # of the weight's impulse; 2 % is asked for
 
 
+@pytest.mark.long
 def test_nothing_else_carries_the_humanoid_with_the_stations_own_scheme() -> None:
     """Upward only: the friction that cenic reports is not what it applies, up to a tenth of the weight."""
     fine = {**STEPPING, "duration": 4.0, "solver.max_step": 0.005}

@@ -64,6 +64,7 @@ def test_roid1_leans_to_where_it_is_asked_to_be_and_comes_back(changed):
     assert side[-1] == pytest.approx(0, abs=3e-4)
 
 
+@pytest.mark.long
 def test_too_far_a_lean_ends_in_the_fall_monitor():
     result = run("roid1_lateral", duration=10.0, **{"controllers.lean.target": 0.12})
     assert result.stopped_by == "fall"
@@ -102,6 +103,7 @@ def test_the_guard_extends_the_arms_as_soon_as_the_hip_is_below_its_height(heigh
     assert tilt(result)[-1] < 5
 
 
+@pytest.mark.long
 def test_a_guard_below_where_the_hip_stays_never_acts():
     result = run("humanoid_fall_guard", **{"controllers.guard.height": 0.34})
     assert 0.34 < result["base.z"].min() < 0.37
@@ -163,6 +165,7 @@ def test_without_the_guard_the_head_hits_the_floor(changed):
     assert result["distance.head"][-1] == pytest.approx(0, abs=1e-3)
 
 
+@pytest.mark.long
 def test_a_push_that_does_not_tip_the_robot_over_leaves_the_guard_alone():
     result = run("humanoid_fall_forward", **{"forces.shove.force": [0, -4, 0]})
     assert not result["guard.active"].any()
@@ -257,6 +260,7 @@ def test_a_push_that_fells_a_robot_does_not_fell_one_that_balances(robot, force,
     assert abs(result[f"balance.offset.{axis}"]).max() > np.deg2rad(30)
 
 
+@pytest.mark.long
 def test_a_robot_that_stands_undisturbed_is_left_alone_by_its_noisy_sensors():
     sensors = {"position": "encoders", "velocity": "encoders", "orientation": "imu", "angular_velocity": "imu"}
     result = run("zjudancer_balance", duration=2.0, forces={}, **{"controllers.balance.reads": sensors})

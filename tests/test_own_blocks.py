@@ -459,6 +459,7 @@ class TestAnExceptionInside:
         with pytest.raises(SimrobError, match=r"start: references of robot is .*run in which a block failed"):
             simulate(arm(), start=result.final_state)
 
+    @pytest.mark.long
     def test_in_a_kinematic_station_the_run_is_known_up_to_there(self, tmp_path):
         result = simulate("irb120_kinematic", blocks={"shaky": Faulty()}, duration=0.5, progress=False)
         assert (result.ending, result.stopped_by) == ("failed", "shaky")

@@ -69,6 +69,7 @@ def test_monitors_end_it():
     assert own.stop_time == pytest.approx(ours.stop_time, abs=2e-3)
 
 
+@pytest.mark.long
 def test_its_result_is_saved_and_goes_on(tmp_path):
     own = simulate_diagram(*wired(arm()), duration=0.4, progress=False)
     folder = own.save(tmp_path / "run")

@@ -82,6 +82,7 @@ def assert_equal(one, other):
     assert one.final_state.to_json() == other.final_state.to_json()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [pytest.param(name, marks=LONG.get(name, [])) for name in STATIONS])
 def test_every_run_is_that_of_simulate_in_any_order(name):
     config = station(name)

@@ -68,6 +68,7 @@ def first_time(result, degrees):
     return result.times[np.argmax(result["q.joint_2"] >= np.deg2rad(degrees))]
 
 
+@pytest.mark.long
 def test_a_weak_motor_lets_the_arm_fall_to_its_stop(overloaded):
     tight = simulate(load_station("irb120_dynamic", {"servo.torque_limit": 10, "sample_rate": 1000, **TIGHT}))
     assert overloaded["tau.joint_2"][-1] == pytest.approx(-10)
@@ -127,6 +128,7 @@ def test_the_kinematic_arm_follows_exactly_and_feels_its_weight():
     assert result["tau.joint_3"][-1] == pytest.approx(-9.61, abs=0.01)
 
 
+@pytest.mark.long
 def test_the_discrete_solver_comes_to_the_same_end(moved):
     overrides = {"solver.kind": "discrete", "servo.realization": "implicit"}
     result = simulate(load_station("irb120_dynamic", overrides))

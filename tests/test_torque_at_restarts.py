@@ -154,6 +154,7 @@ def test_a_monitor_sees_the_torques_that_are_reported(limit: float) -> None:
     assert result.ending == "completed", result.message
 
 
+@pytest.mark.long
 def test_a_monitor_ends_a_run_where_the_reported_torque_is_beyond_its_limit() -> None:
     plain = arm_in_motion(CENIC).run()
     first = plain.times[np.abs(plain["tau.joint_2"]) > 15.0][0]

@@ -24,6 +24,7 @@ def test_the_guards_fit_their_robots_and_move_both_sides_alike(robot):
             assert posture.get(axis.replace("left", "right")) == angle
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("robot", "force"), [("zjudancer", 27), ("roid1", 10)])
 def test_a_robot_that_curls_up_as_it_falls_keeps_its_head_off_the_floor(robot, force):
     motion, turn = replace(walk(robot, 4), falls=True), np.deg2rad(load_gaits(robot).facing_deg)

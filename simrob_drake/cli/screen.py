@@ -44,7 +44,9 @@ def say(text: str | Text) -> None:
 
 
 def say_text(text: str, style: str = "", target: Console = console) -> None:
-    """Write a text, wrapped at words. A word that is longer than a line, such as a path, is not broken.
+    """Write a text in the language of the output, wrapped at words.
+
+    A word that is longer than a line, such as a path, is not broken. An empty text is an empty line.
 
     Args:
         text: the text.

@@ -243,6 +243,7 @@ def _check_joint(joint: ET.Element, refuse: Refuse) -> None:
 
 
 def _check_limit(joint: ET.Element, where: str, refuse: Refuse) -> None:
+    """Check the ``<limit>`` of a joint, whose attributes are known to be numbers. What is wrong raises ``refuse``."""
     limit = joint.find("limit")
     if limit is None:
         if joint.get("type") in LIMITED_JOINTS:

@@ -189,9 +189,13 @@ def filter_contact_points(scene_graph: SceneGraph, points: ContactPoints) -> lis
     inspector = scene_graph.model_inspector()
     shapes = inspector.GetAllGeometryIds(Role.kProximity)
     planes = [shape for shape in shapes if isinstance(inspector.GetShape(shape), HalfSpace)]
+    manager = scene_graph.collision_filter_manager()
+    manager.Apply(CollisionFilterDeclaration().ExcludeWithin(GeometrySet(points.balls)))
+
     polyhedra = set(points.polyhedra)
     planes_and_polyhedra = polyhedra.union(planes)
     replaced = []
+    # Without the pairs of balls, which can be thousands and would take most of the time of building a station.
     # Sorted, so that the order of the pairs is the same in every run.
     for pair in sorted(inspector.GetCollisionCandidates()):
         has_polyhedron = not polyhedra.isdisjoint(pair)
@@ -199,10 +203,9 @@ def filter_contact_points(scene_graph: SceneGraph, points: ContactPoints) -> lis
             replaced.append(pair)
 
     filters = CollisionFilterDeclaration()
-    filters.ExcludeWithin(GeometrySet(points.balls))
     filters.ExcludeWithin(GeometrySet(points.polyhedra))
     filters.ExcludeBetween(GeometrySet([*points.edges, *points.polyhedra]), GeometrySet(planes))
-    scene_graph.collision_filter_manager().Apply(filters)
+    manager.Apply(filters)
     return replaced
 
 

@@ -41,6 +41,7 @@ def test_a_run_ends_where_lifting_and_damping_take_the_power():
     assert result.message == f"{told}, at {result.stop_time:.4g} s"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("hold", [0.0, 0.05])
 def test_a_move_ends_where_its_signals_say(hold):
     free = simulate(load_station("irb120_dynamic", {"sample_rate": 1000}))

@@ -141,6 +141,7 @@ class ChirpSource(LeafSystem):
         self.DeclareVectorOutputPort("position", 6, calc)
 
 
+@pytest.mark.long
 def test_a_reference_of_another_package_is_followed_and_saved(tmp_path):
     result = simulate(load_station("irb120_kinematic"), reference=Chirp(), duration=1.0, progress=False)
     np.testing.assert_allclose(result["q.joint_1"], 0.1 * np.sin(result.times**2), atol=1e-9)

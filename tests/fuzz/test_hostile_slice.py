@@ -21,6 +21,7 @@ QUICK = [number for number in range(len(CLASSES)) if kind_of(number) not in SLOW
 """One of each class that begins no process of its own and steps no robot on its feet."""
 
 
+@pytest.mark.long
 def test_hostile_input_ends_with_an_exit_code_and_one_line(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     became = {}

@@ -41,6 +41,7 @@ def test_a_published_robot_is_imported_once(published_irb120, cache):
     assert "arm" not in first.folder.name  # the names of the cache are never the file's
 
 
+@pytest.mark.long
 def test_of_two_that_import_at_once_the_first_wins(published_irb120, cache, monkeypatch):
     first = []
 
@@ -53,6 +54,7 @@ def test_of_two_that_import_at_once_the_first_wins(published_irb120, cache, monk
     assert len(list(cache.iterdir())) == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("change", ["urdf", "mesh", "options", "description"])
 def test_any_change_imports_anew(published_irb120, cache, change):
     robot_from_file(published_irb120)
@@ -73,6 +75,7 @@ def test_any_change_imports_anew(published_irb120, cache, change):
     assert len(list(cache.iterdir())) == 2
 
 
+@pytest.mark.long
 def test_a_correction_of_the_importer_imports_anew(published_irb120, cache, tmp_path, monkeypatch):
     robot_from_file(published_irb120)
     (tmp_path / "code").mkdir()
@@ -88,6 +91,7 @@ def test_options_import_even_a_clean_robot(cache):
     assert robot.folder.is_relative_to(cache)
 
 
+@pytest.mark.long
 def test_a_published_arm_moves_by_torque_as_ours_does(published_irb120):
     """The defaults of its motors suffice for the move, so nothing but the visuals is different."""
     ours = simulate(load_station("irb120_dynamic"), progress=False)
@@ -97,6 +101,7 @@ def test_a_published_arm_moves_by_torque_as_ours_does(published_irb120):
     np.testing.assert_allclose(theirs.axes("tau")[-1], ours.axes("tau")[-1], atol=1e-4)
 
 
+@pytest.mark.long
 def test_a_robot_without_inertias_is_refused_by_name_for_motion_by_torque(published_irb120):
     text = re.sub(r"<inertial>.*?</inertial>", "", published_irb120.read_text(), flags=re.DOTALL)
     published_irb120.write_text(text)

@@ -150,6 +150,7 @@ UPSETTING = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("good", "bad", "words"), UPSETTING)
 def test_the_probe_names_what_upsets_drake(one_joint_urdf, write_urdf, good, bad, words):
     assert good in one_joint_urdf
@@ -162,6 +163,7 @@ def test_the_probe_names_what_upsets_drake(one_joint_urdf, write_urdf, good, bad
     assert [path.name for path in file.parent.iterdir()] == [file.name]
 
 
+@pytest.mark.long
 @pytest.mark.probe
 @pytest.mark.parametrize("name", ["scale mirrors", "box of size zero"])
 def test_what_is_mended_stands_the_probe(tmp_path, name):

@@ -64,6 +64,7 @@ def _centre_of_mass(robot: LoneRobot, context) -> np.ndarray:
     return robot.plant.CalcCenterOfMassPositionInWorld(context)
 
 
+@pytest.mark.long
 def test_importing_the_imported_robot_changes_nothing(imported, tmp_path):
     again = import_robot(imported.model.urdf_path, tmp_path / "again")
     assert not again.report.changed
@@ -109,6 +110,7 @@ def test_an_import_goes_here_or_beside_a_source_in_which_one_is(published_irb120
     assert [file.suffix for file in beside.glob("*.urdf")] == [".urdf"]
 
 
+@pytest.mark.long
 def test_only_an_import_is_replaced_and_only_by_force(imported, published_irb120, tmp_path):
     with pytest.raises(OutputError, match="exists already"):
         import_robot(published_irb120, tmp_path / "out")

@@ -114,6 +114,7 @@ def test_stl_becomes_obj_that_drake_shows_and_collides_with(imported: Import) ->
     assert "its convex hull of" in result.told()
 
 
+@pytest.mark.long
 def test_an_import_of_an_import_changes_nothing(imported: Import, package: Path) -> None:
     Image.new("RGB", (2000, 20), (9, 200, 9)).save(package / "skin.png")
     (package / "skin.mtl").write_text("newmtl a\nKd 1 1 1\nmap_Kd skin.png\n")

@@ -63,6 +63,7 @@ def refusal_of(text: str, folder, options: ImportOptions) -> str:
     return ""
 
 
+@pytest.mark.long
 @settings(max_examples=100, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_random_damage_is_repaired_or_refused(folder, data):

@@ -87,6 +87,7 @@ def test_macros_of_other_packages_are_found_and_computed(tmp_path):
     assert [entry.text for entry in report.entries] == told
 
 
+@pytest.mark.long
 @installed
 def test_packages_are_found_below_a_mesh_path_and_told_where_they_are_not(tmp_path):
     path = packages(tmp_path / "here")
@@ -96,6 +97,7 @@ def test_packages_are_found_below_a_mesh_path_and_told_where_they_are_not(tmp_pa
     read_source(path, ImportReport(path), ImportOptions(mesh_path=(tmp_path / "there",)))
 
 
+@pytest.mark.long
 @installed
 def test_a_station_runs_a_xacro_and_notices_what_it_includes(tmp_path, monkeypatch):
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
@@ -193,6 +195,7 @@ def test_several_files_of_a_folder_are_included_by_a_pattern(tmp_path):
     assert [link.get("name") for link in read_source(path, ImportReport(path))] == ["base", "part_a", "part_b"]
 
 
+@pytest.mark.long
 @installed
 def test_what_is_mended_in_an_included_file_is_told_with_its_name(tmp_path):
     path = alone(tmp_path, '<xacro:include filename="part.xacro"/><xacro:include filename="none.xacro" optional="1"/>')
@@ -226,6 +229,7 @@ def test_what_the_file_says_and_what_the_system_lacks_is_in_the_report(tmp_path,
     assert "read without Landlock, which would confine the process" in report.of("read")[0].text
 
 
+@pytest.mark.long
 @installed
 def test_sets_are_in_the_same_order_each_time(tmp_path):
     path = alone(tmp_path, "<link name=\"${'_'.join(python.set('arm leg hand foot head tail toe'.split()))}\"/>")
@@ -233,6 +237,7 @@ def test_sets_are_in_the_same_order_each_time(tmp_path):
     assert first == second
 
 
+@pytest.mark.long
 @installed
 def test_the_environment_is_not_there_to_read(tmp_path, monkeypatch):
     monkeypatch.setenv("SECRET_OF_MINE", "4711")
@@ -241,6 +246,7 @@ def test_the_environment_is_not_there_to_read(tmp_path, monkeypatch):
     assert [link.get("name") for link in read_source(path, ImportReport(path))] == ["base", "none"]
 
 
+@pytest.mark.long
 @installed
 def test_a_file_of_macros_alone_is_told_with_them_and_with_what_calls_them(tmp_path):
     path = packages(tmp_path)
@@ -252,6 +258,7 @@ def test_a_file_of_macros_alone_is_told_with_them_and_with_what_calls_them(tmp_p
     )
 
 
+@pytest.mark.long
 @installed
 def test_arguments_are_told_with_what_is_known_of_them(tmp_path):
     (tmp_path / "arm" / "kinds" / "long").mkdir(parents=True)
@@ -273,6 +280,7 @@ def test_arguments_are_told_with_what_is_known_of_them(tmp_path):
     assert "hand:=none (known: none, three, two)" in report.of("read")[0].text
 
 
+@pytest.mark.long
 @installed
 def test_an_argument_that_is_used_before_its_declaration_has_its_value(tmp_path):
     path = alone(tmp_path, '<link name="$(arg kind)"/><xacro:arg name="kind" default="short"/>')

@@ -95,6 +95,7 @@ def test_no_code_runs(tmp_path, attack):
     assert not (tmp_path / "owned").exists()
 
 
+@pytest.mark.long
 @installed
 def test_nor_does_it_through_a_station(tmp_path):
     file = xacro_file(tmp_path, REWRITES_THE_GUARD)

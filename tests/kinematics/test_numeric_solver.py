@@ -8,6 +8,7 @@ from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.kinematics import NumericSolver, Unreachable, pose_errors, require
 
 
+@pytest.mark.long
 def test_random_poses_from_home(irb120_chain, random_postures, home):
     targets = irb120_chain.forward(random_postures(irb120_chain, 10_000))
     solutions = NumericSolver(irb120_chain).solve(targets, np.tile(home, (len(targets), 1)))
@@ -92,6 +93,7 @@ def test_just_out_of_reach_is_a_singular_posture(irb120_chain, home):
         require(solutions)
 
 
+@pytest.mark.long
 def test_nothing_is_random(irb120_chain, random_postures, home):
     targets = irb120_chain.forward(random_postures(irb120_chain, 50))
     one, other = (NumericSolver(irb120_chain).solve(targets, home) for _ in range(2))

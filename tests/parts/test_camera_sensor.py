@@ -75,6 +75,7 @@ class Finder(LeafSystem):
         output.SetFromVector(points[points[:, 2] > 0.15].mean(axis=0))
 
 
+@pytest.mark.long
 def test_a_loop_looks_through_it_and_it_changes_nothing():
     upright = {"pieces.box.pose": [0.03, -0.05, 0.1, 0, 0, 0], "duration": 0.2}
     plain = seen(ABOVE, **upright)
@@ -106,6 +107,7 @@ def test_what_is_too_near_has_no_depth_and_what_is_too_far_none_either():
     assert len(image.points()) == (box & image.seen).sum()
 
 
+@pytest.mark.long
 def test_its_images_are_saved(tmp_path):
     result = seen({**ABOVE, "rate": 2.0})
     folder = result.save(tmp_path / "run") / "cameras"

@@ -21,6 +21,7 @@ def ball(drag: dict[str, Any], *, until: float, **more: Any) -> Any:
     return simulate(load_station("bouncing_ball", {**FREE, **more, "forces": forces}), duration=until, progress=False)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scheme", ["cenic", "radau3"])
 def test_a_ball_comes_to_hang_where_the_spring_carries_its_weight(scheme: str) -> None:
     result = ball(

@@ -62,6 +62,7 @@ def test_smoothing_is_a_low_pass_of_its_time_constant():
     assert result["velocity.encoders.joint_1"] == pytest.approx(expected, abs=1e-9)
 
 
+@pytest.mark.long
 def test_a_loop_makes_its_sensor_sample_while_stepping():
     cells = [{"targets_deg": {"joint_5": 20}, "duration": 0.2}, {"targets_deg": {"joint_5": 0}, "duration": 0.2}]
     loop = {"kind": "sequencer", "cells": cells, "reads": {"position": "encoders", "velocity": "encoders"}}

@@ -111,6 +111,7 @@ class TestNoise:
         """Return what an arm's base at rest feels too much: specific force and rates, each (m, 3)."""
         return result.vector("specific_force.imu") - [0, 0, G], result.vector("angular_velocity.imu")
 
+    @pytest.mark.long
     def test_its_samples_scatter_as_asked_about_the_bias(self):
         result = measured("irb120_kinematic", 15.0, {"seed": 7, **FIGURES})
         for error, noise, bias in zip(self.error(result), (0.2, 0.03), (0.1, 0.02), strict=True):

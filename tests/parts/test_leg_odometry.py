@@ -223,6 +223,7 @@ def alive():
     return sum(issubclass(type(each), BaseEstimator) for each in gc.get_objects())
 
 
+@pytest.mark.long
 def test_a_loop_reads_it_and_a_run_goes_on_with_it():
     """While stepping it tells the same as after the run, and the halves of a run are the whole, to the last bit."""
     before = alive()

@@ -34,6 +34,7 @@ def test_a_kind_stands_in_the_table_and_can_be_made(family: str) -> None:
         assert not isabstract(model), kind
 
 
+@pytest.mark.long
 def test_a_station_imports_the_kinds_that_it_names() -> None:
     code = """
 import sys

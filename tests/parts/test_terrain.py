@@ -74,6 +74,7 @@ def test_stairs_gaps_and_grids_are_where_they_are_told(grids):
             assert min(abs(found.distance) for found in near) < 1e-9
 
 
+@pytest.mark.long
 def test_what_is_no_grid_is_refused(tmp_path, grids):
     (tmp_path / "words.csv").write_text("0.1,high\n")
     (tmp_path / "empty.png").write_text("")

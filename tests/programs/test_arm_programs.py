@@ -101,6 +101,7 @@ class TestWhatHappened:
         assert header == ["time", "event"]
         assert [(float(time), text) for time, text in rows] == expected
 
+    @pytest.mark.long
     def test_a_piece_that_falls_is_taken_from_where_it_lies(self):
         arm = Arm(load_station("irb120_dynamic", FALLS))
         arm.record()
@@ -192,6 +193,7 @@ class TestFiles:
         again = Workcell(load_station("irb120_kinematic", BARE)).perform(_program(whole.program))
         np.testing.assert_allclose(again.values, whole.values, rtol=0, atol=1e-9)  # torques, by rounding of the poses
 
+    @pytest.mark.long
     def test_degrees_and_short_forms_are_the_same_moves(self):
         long = [
             {"target_deg": {"joint_5": 90, "joint_1": 10}, "duration": 0.6},
@@ -296,6 +298,7 @@ def test_the_look_ahead_ends_where_a_piece_comes_to_rest():
         cell.perform(Program.model_validate({"moves": [{"release": "box"}]}))
 
 
+@pytest.mark.long
 def test_what_turns_out_on_the_way_leaves_the_station_as_it_was():
     cell = Workcell(load_station("irb120_dynamic", FALLS))
     moves = [{"wait": 0.05}, {"release": "box"}, {"wait": 0.3}, {"attach": "box"}, {"wait": 0.1}]

@@ -85,6 +85,7 @@ def test_the_robot_goes_on_from_its_end_and_undo_takes_it_back():
     np.testing.assert_array_equal(robot.position, result.axes("q")[-1])
 
 
+@pytest.mark.long
 def test_a_cell_that_cannot_be_reached_ends_the_run_and_names_the_joint():
     robot = standing(**{"servo.torque_limit": {"left_elbow": 1e-4}})
     result = robot.simulate(automatic={"timeout": 2})
@@ -95,6 +96,7 @@ def test_a_cell_that_cannot_be_reached_ends_the_run_and_names_the_joint():
     assert went_on.cells["automatic"][1] is not None
 
 
+@pytest.mark.long
 def test_a_program_says_that_it_is_automatic(tmp_path):
     file = tmp_path / "step.yaml"
     text = {"automatic": {"tolerance_deg": 3.0}, "references": [{"target_deg": target} for target in WAVE]}
@@ -138,6 +140,7 @@ def test_an_arm_is_programmed_here_and_run_there():
     assert np.rad2deg(result["q.joint_5"][-1]) == pytest.approx(30, abs=2)
 
 
+@pytest.mark.long
 def test_a_program_runs_from_the_shell(tmp_path, capsys):
     file = tmp_path / "wave.yaml"
     content = {"station": "humanoid_dynamic", "automatic": True, "references": [{"target_deg": {"left_elbow": 20}}]}

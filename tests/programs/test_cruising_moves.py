@@ -117,6 +117,7 @@ def test_zones_of_joints_pass_beside_their_postures(arm):
         assert 1e-4 < away < 0.03
 
 
+@pytest.mark.long
 def test_a_program_runs_with_them_on_both_kinds_of_station(dynamic):
     for cell in (Workcell("irb120_workcell"), dynamic.cell):
         arm = cell.arm(tool="pencil" if "pencil" in cell.config.pieces else None)

@@ -21,6 +21,7 @@ def robot():
     return humanoid
 
 
+@pytest.mark.long
 def test_runs_join_where_each_begins(robot):
     first, walk, last = robot.runs
     whole = joined(robot.runs)
@@ -40,6 +41,7 @@ def test_runs_join_where_each_begins(robot):
     np.testing.assert_array_equal(knee[-len(last.times) :], last["q.right_knee"])
 
 
+@pytest.mark.long
 def test_a_program_is_one_film(robot, tmp_path):
     page = robot.film(tmp_path / "walk.html")
     assert page.stat().st_size > 1e5
@@ -53,6 +55,7 @@ def test_what_is_no_film_is_told(robot, tmp_path):
         LeggedRobot("humanoid_fixed").film(tmp_path / "walk.html")
 
 
+@pytest.mark.long
 def test_pieces_that_change_hands_are_where_the_robot_has_them(tmp_path):
     held = LeggedRobot(load_station("humanoid_fixed", {"pieces.parcel": PARCEL}))
     move = {"target_deg": {"HomDF": 40}, "duration": 0.1}

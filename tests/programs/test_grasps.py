@@ -28,6 +28,7 @@ def test_the_gap_between_boxes_is_that_of_their_nearest_points():
     assert _gap(cube, (RigidTransform(np.array([0.9, 0, 0])), np.full(3, 0.5))) == pytest.approx(0, abs=1e-6)
 
 
+@pytest.mark.long
 def test_a_piece_that_is_let_go_falls_and_lies_on_the_floor():
     arm = held()
     arm.wait(0.3)

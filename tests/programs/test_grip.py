@@ -135,6 +135,7 @@ def lifted(force, **overrides):
     return cell.frame("cube_3").translation()[2] - before, gripped, raised
 
 
+@pytest.mark.long
 def test_friction_holds_what_coulomb_says():
     """m g = 2 mu F for F = 9.81 N: some more holds, some less slips."""
     critical = 1.0 * 9.80665 / (2 * 0.5)

@@ -101,6 +101,7 @@ class TestOnThePhysics:
 
 
 class TestEditing:
+    @pytest.mark.long
     def test_moves_of_all_kinds_are_inserted_edited_and_removed(self, carrier):
         carrier.insert(0, {"walk": {"steps": np.int64(4), "step_time": 0.5}})
         carrier.insert(1, {"attach": "parcel"})

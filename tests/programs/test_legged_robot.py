@@ -240,6 +240,7 @@ class TestEveryRobot:
         half = robot.walk(steps, amplitude=0.5).summary()["locomotion"]
         assert half["ahead"] == pytest.approx(measures["ahead"] / 2, rel=0.25)
 
+    @pytest.mark.long
     def test_a_far_walk_gets_a_larger_floor(self):
         robot = LeggedRobot(load_station("roid1_dynamic", {"floor.size": 0.5}))
         robot.walk(2)
@@ -316,6 +317,7 @@ class TestStep:
         assert act["ahead"] == pytest.approx(way, abs=0.002)
         assert way == pytest.approx(0.07, abs=0.004)
 
+    @pytest.mark.long
     def test_its_time_is_that_of_its_moves(self):
         quick, slow = LeggedRobot("humanoid_fixed"), LeggedRobot("roid1_dynamic")
         quick.step(0.1)
@@ -391,6 +393,7 @@ class TestGaits:
         assert rise.pop("rear_right_foot") == pytest.approx(0.03, abs=0.01)
         assert max(map(abs, rise.values())) < 0.005
 
+    @pytest.mark.long
     def test_an_act_that_is_to_fall_is_done_when_the_robot_lies(self, standing):
         config = standing.cell.config
         result = standing.act("fall_forward", store=True)

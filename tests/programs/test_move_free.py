@@ -86,6 +86,7 @@ def check_free(cell, result):
 
 
 class TestTheWay:
+    @pytest.mark.long
     def test_it_leads_around_what_a_straight_move_runs_into(self, beside):
         with pytest.raises(PathCollision):
             beside.plan.move_j(RIGHT, check="collision")
@@ -108,6 +109,7 @@ class TestTheWay:
         across = arm.chain.forward(arm.position)[0, :3, 2]
         np.testing.assert_allclose(across, [1, 0, 0], atol=1e-6)  # the axis that it turns about
 
+    @pytest.mark.long
     def test_a_carried_piece_takes_part(self, station):
         box = PieceConfig(model="box", parent="robot", pose=(0, 0, 0.2, 0, 0, 0))
         loaded = Arm(station.model_copy(update={"pieces": {**station.pieces, "box": box}}))
@@ -173,6 +175,7 @@ def holding(tmp_path_factory):
 
 
 class TestHeldByFingers:
+    @pytest.mark.long
     def test_what_is_held_goes_around_a_post(self, holding):
         end = [np.deg2rad(80), *holding.position[1:]]
         with pytest.raises(PathCollision, match="bar would run into post"):
@@ -233,6 +236,7 @@ class TestShort:
         np.testing.assert_allclose(short.end, rounded.end)
         check_free(arm.cell, arm.cell.run(short))
 
+    @pytest.mark.long
     def test_what_ends_in_a_hit_is_not_taken(self, beside, monkeypatch):
         monkeypatch.setattr(smooth_path, "_ROUNDS", 1)
         monkeypatch.setattr(smooth_path, "_EVERY", 10.0)  # too far apart to see the shelf

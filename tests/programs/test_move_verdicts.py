@@ -31,6 +31,7 @@ def test_a_line_over_a_table_reaches_its_end_its_speed_and_its_height():
     assert move.nearest == "pencil to inclined_table"
 
 
+@pytest.mark.long
 def test_a_slack_arm_ends_beside_its_target_by_what_the_joints_are_off():
     arm = over_the_table({"mode": "dynamic", "servo.feedforward": "none"})
     result = arm.move_l([0.2, 0.1, 0.05], wobj=TABLE, duration=0.5)
@@ -52,6 +53,7 @@ def warning_mm(move):
     return f"{1e3 * move.following_error:.3g}"
 
 
+@pytest.mark.long
 def test_a_move_at_the_torque_limit_and_one_that_is_too_short_for_its_speed_say_so():
     weak = {"servo.torque_limit": {"joint_1": 0.5}, "verdict.move_speed": 0.9}
     arm = Arm(load_station("irb120_workcell", {"mode": "dynamic", **weak}))
@@ -77,6 +79,7 @@ def test_a_move_that_a_monitor_ends_was_not_reached_and_that_is_no_warning():
     assert move.position_error > 0.01
 
 
+@pytest.mark.long
 def test_moves_of_a_program_are_called_by_their_numbers(tmp_path, capsys):
     file = tmp_path / "program.yaml"
     ahead = {"targets": [0.1, 0, 0, 0, 1.2, 0], "duration": 0.3}

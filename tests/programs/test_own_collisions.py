@@ -99,6 +99,7 @@ def goal_collides(arm: Arm, posture: np.ndarray) -> bool:
     return False
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("robot", SHIPPED)
 def test_ordinary_moves_and_moves_around_obstacles_agree_on_what_collides(robot):
     arm = arm_of(robot)

@@ -69,6 +69,7 @@ def test_overrides_change_it_replace_it_and_leave_it_out(station: Path, tmp_path
         load_station(station, {"program.moves.1.duration": 0.2})
 
 
+@pytest.mark.long
 def test_the_command_line_runs_and_checks_it(station: Path, tmp_path: Path, capsys, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert run_command(["check", str(station)]) == 0

@@ -75,6 +75,7 @@ def test_a_speed_is_the_most_of_the_tool(kinematic):
     assert 0.28 < speeds.max() < 0.303
 
 
+@pytest.mark.long
 def test_around_obstacles_for_two_and_when_nothing_moves():
     cell = Workcell("two_arms")
     ends = {"left": [0, 60, -30, 0, 30, 0], "right": [40, 60, -30, 0, 30, 0]}

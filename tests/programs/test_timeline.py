@@ -29,6 +29,7 @@ def legged(changes: list[dict[str, Any]], **more: Any) -> SimulationResult:
     return robot.result()
 
 
+@pytest.mark.long
 def test_a_program_with_changes_is_the_same_twice_and_ends_on_the_grid() -> None:
     once, again = legged(CHANGES), legged(CHANGES)
     np.testing.assert_array_equal(once.values, again.values)
@@ -102,6 +103,7 @@ def test_a_command_by_hand_holds_from_after_its_moment_on_whenever_the_run_began
     assert not Timeline().walk_drivers(load_station("roid1_walking"))
 
 
+@pytest.mark.long
 def test_each_change_does_what_it_says() -> None:
     """Softer servos sag more, a push moves the trunk on, and gravity shows in the torques."""
     plain = legged([], grid=GRID)
@@ -117,6 +119,7 @@ def test_each_change_does_what_it_says() -> None:
         assert np.abs(changed[signal] - plain[signal])[~same].max() > 1e-6
 
 
+@pytest.mark.long
 def test_settings_of_the_station_reach_the_servos_that_a_gait_sets() -> None:
     robot = LeggedRobot("humanoid_dynamic")
     moves, change = [{"walk": {"steps": 1}}], {"time": 0.5, "set": {"servo.kp": 7}}

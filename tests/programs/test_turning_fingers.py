@@ -51,6 +51,7 @@ def test_a_width_is_how_far_the_faces_are_apart(station):
         arm.open(width=0.06)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("part", "holds"), [(1.05, True), (0.95, False)])
 def test_a_force_is_that_of_each_finger_as_coulomb_says(station, part, holds):
     """m g = 2 mu N; what hangs on a leaning crank opens it: a pad presses less by its tangent times that weight."""

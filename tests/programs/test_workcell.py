@@ -213,6 +213,7 @@ class TestRecording:
         with pytest.raises(SimrobError, match="begun with record"):
             dynamic.simulate()
 
+    @pytest.mark.long
     def test_a_recorded_program_runs_as_one_on_this_station_and_another(self, kinematic):
         kinematic.record()
         moves = [
@@ -272,6 +273,7 @@ class TestResults:
         np.testing.assert_allclose(arm.position, HOME, atol=1e-12)
 
 
+@pytest.mark.long
 def test_the_window_shows_moves_and_draws_the_way_of_the_tool(kinematic):
     url = kinematic.show(HOME)
     assert url.startswith("http://127.0.0.1:")

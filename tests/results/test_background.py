@@ -24,6 +24,7 @@ def script(text, folder):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="copies are made on Linux alone")
 class TestInACopy:
+    @pytest.mark.long
     def test_work_is_done_by_another_process_while_this_one_goes_on(self, tmp_path):
         told = script(
             """
@@ -39,10 +40,12 @@ print(int(Path("done").read_text()) != here)
         )
         assert told == "True"
 
+    @pytest.mark.long
     def test_work_that_fails_is_done_again_here_where_its_error_is_told(self, tmp_path):
         told = script("with files.in_background(lambda: 1 / 0): pass", tmp_path)
         assert told == "ZeroDivisionError: division by zero"
 
+    @pytest.mark.long
     def test_a_body_that_fails_breaks_the_work_off(self, tmp_path):
         told = script(
             """

@@ -25,6 +25,7 @@ def folder(result, tmp_path_factory):
     return result.save(tmp_path_factory.mktemp("runs") / "first", recording=False)
 
 
+@pytest.mark.long
 def test_the_summary_holds_what_the_contract_says(result, folder):
     summary = json.loads((folder / "summary.json").read_text())
     assert {"station", "robot", "duration", "stopped_by", "stop_time", "message", "solver", "wall_time"} <= set(summary)

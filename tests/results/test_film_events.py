@@ -47,6 +47,7 @@ def test_a_monitor_s_stop_is_named():
     assert events_of(stopped)[-1] == (stopped.stop_time, "stopped: stop")
 
 
+@pytest.mark.long
 def test_the_feet_of_a_walk_touch_in_turn():
     walk = LeggedRobot("roid1_dynamic").walk(4)
     feet = [text.split("_")[0] for time, text in events_of(walk)[1:-1] if time > 1]

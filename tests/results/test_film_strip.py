@@ -63,6 +63,7 @@ def test_nothing_that_moves_leaves_the_picture(width):
         assert (image != background).any(axis=2).mean() > 0.02
 
 
+@pytest.mark.long
 def test_oversampling_smooths_edges_and_keeps_the_size(result):
     plain, smooth = (next(Studio(result, height=90, oversampling=n).images(np.zeros(1))) for n in (1, 3))
     assert plain.shape == smooth.shape
@@ -70,6 +71,7 @@ def test_oversampling_smooths_edges_and_keeps_the_size(result):
     assert changed(plain, smooth) < 0.2
 
 
+@pytest.mark.long
 def test_the_video_plays_the_run(result, tmp_path):
     from imageio_ffmpeg import read_frames
 
@@ -80,6 +82,7 @@ def test_the_video_plays_the_run(result, tmp_path):
     assert changed(frames[0], frames[-1]) > 0.03
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
 def test_a_video_that_breaks_off_is_said_and_leaves_the_old_one(result, tmp_path, monkeypatch):
     import imageio_ffmpeg

@@ -134,6 +134,7 @@ def test_work_and_torque_are_those_of_the_joints():
     assert locomotion(moved("humanoid", along(np.zeros(2), 0.45), tau__left_knee=3.0)).saturated == 1.0
 
 
+@pytest.mark.long
 def test_a_walk_is_measured_in_the_summary():
     result = LeggedRobot("roid1_dynamic").walk(4)
     found = result.summary()["locomotion"]

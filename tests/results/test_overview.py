@@ -29,6 +29,7 @@ def test_a_shell_shows_three_lines(result):
     assert max(map(len, lines)) <= 100
 
 
+@pytest.mark.long
 def test_a_notebook_shows_the_film_strip_and_where_the_joints_ended(result):
     page = result._repr_html_()
     (strip,) = re.findall(r"base64,([A-Za-z0-9+/=]+)", page)
@@ -41,6 +42,7 @@ def test_a_notebook_shows_the_film_strip_and_where_the_joints_ended(result):
     np.testing.assert_allclose(peaks, np.abs(result.axes("tau")).max(axis=0), atol=5e-4)
 
 
+@pytest.mark.long
 def test_a_message_is_no_markup(result):
     page = replace(result, message="<script>alert(1)</script> & more")._repr_html_()
     assert "<script>" not in page

@@ -83,6 +83,7 @@ def texts(figure):
     return " ".join(text.get_text() for text in figure.texts)
 
 
+@pytest.mark.long
 def test_a_robot_with_a_tool_has_three_pictures(result, tmp_path):
     files = save_plots(result, tmp_path / "plots")
     assert [file.name for file in files] == ["position.png", "torque.png", "tcp.png"]
@@ -134,6 +135,7 @@ def test_angles_of_panels_are_in_degrees(result, drawn):
     np.testing.assert_allclose(curve(panel, "joint_1").get_ydata(), np.rad2deg(result["q.joint_1"]))
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("error")
 def test_any_name_is_drawn_as_it_is(result, tmp_path):
     named = replace(result, config=result.config.model_copy(update={"name": "a$b_{$ 机器人"}))
@@ -235,6 +237,7 @@ def test_the_end_of_a_stopped_run_is_marked_with_its_reason(name, drawn, result,
     assert not any("stop" in labels(panel) for panel in completed.axes)
 
 
+@pytest.mark.long
 def test_a_run_that_is_stopped_at_its_start_shows_a_point(drawn):
     result = simulate(load_station("irb120_dynamic", {"monitors.joint_limit": {"margin_deg": 70}}), progress=False)
     assert result.stop_time == 0
@@ -364,6 +367,7 @@ def test_a_free_piece_is_shown_where_it_is_and_how_fast(drawn):
         np.testing.assert_array_equal(curve(velocity, f"v{axis}").get_ydata(), result[f"piece.ball.v{axis}"])
 
 
+@pytest.mark.long
 def test_sensors_share_a_figure_which_tells_why_the_run_was_stopped(drawn):
     result = simulate(load_station("irb120_force_stop"), progress=False)
     figure = drawn(result)["sensors"]
@@ -437,6 +441,7 @@ def test_what_a_loop_gives_each_axis_is_shown_joint_by_joint(standing, drawn):
     assert figures["controller_b_axes"].get_size_inches()[0] < 7.5
 
 
+@pytest.mark.long
 def test_constants_of_a_block_are_named_and_its_numbers_have_names_and_units_of_their_own(result, drawn):
     time = result.times
     columns = {"tcp.x": "m/s", "tcp.y": "m/s", "tcp.z": "rad"}
@@ -493,6 +498,7 @@ def test_a_long_reason_is_told_to_its_end(result, drawn):
     assert not any(box.overlaps(title) for box in boxes for title in titles)
 
 
+@pytest.mark.long
 def test_of_hundreds_of_axes_a_figure_shows_the_first_and_says_so(result):
     values = np.zeros_like(result.times)
     stacks = [Stack(f"joint_{place}", [Plot("torque [N·m]", [Curve(values, "torque", "0")])]) for place in range(300)]

@@ -11,6 +11,7 @@ from simrob_drake.results.record.state import JointState
 HOLD = {"reference": {"kind": "hold", "target_deg": None}}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("overrides", "tolerance"),
     [

@@ -43,6 +43,7 @@ def shared(first, second):
     return int(((apart < SAME) & ((facing[at[found]] * normals[found]).sum(axis=1) > 0.998)).sum())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("robot", ["humanoid", "roid1", "zjudancer", "yobotics"])
 def test_no_faces_of_two_colours_share_a_plane(robot):
     pairs = itertools.combinations(surfaces(f"{robot}_dynamic"), 2)

@@ -21,6 +21,7 @@ def text_of(found, subject):
     return next(finding for finding in found if finding.subject == subject)
 
 
+@pytest.mark.long
 def test_a_sound_station_has_no_warnings():
     for station in ("irb120_dynamic", "irb120_kinematic", "double_pendulum", "two_irb120", "roid1_balance"):
         assert [finding for finding in findings(station=station) if finding.level == "warning"] == []
@@ -129,6 +130,7 @@ def test_a_reference_beyond_a_limit_is_an_error():
         findings({"reference.target_deg": {"joint_3": 80}})
 
 
+@pytest.mark.long
 def test_bodies_that_penetrate_at_the_start_are_named():
     close = {"contact": {"model": "point"}, "robots.right.base": [0.05, 0.45, 0, 0, 0, 0]}
     finding = text_of(findings(close, "two_irb120"), "contact")
@@ -155,6 +157,7 @@ def test_a_check_lists_where_each_piece_hangs():
     assert {finding.level for finding in found if finding.subject.startswith("pieces.")} == {"note"}
 
 
+@pytest.mark.long
 def test_nothing_is_in_order_that_was_not_looked_at():
     found = findings(station="humanoid_walking")
     assert text_of(found, "controllers.walk").level == "note"

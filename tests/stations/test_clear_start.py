@@ -59,6 +59,7 @@ def test_a_posture_is_found_that_weak_motors_hold(robot_of, clearance_of):
     assert any("Not at home, where it is too heavy for its motors" in remark for remark in start.remarks)
 
 
+@pytest.mark.long
 def test_many_weak_motors_are_eased_one_after_the_other(robot_of, clearance_of):
     """Each of six level bars has to be turned by 51 deg of the 63 deg that it can: chance finds no such posture."""
     weight = GRAVITY * 0.2

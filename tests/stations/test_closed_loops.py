@@ -92,6 +92,7 @@ def test_a_four_bar_runs_as_its_closed_form_says(tmp_path: Path) -> None:
         assert min(abs(np.angle(np.exp(1j * (found - one)))) for one in both) < 2e-3
 
 
+@pytest.mark.long
 def test_a_connected_bar_of_mjcf_runs_as_its_closed_form_says(tmp_path: Path) -> None:
     """The rocker's bar points up at zero: its angle about y from x is -90 deg there."""
     station = drafted(written(tmp_path, "bar.xml", BAR))
@@ -148,6 +149,7 @@ def test_the_line_of_the_refusal_closes_the_loop(tmp_path: Path) -> None:
     np.testing.assert_allclose(coupling["d"]["other_pose"], own["d"]["other_pose"], atol=1e-5)
 
 
+@pytest.mark.long
 def test_loops_that_cannot_close_are_refused(tmp_path: Path) -> None:
     short = FOUR_BAR.replace(f'<origin xyz="{ROCKER} 0 0"/>', '<origin xyz="0.01 0 0"/>').replace(
         f'<origin xyz="{COUPLER} 0 0"/>', '<origin xyz="0.02 0 0"/>'

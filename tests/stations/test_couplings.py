@@ -83,6 +83,7 @@ def test_two_bodies_on_a_spring(tmp_path, solver):
     assert "coupling_gap" not in {measure.criterion.name for measure in result.verdict.measures}  # it may be any length
 
 
+@pytest.mark.long
 def test_rods_and_welds_hold(tmp_path):
     """A wheel drives a slider by a rod of 1 m; a second wheel is welded to the first one."""
     parts = {

@@ -46,6 +46,7 @@ def holding(station):
     return cell, arm, gripped
 
 
+@pytest.mark.long
 def test_it_grips_with_all_the_force_that_its_file_gives(holding):
     cell, arm, gripped = holding
     assert arm.tools[0] == "grasp"

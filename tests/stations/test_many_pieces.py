@@ -21,6 +21,7 @@ def pieces_file(folder, free, fixed=0):
     return file
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("free", "fixed", "message"),
     [

@@ -286,6 +286,7 @@ def test_a_cache_whose_place_is_taken_is_named(tmp_path: Path, cache: Path) -> N
         drake_mesh(box_file(tmp_path, "box.stl"))
 
 
+@pytest.mark.long
 def test_the_package_is_quick_to_import_without_the_mesh_library() -> None:
     import subprocess
     import sys

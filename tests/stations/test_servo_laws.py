@@ -48,6 +48,7 @@ def test_the_whole_move_is_followed_within_a_fiftieth_of_a_degree(servo, referen
     assert errors("irb120_dynamic", {**reference, **servo, **tight}).max() < 0.02
 
 
+@pytest.mark.long
 def test_actuators_take_the_feedforward_through_their_desired_state():
     found = errors("irb120_dynamic", {**MOVE, **DISCRETE, "servo.feedforward": "inverse_dynamics"})
     assert found.max() < 0.1  # a step behind: 30 degrees in a second go 0.056 degrees in 1 ms

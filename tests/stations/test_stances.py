@@ -24,6 +24,7 @@ def first_of(clearance: Clearance) -> tuple[StationRobot, Stance | None]:
     return robot, next(Stances(clearance, robot).find(), None)
 
 
+@pytest.mark.long
 def test_a_quadruped_whose_home_is_on_its_knees_is_put_on_its_feet(quadruped, clearance_of):
     """Knees at -97 deg bring its shanks level, forward of the knees, which are lowest then."""
     robot, stance = first_of(clearance_of(quadruped(), **DYNAMIC))
@@ -42,6 +43,7 @@ def test_a_quadruped_whose_home_is_on_its_knees_is_put_on_its_feet(quadruped, cl
     assert np.abs(places.mean()) < 0.02  # the trunk's centre of mass is over the feet
 
 
+@pytest.mark.long
 def test_a_robot_that_stands_at_home_stays_as_it_is(quadruped, clearance_of):
     _, stance = first_of(clearance_of(quadruped(knees_deg=0.0, most_deg=10.0), **DYNAMIC))
     assert stance is not None
@@ -78,6 +80,7 @@ def test_links_that_lie_in_each_other_at_home_are_turned_apart(robot_of, clearan
     assert stance.how == "at home but for links that are turned apart"
 
 
+@pytest.mark.long
 def test_check_says_that_a_robot_kneels(quadruped, clearance_of):
     urdf = quadruped()
     clearance = clearance_of(urdf, **DYNAMIC)
@@ -88,6 +91,7 @@ def test_check_says_that_a_robot_kneels(quadruped, clearance_of):
     assert any(text.startswith("it stands on the near end of shank0") and "as on knees" in text for text in texts)
 
 
+@pytest.mark.long
 def test_the_draft_of_a_quadruped_was_tried_and_has_a_fall_monitor(quadruped, tmp_path):
     text = draft_station(quadruped(), folder=tmp_path)
     (file := tmp_path / "first.yaml").write_text(text)
@@ -100,6 +104,7 @@ def test_the_draft_of_a_quadruped_was_tried_and_has_a_fall_monitor(quadruped, tm
     assert [finding.text for finding in check_station(config) if finding.level == "warning"] == []
 
 
+@pytest.mark.long
 def test_a_stance_that_does_not_hold_is_no_stance(quadruped, tmp_path, monkeypatch):
     tried = []
 

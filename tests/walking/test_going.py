@@ -18,6 +18,7 @@ def crouched():
     return load_station("zjudancer_dynamic").model_copy(update={"robots": robots})
 
 
+@pytest.mark.long
 def test_two_calls_are_one_table_and_a_third_without_speeds_stops():
     robot = LeggedRobot(crouched())
     first, second = robot.go(ahead=0.2, duration=1.3), robot.go(ahead=0.15, turn=0.2, duration=0.7)

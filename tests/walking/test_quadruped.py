@@ -71,6 +71,7 @@ def test_forces_of_some_feet_alone_are_refused() -> None:
         add_station(DiagramBuilder(), load_station(STATION, {"controllers.walk.reads": reads}))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("changes", "stays"), [({}, True), (OPEN, False)])
 def test_a_push_of_200_newtons_is_answered_by_feedback_alone(changes: dict[str, Any], stays: bool) -> None:
     told = {"forces.push": PUSH, "duration": 3.6, "sample_rate": 50, **changes}
@@ -160,6 +161,7 @@ def test_it_walks_level_on_a_slope_of_six_degrees(way: int) -> None:
     assert abs(run["base.y"][-1]) < 0.1
 
 
+@pytest.mark.long
 def test_a_quarter_turn_is_one() -> None:
     told = {"controllers.walk.commands": [{"turn_deg": 45}, {"time": 2.0}], "duration": 4.5}
     run = simulate(load_station(STATION, told), progress=False)

@@ -180,6 +180,7 @@ def ahead(result: Any, facing: tuple[float, float]) -> float:
     return float((x[-1] - x[0]) * facing[0] + (y[-1] - y[0]) * facing[1])
 
 
+@pytest.mark.long
 def test_it_starts_walks_and_stops_by_commands() -> None:
     commands = [{"time": 0.2, "ahead": 0.15}, {"time": 2.5}]
     result = simulate(load_station("zjudancer_walking", {"controllers.walk.commands": commands}), duration=5.0)
@@ -230,6 +231,7 @@ def test_it_shifts_its_weight_at_leisure_however_long_it_stood() -> None:
     assert builder is not None
 
 
+@pytest.mark.long
 def test_who_is_in_the_air_as_a_push_ends_falls_and_does_not_diverge() -> None:
     """In flight steps are short, and stay so in the diagram without the push."""
     push = {"kind": "push", "start": 2.2, "force": [-24.0, 0, 0]}
@@ -237,6 +239,7 @@ def test_who_is_in_the_air_as_a_push_ends_falls_and_does_not_diverge() -> None:
     assert result.stopped_by in (None, "fall")
 
 
+@pytest.mark.long
 def test_the_same_again_and_from_the_middle() -> None:
     """All that the walk remembers is state: resumed, it goes on as it went, to the last bit."""
     settings = {"solver": {"kind": "discrete", "time_step": 0.002}, "controllers.walk.commands": [{"ahead": 0.2}]}

@@ -211,6 +211,11 @@ class Task(Strict):
         return config
 
     def _check_goals(self, size: int, where: Path | str) -> None:
+        """Check that the goal of the policy, of ``size`` figures, fits the reward terms and the box of goals.
+
+        Raises:
+            InvalidConfig: it does not; ``where`` is the file that is named.
+        """
         for term, sizes, names in _GOALS:
             if term in self.rewards and size not in sizes:
                 expected = message(

@@ -61,12 +61,22 @@ def check_sayable(config: StationConfig, robots: Mapping[str, ResolvedRobot], *,
 
 
 def _check_servo(config: StationConfig, robot: str, gains: ServoGains) -> None:
+    """Check that MJCF's servos can do what those of a robot do.
+
+    MJCF knows a PID law with one limit of torque. It knows no delay of commands and no model of the arm.
+
+    Raises:
+        InvalidParameter: a setting of the servo that MJCF does not have, with its key.
+        Unsuitable: the servo is on a bus.
+    """
     servo = config.servo_of(robot)
     key = "servo" if config.robots[robot].servo is None else f"robots.{robot}.servo"
     if servo.law != "pid":
         raise InvalidParameter(
             f"{key}.law", servo.law, message("mujoco.pid_only", "pid: MJCF's servos know no other law")
         )
+    # A motor's largest torque falls with its speed by `slope`. MJCF can do that only as a damper of the joint, which
+    # the plant has where the whole fall is one (`servo.motor.realization: implicit`).
     if gains.line is not None and (gains.line.slope > gains.damping).any():
         expected = message(
             "mujoco.none_or_damper",
@@ -92,6 +102,8 @@ def _check_servo(config: StationConfig, robot: str, gains: ServoGains) -> None:
             servo.admittance_gain,
             message("mujoco.zero_because", "0: {reason}", reason=_NO_MODEL),
         )
+    # MJCF gets the reference's speed v_r as an offset v_r kd/kp of its position (see `controls`): an integral part
+    # would add that offset up, and without kp there is nothing to offset.
     if "reference_velocity" in config.inputs:
         why = message(
             "mujoco.with_reference_velocity",

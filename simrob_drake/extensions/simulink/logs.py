@@ -245,6 +245,11 @@ def compare(
 
 
 def _difference(name: str, logged: LoggedSignal, result: SimulationResult) -> SignalDifference:
+    """Compare a logged signal, until the end of a run, with the run's signal at the same times.
+
+    Raises:
+        InvalidParameter: the log begins after the run ended, or has values that are no numbers.
+    """
     inside = logged.times <= result.times[-1]
     if not inside.any():
         end = message(

@@ -149,7 +149,13 @@ class Study(Strict):
             self._check_prunable(where)
 
     def _check_prunable(self, where: Path | str) -> None:
-        """Check that a run can only add to what a trial costs, and that there are some to leave out."""
+        """Check that a study may be pruned: a trial is broken off once its first runs cost more than others.
+
+        So there must be one cost to which each run can only add, and more than one run in a trial.
+
+        Raises:
+            InvalidConfig: at ``prune``.
+        """
         signed = [
             name for aim in self.aims for name, weight in aim.items() if weight < 0 or name.rpartition(".")[2] in SIGNED
         ]

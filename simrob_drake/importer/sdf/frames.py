@@ -157,6 +157,7 @@ class Frames:
         )
 
     def _known(self, name: str) -> _Frame:
+        """Return the entry of a frame by its full name. A name that the model does not have refuses the model."""
         if name not in self._frames:
             raise self.report.refusal(
                 "",

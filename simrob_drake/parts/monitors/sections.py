@@ -41,6 +41,7 @@ class JointLimit(MonitorSection):
             return np.concatenate([position - upper, lower - position])
 
         def why(index: int, _: float) -> str:
+            """Tell which limit was reached. An overshoot below ``count`` is of an upper limit, else of a lower."""
             side, limits, axis = (_UPPER, upper, index) if index < count else (_LOWER, lower, index - count)
             return message(
                 "parts.reached_limit",

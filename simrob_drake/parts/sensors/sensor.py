@@ -72,7 +72,16 @@ class ShapeSensor(Sensor):
 
 
 def check_contact(key: str, sensor: str, station: Surroundings) -> None:
-    """Check that a station has the contact section that a sensor needs."""
+    """Check that a station has the contact section that a sensor needs.
+
+    Args:
+        key: key of the sensor in the station, such as ``sensors.foot``.
+        sensor: what it is, in words.
+        station: what the station has.
+
+    Raises:
+        InvalidParameter: it has none.
+    """
     if not station.has_contact:
         raise InvalidParameter(
             key,

@@ -84,13 +84,21 @@ def _phases(steps: int, gait: BipedWalk, start: dict[str, Vector]) -> list[Phase
     return phases
 
 
+_AXES_OF_LEG_WITHOUT_YAW = 4  # such a leg has no yaw at the hip and no roll at the ankle
+
+
 def _check(robot: str, steps: int, gait: BipedWalk, feet: dict[str, Foot]) -> None:
+    """Check that a walk has steps, that each has a part on one foot, and that the legs can turn if it does.
+
+    Raises:
+        InvalidParameter: with the parameter that cannot be.
+    """
     check_steps(steps)
     if not gait.double_support < 1:
         raise InvalidParameter(
             "double_support", gait.double_support, message("programs.part_of_step", "a part of the step, less than 1")
         )
-    if any(len(foot.axes) == 4 for foot in feet.values()) and (gait.turn_deg or gait.sideways):
+    if any(len(foot.axes) == _AXES_OF_LEG_WITHOUT_YAW for foot in feet.values()) and (gait.turn_deg or gait.sideways):
         raise InvalidParameter(
             "turn_deg, sideways",
             (gait.turn_deg, gait.sideways),

@@ -44,7 +44,11 @@ class ClimbMove(Move):
 
     @classmethod
     def possible_keys(cls, config: StationConfig, robot: str, model: RobotModel) -> frozenset[str] | None:
-        """Find the keys; None for a robot without the usual climb in its `gaits.yaml`, or on soles without edges."""
+        """Return the keys that the move may have for a robot of a station, without the parameters of its gait.
+
+        Returns:
+            None if the robot cannot climb: its `gaits.yaml` lacks the usual climb, or its soles have no edges.
+        """
         worn = config.robots[robot].feet
         possible = has_gait(model, Climb, Climb.usual) and _has_edges(model, worn)
         return frozenset(cls.model_fields) if possible else None

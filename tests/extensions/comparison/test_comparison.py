@@ -53,6 +53,7 @@ def test_quaternions_mean_the_same_with_the_other_sign() -> None:
     np.testing.assert_array_equal(apart(turned[:, :3], -turned[:, :3]), [1.6, 1.6])
 
 
+@pytest.mark.long
 def test_the_error_of_a_run_covers_how_far_it_is_from_a_converged_one() -> None:
     """Of first order, a run four times finer leaves a third of what lies between the two; the bar is all of it."""
     solver = {"solver": {"kind": "continuous", "scheme": "cenic", "accuracy": 1e-2, "max_step": 0.02}, "duration": 1.5}
@@ -76,6 +77,7 @@ def test_other_schemes_work_otherwise() -> None:
     assert other_scheme(DiscreteSolver(kind="discrete")).scheme == "cenic"
 
 
+@pytest.mark.long
 def test_an_arm_is_the_same_in_four_engines() -> None:
     pytest.importorskip("simrob_drake.extensions.mujoco")
     pytest.importorskip("mujoco")
@@ -89,6 +91,7 @@ def test_an_arm_is_the_same_in_four_engines() -> None:
     assert not broken[Q].within  # another load is found out
 
 
+@pytest.mark.long
 def test_mujoco_knows_the_torques_of_a_given_motion(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("simrob_drake.extensions.mujoco")
     pytest.importorskip("mujoco")
@@ -151,6 +154,7 @@ def test_the_picture_says_in_words_what_is_compared(monkeypatch: pytest.MonkeyPa
     ]
 
 
+@pytest.mark.long
 def test_forces_of_sliding_axes_are_held_against_forces() -> None:
     own = _inverse_dynamics("inverse dynamics", load_station("irb120_on_belt", {"duration": 0.2}))
     whole = simulate("irb120_on_belt", duration=0.2, progress=False)

@@ -88,6 +88,7 @@ def test_a_solution_draws_its_figure(name, tmp_path, monkeypatch, capsys):
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.long
 def test_an_answer_is_begun_checked_and_passes(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert run_command(["course", "list"]) == 0

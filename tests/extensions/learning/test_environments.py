@@ -42,6 +42,7 @@ def played(env, seed, steps=5):
     return np.array(seen), np.array(rewards)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ENVIRONMENTS)
 def test_gymnasium_accepts_the_environments(name):
     with warnings.catch_warnings():

@@ -25,10 +25,12 @@ def walked(name, **changes):
     return locomotion(result)
 
 
+@pytest.mark.long
 def test_what_was_learnt_from_scratch_walks_in_its_station():
     assert walked("yobotics_walker").ahead > 0.6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", WALKERS)
 def test_walkers_go_at_the_speed_that_is_commanded(name):
     slow, fast, part = WALKERS[name]
@@ -36,6 +38,7 @@ def test_walkers_go_at_the_speed_that_is_commanded(name):
     assert ways[1] > ways[0] + 4.0 * part * (fast - slow)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", WALKERS)
 def test_walkers_turn_as_they_are_told_within_what_their_motors_have(name):
     station = FOLDER / f"{name}.yaml"

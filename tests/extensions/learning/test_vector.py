@@ -35,6 +35,7 @@ def actions(size, steps, scale, seed=0):
 WALKS = [pytest.param("Walk", STILL, 0.1, marks=pytest.mark.long), ("Walk", ON_MOTORS, 0.1)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "overrides", "scale"), [("Reach", EXACT, 0.3), *WALKS])
 def test_a_robot_moves_and_sees_as_in_drake(name, overrides, scale):
     """Drake at 0.5 ms and MuJoCo at its 2 ms: 0.31° and 0.18° in the root of the mean square; sensors 10 ms apart."""

@@ -50,6 +50,7 @@ def test_limbs_of_a_quadruped_are_told_by_geometry(tmp_path):
     assert sole.radius == pytest.approx(0.02)
 
 
+@pytest.mark.long
 def test_limbs_of_a_biped_are_told_by_geometry(tmp_path):
     anatomy, stance = seen(biped().write(tmp_path))
     assert [limb.name for limb in anatomy.legs] == ["right", "left"]
@@ -75,6 +76,7 @@ def changed(tree, name: str, **values: str):
     return tree
 
 
+@pytest.mark.long
 def test_where_a_joint_lies_along_its_axis_does_not_tell_where_a_biped_looks(tmp_path):
     moved = changed(changed(biped(), "5j", origin__xyz="0.05 0 0"), "5", **{"collision/origin__xyz": "-0.03 0 -0.03"})
     assert seen(moved.write(tmp_path))[0].facing == 0.0
@@ -87,6 +89,7 @@ def test_a_biped_whose_knees_bend_both_ways_looks_where_its_thighs_go_farther(tm
     assert abs(anatomy.facing) == facing
 
 
+@pytest.mark.long
 def test_legs_that_lie_level_at_zero_are_found_and_stood_on(tmp_path):
     anatomy, stance = seen(spider().write(tmp_path))
     assert len(anatomy.legs) == 6
@@ -94,6 +97,7 @@ def test_legs_that_lie_level_at_zero_are_found_and_stood_on(tmp_path):
     assert stance.standing.ends.keys() == {f"c{number}" for number in range(6)}
 
 
+@pytest.mark.long
 def test_a_body_as_wide_as_it_is_long_looks_where_its_legs_are_pairs(tmp_path):
     anatomy, _ = seen(spider(0.07, turned=True).write(tmp_path))
     assert anatomy.facing == np.pi / 2
@@ -108,6 +112,7 @@ def test_legs_whose_drawings_differ_by_a_little_are_a_pair(tmp_path):
     assert len(seen(tree.write(tmp_path))[0].legs) == 2
 
 
+@pytest.mark.long
 def test_legs_are_a_pair_wherever_their_joints_are_drawn_along_their_axes(tmp_path):
     tree = biped()
     for joint, at in (("p1j", "0.03 0 -0.04"), ("p2j", "-0.03 0 0"), ("q1j", "0 0 -0.04")):
@@ -116,6 +121,7 @@ def test_legs_are_a_pair_wherever_their_joints_are_drawn_along_their_axes(tmp_pa
     assert sorted(limb.leg.foot.name() for limb in anatomy.legs) == ["p5", "q5"]
 
 
+@pytest.mark.long
 def test_legs_without_limits_stand_alike(tmp_path):
     tree = biped()
     for ankle in ("p4j", "q4j"):
@@ -193,6 +199,7 @@ def test_meshes_that_are_not_there_are_told_with_what_cannot_be_done(tmp_path):
     assert "4 collision shapes were not read, the first: link 'c0' <collision>: mesh 'feet/ball.stl'" in made.problem
 
 
+@pytest.mark.long
 def test_masses_that_are_made_up_are_told_link_by_link(tmp_path):
     tree = dog(ball=False)
     for link in tree.robot.iterfind("link"):

@@ -105,6 +105,7 @@ def test_it_is_the_same_model_however_the_station_is_solved(arm: LinearModel, ch
     assert ("steps of 0.001 s" in notes) == ("contact:" in notes) == ("contact" in changes)
 
 
+@pytest.mark.long
 def test_it_is_what_runs_do_that_differ_a_little(arm: LinearModel) -> None:
     """Where runs are after 50 ms, by central differences of start and reference, to 1e-5 of the largest.
 
@@ -154,6 +155,7 @@ def test_poles_foretell_how_the_move_swings_out(arm: LinearModel) -> None:
     assert slowest.pole.imag == pytest.approx(turn, rel=0.02)
 
 
+@pytest.mark.long
 def test_it_is_saved_with_names_and_drawn(arm: LinearModel, tmp_path: Path) -> None:
     folder = arm.save(tmp_path / "linear")
     with np.load(folder / "linear.npz") as saved:
@@ -182,6 +184,7 @@ def test_two_arms_and_integrators_have_names_of_their_own() -> None:
     np.testing.assert_allclose(integral.x0[:6], POSTURE, atol=1e-9)  # it does not sag
 
 
+@pytest.mark.long
 def test_the_command_prints_poles_and_saves(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "linear"
     command = ["linearize", "irb120_dynamic", "--out", str(folder), "--set", "robot.drives.friction=2"]

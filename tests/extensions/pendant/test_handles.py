@@ -223,6 +223,7 @@ def handles_of(session):
     return told["handles"][0]["handles"]
 
 
+@pytest.mark.long
 def test_a_piece_begins_where_it_is_put(teach):
     session = teach("irb120_gripper")
     told = viewed(session)

@@ -89,6 +89,7 @@ def test_it_tells_what_can_be_taught(shared: Pendant) -> None:
     assert {"position", "torque", "base_pose"} <= {signal["name"] for signal in shared.station["signals"]}
 
 
+@pytest.mark.long
 def test_a_run_with_changes_is_that_of_the_program_that_was_noted(humanoid: Pendant, tmp_path: Path) -> None:
     """A gain, a push and a drag while it runs: a program with what was told gives the same signals."""
     humanoid.ask("watch", signals=["position"])
@@ -253,6 +254,7 @@ def test_what_is_wrong_is_told_in_words(humanoid: Pendant) -> None:
             humanoid.ask(method, **arguments)
 
 
+@pytest.mark.long
 def test_who_asks_a_process_that_was_killed_gets_an_answer() -> None:
     pendant = Pendant("bouncing_ball")
     asked = pendant.live.call("do", moves=[{"wait": 100.0}])

@@ -82,6 +82,7 @@ def _read(file):
         return ""
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not PROC.is_dir(), reason="looks at sockets and processes as Linux shows them")
 def test_it_listens_on_loopback_alone_and_others_see_no_way_in(tmp_path):
     browser, called = browser_in(tmp_path)

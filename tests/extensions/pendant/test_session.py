@@ -483,6 +483,7 @@ def state(session):
     return session.book.program, session.book.pending, session.book.settings, session.book.targets
 
 
+@pytest.mark.long
 @settings(max_examples=15, deadline=None)
 @given(st.lists(st.tuples(st.sampled_from(sorted(OPERATIONS)), st.integers(0, 9)), max_size=12))
 def test_all_that_is_done_is_in_the_file_and_can_be_undone(tmp_path_factory, operations):

@@ -69,6 +69,7 @@ def check_script(session, page):
     np.testing.assert_allclose(values[:, 1:], result.values, rtol=0, atol=1e-9)
 
 
+@pytest.mark.long
 def test_a_station_in_mujoco_is_taught_pushed_and_dragged_likewise(teach):
     session, run = teach("humanoid")
     session.setup.set("solver", {"kind": "mujoco", "time_step": 0.005})
@@ -84,6 +85,7 @@ def test_a_station_in_mujoco_is_taught_pushed_and_dragged_likewise(teach):
     check_script(session, table(heard(session, session.exports.csv())))
 
 
+@pytest.mark.long
 def test_the_script_gives_the_signals_of_the_page(teach):
     session, run = teach("humanoid")
     for target, duration in [({"left_elbow": 30, "right_knee": 5}, 0.3), ({"HomIF": 30}, 0.33)]:
@@ -153,6 +155,7 @@ def test_a_walk_is_driven_added_and_repeated_without_a_hand(teach, monkeypatch):
     assert session.driving.driver is None
 
 
+@pytest.mark.long
 def test_a_walk_that_nobody_holds_on_to_stands(teach, monkeypatch):
     """A tab that was closed, or a line that is cut, says nothing more: the walk does not go on without it."""
     monkeypatch.setattr(run_pacer, "PATIENCE", 0.0)
@@ -162,6 +165,7 @@ def test_a_walk_that_nobody_holds_on_to_stands(teach, monkeypatch):
     assert [change.drive.commands for change in session.book.changes] == [((0.0, 0.0, 0.0, 0.0),)]
 
 
+@pytest.mark.long
 def test_while_it_runs_it_is_told_what_holds_a_run_up_and_then_what_became_of_it(teach, monkeypatch):
     monkeypatch.setattr(pace, "_PATIENCE", 0.0)
     monkeypatch.setattr(pace, "_SLOWEST", 1e6)
@@ -180,6 +184,7 @@ def test_while_it_runs_it_is_told_what_holds_a_run_up_and_then_what_became_of_it
     assert "final error" in [row.criterion for row in session.message.criteria]
 
 
+@pytest.mark.long
 def test_a_push_of_a_test_that_was_discarded_is_forgotten(teach):
     ends = []
     for pushed in (False, True):
@@ -203,6 +208,7 @@ def test_a_run_that_is_over_is_let_go(teach):
     assert not [one for one in gc.get_objects() if type(one) is Stepper]
 
 
+@pytest.mark.long
 def test_an_arm_is_jogged_taught_and_plays(teach):
     session, _ = teach("irb120")
     for axes in ({"joint_1": 20, "joint_5": 40}, {"joint_1": -20}):
@@ -256,6 +262,7 @@ controllers:
 """
 
 
+@pytest.mark.long
 def test_code_that_a_station_names_runs_where_its_user_allows_it(teach, tmp_path):
     file = tmp_path / "holding.yaml"
     file.write_text(HOLDING)
@@ -280,6 +287,7 @@ def test_the_command_passes_on_what_its_user_allows(tmp_path, monkeypatch):
     assert asked == [False, True]
 
 
+@pytest.mark.long
 def test_a_piece_is_taken_and_left(teach):
     session, _ = teach("humanoid_box")
     pose = [0, 0, -0.1, 0, 0, 0]
@@ -333,6 +341,7 @@ def test_taught_once_the_same_limbs_move_the_same_way_on_all_humanoids(teach):
             assert 4 < reached[list(session.book.model.axes)[number]] < 34, robot
 
 
+@pytest.mark.long
 def test_a_worker_that_is_killed_comes_back_with_the_program(tmp_path):
     session = Session.open("irb120_kinematic", tmp_path)
     try:
@@ -369,6 +378,7 @@ def shown(session, run):
     return scene.pose(scene.station.robots[session.book.robot].root).translation()
 
 
+@pytest.mark.long
 def test_a_fall_is_scrubbed_with_its_signals_and_gone_back_from(teach):
     """Both hips 110 degrees forward: the run can be looked at through the fall, whatever is asked for then."""
     session, run = teach("humanoid")
@@ -408,6 +418,7 @@ def test_a_run_that_diverges_is_scrubbed(teach):
     assert session.run.reach == 0.0
 
 
+@pytest.mark.long
 def test_the_last_ten_runs_are_kept_and_two_are_compared(teach):
     """Of the same program with other gains all signals are there, as the file has them that is taken away."""
     session, _ = teach("humanoid")
@@ -440,6 +451,7 @@ def test_the_last_ten_runs_are_kept_and_two_are_compared(teach):
     assert session.run.compared is None
 
 
+@pytest.mark.long
 def test_a_run_before_is_scrubbed_with_the_ghost_of_another_beside_it(teach):
     """Both stand where their own run had them at the same moment, though the station has other gains by now."""
     session, _ = teach("humanoid")
@@ -496,6 +508,7 @@ def matrices(commands, root):
     }
 
 
+@pytest.mark.long
 def test_what_fell_stands_in_the_list_from_where_it_began(teach):
     session, _ = teach("humanoid")
     heard(session, session.test({"left_elbow": 10}, 0.2))
@@ -511,6 +524,7 @@ def test_what_fell_stands_in_the_list_from_where_it_began(teach):
     assert base[-1, 2] < base[0, 2] - 0.05
 
 
+@pytest.mark.long
 def test_what_the_drives_can_do_is_told_as_it_was_changed_while_something_ran(teach):
     """And only the joints that it left without their torque are said to be at their limit."""
     session, run = teach("irb120_dynamic")

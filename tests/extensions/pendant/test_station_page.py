@@ -105,6 +105,7 @@ def on_page(scenario, session=None, language="en"):
     asyncio.run(run())
 
 
+@pytest.mark.long
 def test_a_wrong_value_is_refused_in_its_field_and_a_right_one_taken():
     async def scenario(user, session):
         user.find(content="Search for a key", kind=ui.input).type("proportional gain, per")
@@ -257,6 +258,7 @@ def test_what_was_changed_while_it_ran_is_marked():
     on_page(scenario)
 
 
+@pytest.mark.long
 def test_entries_are_added_and_taken_out():
     async def scenario(user, session):
         user.find(content="monitors", kind=ui.expansion).elements.pop().open()

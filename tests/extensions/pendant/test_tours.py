@@ -87,6 +87,7 @@ def test_an_arm_moves(session):
     follow(LESSONS[0], session, ["play"], [mass], ["play"], [limit, "play"])
 
 
+@pytest.mark.long
 def test_a_controller_does_away_with_an_error(session):
     stiff, integral = [("servo.kp", 4000)], [("servo.kp", 1000), ("servo.kd", 50), ("servo.ki", 2000)]
     follow(LESSONS[1], session, ["play"], [*stiff, "play"], [*integral, "play"])

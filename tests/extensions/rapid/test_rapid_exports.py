@@ -61,6 +61,7 @@ def exported(program: Program) -> tuple[str, str]:
     return rapid_text(ExportedProgram.of(program, Workcell(STATION)), "Test")
 
 
+@pytest.mark.long
 def test_the_same_motion_comes_back(tmp_path):
     file = tmp_path / "Test.mod"
     file.write_text(exported(PROGRAM)[0])
@@ -161,6 +162,7 @@ moves:
         ExportedProgram.of(Program.of_text("moves: [{wait: 1}, {play: 1}]"), Workcell(STATION))
 
 
+@pytest.mark.long
 def test_the_commands_write_run_and_import(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "station.yaml").write_text("mode: kinematic\nrobot: {model: irb120}\n")

@@ -62,6 +62,7 @@ def test_tools_and_work_objects_count(done):
     np.testing.assert_allclose(pose[:3, 3], [0.35, -0.1, 0.5], atol=1e-9)  # the flange is 100 mm above the tool
 
 
+@pytest.mark.long
 def test_moves_joined_by_zones_are_one_and_each_kind_is_its_own(done):
     moved = done(r"""
         ConfL\Off;

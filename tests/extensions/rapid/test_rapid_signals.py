@@ -112,6 +112,7 @@ def test_what_never_comes_or_is_not_known_is_told(done):
     assert [remark.lost for remark in never.remarks] == [True, True, True, False]
 
 
+@pytest.mark.long
 def test_an_input_can_watch_a_sensor_of_the_station(done):
     """The tool sinks from 0.5 m until its flange is less than 0.3 m above the floor."""
     target = "[[9E9,9E9,9E9,9E9,9E9,9E9]]"[1:-1]

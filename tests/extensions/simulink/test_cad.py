@@ -195,6 +195,7 @@ def test_parts_that_are_joined_and_not_held_are_free_as_one(tmp_path):
     assert sorted(link.joint.node.path for link in model.bodies.links) == ["alone free", "one free", "pin"]
 
 
+@pytest.mark.long
 def test_step_geometry_is_seen_in_its_own_units(tmp_path):
     pytest.importorskip("cascadio")
     write_step_box(tmp_path / "rod.step", (20, 30, 40))

@@ -19,6 +19,7 @@ def run():
     return simulate("double_pendulum", duration=1.0, progress=False)
 
 
+@pytest.mark.long
 def test_a_log_of_our_own_run_differs_by_nothing(run, tmp_path):
     folder = run.save(tmp_path / "run", recording=False)
     logged = read_log(folder / "signals.csv", {})
@@ -46,6 +47,7 @@ def test_what_differs_is_told(run, tmp_path, capsys):
     assert (signal, float(largest)) == ("q.joint_1", pytest.approx(difference.largest))
 
 
+@pytest.mark.long
 def test_a_comparison_is_replaced_with_force_only_and_tells_what_it_left_out(run, tmp_path, capsys):
     rows = np.column_stack([run.times, run["q.joint_1"], run.times])
     np.savetxt(

@@ -47,6 +47,7 @@ def test_a_hostile_expression_is_refused(text):
         value_of(text)
 
 
+@pytest.mark.long
 def test_refusing_takes_no_memory():
     """In a process of at most 1.5 GB, none of them ends in a traceback."""
     lines = [

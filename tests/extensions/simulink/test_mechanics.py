@@ -366,6 +366,7 @@ def test_a_loop_is_cut_at_a_hinge_and_not_at_its_slider(tmp_path):
     np.testing.assert_allclose(result["q.Slider"], place, atol=1e-3)
 
 
+@pytest.mark.long
 def test_loops_that_cannot_close_are_told(tmp_path):
     level = four_bar()
     level.blocks = [block.replace("[1.2 0 0]", "[9 0 0]") for block in level.blocks]

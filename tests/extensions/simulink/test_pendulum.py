@@ -54,6 +54,7 @@ def test_it_rests_where_its_equation_says(imported):
     np.testing.assert_allclose(np.linalg.norm(result.pose("tcp")[-1, :3] - [0, 0, 0.5]), 0.4, atol=1e-12)
 
 
+@pytest.mark.long
 def test_a_free_joint_swings_as_a_pendulum_does(tmp_path):
     model = pendulum(tmp_path / "free.slx", driven=False, workspace="Kp=0; Kw=0; theta0=5;")
     station = import_simulink(model, tmp_path / "out").station
@@ -67,6 +68,7 @@ def test_a_free_joint_swings_as_a_pendulum_does(tmp_path):
     np.testing.assert_allclose(result["q.Shoulder"], np.deg2rad(5) * expected, atol=2e-4)  # sin is not its angle: 4e-5
 
 
+@pytest.mark.long
 def test_the_station_runs_again_as_its_result_tells(imported, tmp_path):
     first = simulate(imported.station, duration=0.2, progress=False)
     again = simulate(first.save(tmp_path / "run", recording=False) / "station.yaml", progress=False)
@@ -164,6 +166,7 @@ def test_nothing_is_overwritten_without_force(imported, tmp_path):
     import_simulink(tmp_path / "arm one.slx", tmp_path / "out", force=True)
 
 
+@pytest.mark.long
 def test_the_command_line_imports_checks_and_runs(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     pendulum(tmp_path / "arm.slx", workspace="")

@@ -439,6 +439,7 @@ def test_a_spherical_pendulum_starts_at_the_speed_that_it_is_asked_for(tmp_path)
     np.testing.assert_allclose(found, path, atol=2e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("held", [True, False])
 def test_a_ball_joint_springs_back_by_its_angle_and_is_damped_in_all_directions(tmp_path, held):
     """A body of 1.5 kg, 60° aside about an oblique axis; by Euler's equations of its quaternion."""

@@ -295,6 +295,7 @@ PIDS = [
 ]  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("limited", PIDS, ids=["as it is", "limited", "its gains from outside"])
 def test_a_pid_with_a_filter_is_as_simulink_has_it(tmp_path, limited):
     """A step of 0.2 for an inertia of 1, whose derivative is of the filtered error: within 1e-4 of the step."""

@@ -264,6 +264,7 @@ def test_a_motion_beside_a_passive_joint_is_prescribed(tmp_path):
     assert told.endswith("its motion is prescribed for 1 s, and holds then")
 
 
+@pytest.mark.long
 def test_a_long_motion_is_no_table_too_long_to_run(tmp_path, monkeypatch):
     """A sine of one turn in 100 s, for 360 s: at 200 rows a second its table would be refused.
 

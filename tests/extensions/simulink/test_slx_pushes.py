@@ -65,6 +65,7 @@ class Body(Level):
         return import_simulink(write_model(tmp_path / "a.slx", self, stop=stop), tmp_path / "out")
 
 
+@pytest.mark.long
 def test_a_ball_bounces_by_the_forces_that_the_model_computes(tmp_path):
     """A spring and a damper below z = 0, along the axes of the world, on a body that lies on its side."""
     mass, stiffness, damping = 2.0, 4e3, 12.0
@@ -96,6 +97,7 @@ def test_a_ball_bounces_by_the_forces_that_the_model_computes(tmp_path):
     assert np.abs(result["applied_force.Push.y"]).max() > 100  # its own y is the world's z
 
 
+@pytest.mark.long
 def test_a_contact_that_blocks_draw_is_merged_and_split_by_its_parts(tmp_path):
     """A ball bounces where an If lets one of two subsystems act; ports that no parameter counts are counted."""
     mass, stiffness, damping = 2.0, 4e3, 12.0

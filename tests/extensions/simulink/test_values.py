@@ -111,6 +111,7 @@ def test_unknown_names_are_told():
     assert told.value.name == "tf"
 
 
+@pytest.mark.long
 def test_mask_code():
     code = """% a comment with x = 7
 contact.k = 1e3; % [N/m]

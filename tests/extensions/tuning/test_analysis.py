@@ -76,6 +76,7 @@ def test_trials_of_the_journal_are_those_of_optuna():
     assert found.trials[0].distributions["servo.kp"].log
 
 
+@pytest.mark.long
 def test_plots_tell_what_matters_and_leave_matplotlib_as_it_was(tmp_path):
     before = dict(mpl.rcParams)
     found = study_in_optuna("gains", STUDY, records(20))

@@ -204,6 +204,7 @@ HELPED = {
 """A force that was found for one move: it helps there, and hinders all others."""
 
 
+@pytest.mark.long
 def test_prove_says_not_proven_of_a_winner_that_is_worse_on_other_moves(tmp_path, capsys, monkeypatch):
     """Such a one was once proven, by the very move that it was found for."""
     kept = ("as thought", "moves")

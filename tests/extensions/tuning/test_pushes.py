@@ -81,6 +81,7 @@ def tipping_force(half):
     return (np.sqrt(2 * inertia * lift) / FORCE_TIME + MASS * gravity * half) / high
 
 
+@pytest.mark.long
 def test_a_block_tips_as_mechanics_has_it(block):
     """Ahead over the edge that is 0.1 m before its middle, to the sides over one at 0.06 m; however it is turned.
 
@@ -256,6 +257,7 @@ def test_what_cannot_be_is_told_before_any_push(station, more, told, tmp_path):
     assert not (tmp_path / "map").exists()
 
 
+@pytest.mark.long
 def test_the_command_writes_table_summary_and_picture(block, tmp_path, capsys):
     """With other settings beside, of a draw; what is there already is not made again."""
     folder = tmp_path / "map"

@@ -99,6 +99,7 @@ def test_so_is_a_place_that_a_program_has_not(key, told, tmp_path):
         Scene.of("irb120_kinematic", {"program": str(file), f"program.{key}": 1})
 
 
+@pytest.mark.long
 def test_what_is_built_is_used_again_and_runs_are_those_of_simulate():
     """For other references, pushes and durations; not for other gains."""
     scene._KEPT.clear()

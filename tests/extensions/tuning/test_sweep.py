@@ -136,6 +136,7 @@ class TestFolder:
         with pytest.raises(InvalidConfig, match="has changed since"):
             SweepFolder.there(tmp_path / "sweep")
 
+    @pytest.mark.long
     def test_a_run_that_cannot_be_or_diverges_is_a_row(self, tmp_path):
         sweep = Sweep(station="irb120_dynamic", vary={"solver.scheme": "cenic,nope,explicit_euler"}, overrides=WILD)
         ends = [row["ended"] for row in SweepFolder(tmp_path / "sweep", sweep).run(workers=1, progress=False)]
@@ -155,6 +156,7 @@ def killing(task):
     return number
 
 
+@pytest.mark.long
 def test_a_process_that_dies_takes_its_own_task_alone(tmp_path):
     tasks = [(number, tmp_path / str(number)) for number in range(7)]
     found = made_by(Processes(2), tasks)
@@ -200,6 +202,7 @@ def test_a_process_makes_one_trial_at_a_time_however_many_threads_ask():
     assert begun[::2] == begun[1::2]
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("no_plots")
 def test_one_run_is_made_again(tmp_path, capsys):
     SweepFolder(tmp_path / "sweep", PENDULUM).run(workers=1, progress=False)

@@ -239,6 +239,7 @@ def test_a_robot_climbs_a_step_and_comes_down_again():
     assert np.median(result["base.z"][on_top]) == pytest.approx(0.505, abs=0.005)
 
 
+@pytest.mark.long
 def test_hips_come_down_where_a_stride_is_long():
     robot = LeggedRobot(load_station("zjudancer_walking", SOLES))
     heights = [planned_gait(robot, "climb", {"stride": way}, bends=True).root[0, 2, 3] for way in (0.15, 0.16)]

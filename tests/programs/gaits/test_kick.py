@@ -46,6 +46,7 @@ def test_the_tip_of_the_foot_goes_through_the_point_at_the_speed(name, speed, ah
     assert kicking[at, 2, 3] - kicking[0, 2, 3] == pytest.approx(lift, abs=1e-6)
 
 
+@pytest.mark.long
 def test_a_ball_flies_as_it_is_hit_and_rolls_as_a_hollow_one_does():
     """Sliding until it rolls, it keeps its angular momentum about the points that it touches, m (v + 2/3 r w)."""
     away = np.deg2rad(12.0)

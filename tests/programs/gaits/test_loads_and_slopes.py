@@ -27,6 +27,7 @@ def test_the_planner_s_robot_weighs_as_much_as_the_station_s():
     np.testing.assert_allclose(np.average(points, axis=0, weights=skeleton.point_masses), exact, atol=1e-12)
 
 
+@pytest.mark.long
 def test_a_load_changes_the_plan_and_the_walk_stays_straight():
     """With 2 kg in the right hand zjudancer fell after 4.7 s when its gait did not know of them."""
     bare, laden = (LeggedRobot(load_station("zjudancer_dynamic", load)) for load in ({}, LOAD))
@@ -54,6 +55,7 @@ def test_on_a_slope_the_zero_moment_point_is_where_the_line_of_weight_meets_the_
     np.testing.assert_allclose(upright(gravity) @ [0, 0, 1], -gravity / np.linalg.norm(gravity), atol=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("uphill", [True, False])
 def test_the_humanoid_walks_up_and_down_a_slope(uphill):
     heading = -90 if uphill else 90  # it looks to -y
@@ -68,6 +70,7 @@ def test_the_humanoid_walks_up_and_down_a_slope(uphill):
     assert -0.045 < end[2] - start[2] - risen < 0.005  # the hips come down by up to a tenth of their height
 
 
+@pytest.mark.long
 def test_a_walk_on_a_fixed_box_needs_no_floor():
     box = {"model": "board", "parent": "world"}
     station = load_station("roid1_dynamic", {"pieces.plate": box})

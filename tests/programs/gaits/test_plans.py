@@ -38,6 +38,7 @@ def margin(corners, point):
     return -(sides[:, :2] @ point + sides[:, 2]).max()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("robot", "name"), WALKS)
 def test_soles_stay_flat_and_the_zero_moment_point_over_those_that_stand(robot, name):
     motion = walk(robot, 6, name)

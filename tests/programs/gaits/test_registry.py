@@ -26,6 +26,7 @@ def test_names_are_told_apart(robot):
     assert {*gaits_of(robot, steps=True), *gaits_of(robot, steps=False)} == set(names)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_every_gait_is_planned_by_its_name(robot):
     walker = Walker.of(robot)

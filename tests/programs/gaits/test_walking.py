@@ -27,6 +27,7 @@ def planned_way(motion):
     return float(np.linalg.norm(motion.root[-1, :2, 3]))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("plan", "tilt"),
     [
@@ -70,6 +71,7 @@ def test_the_march_of_the_thesis_walks_with_its_gains():
     assert np.rad2deg(found.tilt) < 3
 
 
+@pytest.mark.long
 def test_a_turning_walk_turns_the_robot():
     motion = walk("zjudancer", 6, "turn")
     planned = np.rad2deg(np.arctan2(motion.root[-1, 1, 0], motion.root[-1, 0, 0]))
@@ -79,6 +81,7 @@ def test_a_turning_walk_turns_the_robot():
     assert np.rad2deg(found.yaw) == pytest.approx(planned, rel=0.15)
 
 
+@pytest.mark.long
 def test_a_foot_stays_up_for_as_long_as_asked():
     motion = three_legs("yobotics", foot="front_left_foot", seconds=2.0)
     result, found = walked(motion)

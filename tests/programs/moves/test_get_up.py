@@ -18,6 +18,7 @@ LYING = {"zjudancer": [0.0, 0.0, 0.06, 0.0, 0.0, -1.5], "roid1": [0.0, 0.0, 0.1,
 """Belly down, and on its back."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", LYING)
 def test_a_humanoid_gets_up_by_contact_alone(name):
     robot = LeggedRobot(load_station(f"{name}_dynamic", {"robot.base": LYING[name]}))

@@ -237,7 +237,7 @@ class KeyTable:
             element: the element that the keys press.
 
         Raises:
-            ValueError: another element of the page has these keys.
+            ValueError: an element of the page has these keys already.
         """
         if not self.is_free(keys):
             owner = _name_of(self._elements[keys])

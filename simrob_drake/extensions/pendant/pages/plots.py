@@ -200,18 +200,27 @@ class _Scope:
         return [[time, *(as_list(value)[i] * self._factor for i in chosen)] for time, value in rows]
 
     def _reference_layer(self, chosen: Sequence[int], names: Sequence[str]) -> Layer:
-        """Curves of the reference of the chosen columns, dashed; columns of an axis belong together."""
-        places = {column.rpartition(".")[2]: place for place, column in enumerate(self._reference["columns"])}
-        own = [(places.get(self._columns[number].rpartition(".")[2]), number) for number in chosen]
-        known = [(place, number) for place, number in own if place is not None]
-        history = self._session.run.history_of(self._reference["name"])
-        rows = [
-            [time, *(as_list(value)[place] * self._factor for place, _ in known)]
-            for time, value in thinned(list(history), _POINTS)
-        ]
-        styles = [(_style(number)[0], "--") for _, number in known]
-        called = [name for name, (place, _) in zip(names, own, strict=True) if place is not None]
-        return Layer(called, styles, rows)
+        """Make the dashed curves of the reference of the chosen columns.
+
+        A column and its reference have the same axis, which is the last part of their names. Columns without a
+        reference are left out.
+
+        Args:
+            chosen: numbers of the chosen columns of the signal.
+            names: what these are called in the legend.
+        """
+        columns_of_reference = {_axis_of(column): place for place, column in enumerate(self._reference["columns"])}
+        known_names, styles, places = [], [], []
+        for number, name in zip(chosen, names, strict=True):
+            place = columns_of_reference.get(_axis_of(self._columns[number]))
+            if place is not None:
+                known_names.append(name)
+                styles.append((_style(number)[0], "--"))
+                places.append(place)
+
+        history = thinned(list(self._session.run.history_of(self._reference["name"])), _POINTS)
+        rows = [[time, *(as_list(value)[place] * self._factor for place in places)] for time, value in history]
+        return Layer(known_names, styles, rows)
 
     def _limit_layer(self, chosen: Sequence[int], rows: Sequence[Sequence[float]]) -> Layer:
         """Horizontal lines at the limits of the chosen columns, dotted, on the sides to which the curves go.
@@ -251,6 +260,11 @@ def _title(t: Words, signal: Mapping[str, Any]) -> str:
     whose, _, name = signal["name"].rpartition(".")
     words = Phrases(t, ()).name(name, signal["title"])
     return f"{whose}: {words}" if whose and words != signal["title"] else words
+
+
+def _axis_of(column: str) -> str:
+    """Return the axis of a column, such as ``joint_1`` of ``left.joint_1``."""
+    return column.rpartition(".")[2]
 
 
 def _style(column: int) -> tuple[str, str]:

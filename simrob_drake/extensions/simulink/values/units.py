@@ -59,7 +59,15 @@ def _unit(tree: Expression, *, counts: bool = False) -> Unit:
 
 
 def factor(text: str, like: str) -> float:
-    """Return what one unit is in SI, of the dimension of another, such as ``m`` (raises UnknownUnit: it is not)."""
+    """Return how many SI units one unit is, such as 0.01 for ``cm``.
+
+    Args:
+        text: the unit.
+        like: a unit of the dimension that ``text`` must have; its size does not matter.
+
+    Raises:
+        UnknownUnit: one of them is no unit, or their dimensions differ.
+    """
     unit, target = parse_unit(text), parse_unit(like)
     if unit.dimension != target.dimension:
         raise UnknownUnit(

@@ -67,6 +67,7 @@ class Hand:
         return yaml.safe_load((self.pendant.folder / name / "program.yaml").read_text())
 
 
+@pytest.mark.long
 def test_an_arm_is_jogged_by_arrows_rings_and_links(page, tmp_path):
     with running("irb120_gripper", tmp_path) as pendant:
         hand = Hand(page, pendant)
