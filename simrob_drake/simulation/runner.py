@@ -143,7 +143,7 @@ class RunPlan:
 
 @dataclass(frozen=True)
 class Callbacks:
-    """What the user sees of a run, and commands in it, while it is stepped; see :func:`simulate`."""
+    """The user's callbacks while a run is stepped, as in :func:`simulate`."""
 
     progress: bool = False
     on_step: OnStep | None = None
@@ -180,7 +180,7 @@ class Runner:
         return f"<Runner of {self.config!r}>"
 
     def like(self, config: StationConfig) -> Self | None:
-        """Return a runner of another station that uses what this one has built; None where that is built otherwise.
+        """Make a runner of another station that uses the diagrams of this one, or return None if they do not fit.
 
         References, figures of pushes, the start, the duration and the sample rate may differ; so may names.
         """
@@ -225,8 +225,8 @@ class Runner:
         _check_callback(on_step)
         requested = by_robot(config, reference)
         keeps_time = one_of("start_time", start_time, get_args(StartTime)) == "keep"
-        # A start that the caller or the station gives continues another run. This is evaluated before _started(), which
-        # also makes a start for a robot with prescribed axes.
+        # A start that the caller or the station gives continues another run. _start_of() also makes a start for a robot
+        # with prescribed axes.
         first_state = _checked_start(config, start)
         plan = RunPlan(config, requested, begins_in_motion=first_state is not None, ticks=ticks)
         if keeps_time:
@@ -239,11 +239,11 @@ class Runner:
             origins = first_state.origins or None
             plan = replace(plan, start=first_state, begin=first_state.time, origins=origins)
         else:
-            start = self._started(config, first_state)
+            start = self._start_of(config, first_state)
             plan = replace(plan, start=start, origins=_origins(start))
         callbacks = Callbacks(progress=progress, on_step=on_step, commands=commands)
         trace = first_state.valid_trace if keeps_time and first_state is not None else None
-        result = self._continued(plan, callbacks, trace) if trace is not None else None
+        result = self._continue(plan, callbacks, trace) if trace is not None else None
         if result is None:
             result = self._run(plan, callbacks)
         return result.check(strict)
@@ -304,13 +304,13 @@ class Runner:
             repeated_until=result.stop_time,
         )
         callbacks = Callbacks(progress=progress, on_step=on_step)
-        resumed = self._continued(plan, callbacks, trace)
+        resumed = self._continue(plan, callbacks, trace)
         if resumed is None:
             raise InvalidParameter("result", *other_station(config))
         elapsed = result.stepping_time + resumed.stepping_time
         return replace(resumed, stepping_time=elapsed).check(strict)
 
-    def _continued(self, plan: "RunPlan", callbacks: "Callbacks", trace: Trace) -> SimulationResult | None:
+    def _continue(self, plan: "RunPlan", callbacks: "Callbacks", trace: Trace) -> SimulationResult | None:
         """Run a plan from recorded steps of an earlier run, which are repeated and compared.
 
         Args:
@@ -391,7 +391,7 @@ class Runner:
 
         ``watched``: whether the runs have ticks. Raises SimrobError: as of :func:`simulate`.
         """
-        return self._playing(self.config, {}, _origins(self._started(self.config, None)), watched=watched).whole.ports
+        return self._playing(self.config, {}, _origins(self._start_of(self.config, None)), watched=watched).whole.ports
 
     @drake_asserts()
     def branch(self, at: float, *, reference: ReferencesLike = None) -> "RunBranch":
@@ -416,7 +416,7 @@ class Runner:
                     duration=config.duration,
                 ),
             )
-        start = self._started(config, None)
+        start = self._start_of(config, None)
         diagrams = self._playing(config, by_robot(config, reference), _origins(start))
         begins_in_motion = _checked_start(config, None) is not None
         return RunBranch(self, reference, at, diagrams, self._blocks, start, begins_in_motion=begins_in_motion)
@@ -440,24 +440,34 @@ class Runner:
             start.put(built.diagram, built.ports, built.diagram.CreateDefaultContext())
 
     def references(self, reference: ReferencesLike, start: State | None) -> dict[str, Reference]:
-        """Return what each robot is asked in a run that begins in a state, as :meth:`run` takes them all.
+        """Find the reference of each robot in a run that begins in a state.
 
         Raises SimrobError: a reference that does not fit its robot.
         """
         return station_references(self._station, by_robot(self.config, reference), _origins(start))
 
-    def _started(self, config: StationConfig, start: State | None) -> State | None:
-        """Return the state in which a run begins, prescribed axes on their references; None for that of the station."""
-        start, robots = _checked_start(config, start), self._station.robots
+    def _start_of(self, config: StationConfig, start: State | None) -> State | None:
+        """Find the state in which a run begins, with prescribed axes on their references.
+
+        Args:
+            config: configuration of the station in this run.
+            start: state that the user gives; None for the station's own start.
+
+        Returns:
+            the state, or None if the run begins in the initial state of the station.
+        """
+        checked = _checked_start(config, start)
+        robots = self._station.robots
         if not any(robot.prescribed for robot in robots.values()):
-            return start
+            return checked
         rest = {name: np.zeros(len(robot.axes)) for name, robot in robots.items()}
         initial = {name: robot.initial for name, robot in robots.items()}
-        start = start or State(initial, rest, initial)
+        state = checked or State(initial, rest, initial)
         for name, robot in robots.items():
-            before = start.positions.get(name, robot.initial), start.velocities.get(name, rest[name])
-            start = start.with_axes(robot, *begin_on_prescribed(robot, *before))
-        return start
+            positions = state.positions.get(name, robot.initial)
+            velocities = state.velocities.get(name, rest[name])
+            state = state.with_axes(robot, *begin_on_prescribed(robot, positions, velocities))
+        return state
 
     def _playing(
         self,
@@ -665,7 +675,7 @@ class RunBranch:
 
     @drake_asserts()
     def outcome(self, pushes: Mapping[str, Any]) -> Outcome:
-        """Step on under pushes, and tell only how the run ends. No signals are computed.
+        """Step on under pushes, and return how the run ends. No signals are computed.
 
         Args:
             pushes: as in :meth:`Runner.run`.
@@ -748,7 +758,7 @@ class RunBranch:
         return Stepper(config, self._diagrams.stepped, self._diagrams.edges, blocks=self._blocks, **more)
 
     def _outcome(self, stepper: Stepper) -> Outcome:
-        """Step to the end of the stepper's run, and tell how it ended."""
+        """Step to the end of the stepper's run. Returns how it ended."""
         return stepper.run(*watched(stepper, self._diagrams.whole))
 
 

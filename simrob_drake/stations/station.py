@@ -87,7 +87,7 @@ def add_station(
     resolved = resolve(config_of(station, overrides))
     known = list(builder.GetSystems())
     names = [system.get_name() for system in known]
-    _check_clash(names, [_prefixed(name, own) for own in _ALWAYS_THERE], name)
+    _check_clash(names, [_with_prefix(name, own) for own in _ALWAYS_THERE], name)
     # While the station is composed, blocks are found by their names without the prefix: nothing else has these then.
     for index, system in enumerate(known):
         system.set_name(f"{_HIDDEN}{index}")
@@ -100,7 +100,7 @@ def add_station(
             system.set_name(own_name)
     added = builder.GetSystems()[len(known) :]
     for system in added:
-        system.set_name(_prefixed(name, system.get_name()))
+        system.set_name(_with_prefix(name, system.get_name()))
     _check_clash(names, [system.get_name() for system in added], name)
     return replace(ports, name=name)
 
@@ -112,7 +112,7 @@ _HIDDEN = "another system "
 """Begin of the names of systems of the user's own while a station is added."""
 
 
-def _prefixed(name: str, system: str) -> str:
+def _with_prefix(name: str, system: str) -> str:
     """Name of a system of a station in the diagram.
 
     Args:
@@ -270,7 +270,7 @@ class Station(Diagram):
         self.set_name(self.config.name)
 
     def __repr__(self) -> str:
-        """Say in one line what stands in it; its ports are told by ``ports``."""
+        """Describe the station in one line."""
         return f"<Station of {self.config!r}>"
 
 

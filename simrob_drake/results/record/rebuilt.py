@@ -84,16 +84,16 @@ class RebuiltRun:
     @property
     def plant(self) -> StationPlant:
         """The station's plant with its robots."""
-        return self._built.ports.plant
+        return self._closed.ports.plant
 
     @property
     def contacts_at(self) -> Callable[[Vector], Iterator[ContactResults]] | None:
-        """Function that yields contact results at times (k,) [s]; None if no contacts were evaluated in the run."""
+        """Function that yields contact results at times (k,) [s], or None if the run has none."""
         return self._contacts_at if self._has_contacts else None
 
     def context(self) -> Context:
         """A context of the diagram with the plant and its shapes."""
-        return self._built.diagram.CreateDefaultContext()
+        return self._closed.diagram.CreateDefaultContext()
 
     def positions_at(self, times: Vector) -> Vector:
         """Positions of the plant (k, nq) at times (k,) [s] of the run.
@@ -103,7 +103,7 @@ class RebuiltRun:
         """
         sampler = self._sampler
         if sampler is not None:
-            ports = self._built.ports
+            ports = self._closed.ports
             states: Vector = sampler.sample([ports.state], times)[0]
             return states[:, : ports.plant.plant.num_positions()]
         if self._motion is None:
@@ -131,28 +131,28 @@ class RebuiltRun:
 
     @cached_property
     def _sampler(self) -> "Sampler | None":
-        """Evaluates the station at the recorded states; None if they are not those of the rebuilt diagram."""
+        """Evaluates the station at the recorded states. It is None if these do not fit the rebuilt diagram."""
         from simrob_drake.results.record.signals import Sampler
 
         trace = self._run.trace
-        if not has_layout_of_station(self._run) or trace is None or not fits(trace.history, self._built):
+        if not has_layout_of_station(self._run) or trace is None or not fits(trace.history, self._closed):
             return None
-        return Sampler(self._built.diagram, self._built.ports, trace.history, tolerant=True)
+        return Sampler(self._closed.diagram, self._closed.ports, trace.history, tolerant=True)
 
     @cached_property
-    def _built(self) -> "ClosedStation":
+    def _closed(self) -> "ClosedStation":
         """The station, closed with the references of the run; without blocks of the user's own that cannot be made."""
         try:
-            return _built_again(self._run, self._run.config)
+            return _build_again(self._run, self._run.config)
         except SimrobError:
             sections = self._run.config.controllers
             known = {name: section for name, section in sections.items() if not section.runs_code}
             if len(known) == len(sections):
                 raise
-            return _built_again(self._run, self._run.config.model_copy(update={"controllers": known}))
+            return _build_again(self._run, self._run.config.model_copy(update={"controllers": known}))
 
 
-def _built_again(run: Run, config: StationConfig) -> "ClosedStation":
+def _build_again(run: Run, config: StationConfig) -> "ClosedStation":
     """Build the diagram in which the signals of a run are evaluated.
 
     Args:
