@@ -122,7 +122,7 @@ class AnalyticSolver(Solver):
         return np.asarray((beyond <= self.chain.limits.tolerances).all(axis=-1))
 
     def _branches(self, targets: Vector, starts: Vector, allowed: Indices) -> tuple[ClosedForm, Vector, Vector]:
-        """Compute the postures of targets, close to the starts.
+        """Compute the postures of targets, with whole turns close to the starts.
 
         Args:
             targets: poses of the tool, shape (k, 4, 4).

@@ -179,14 +179,16 @@ class SixAxisArm:
 
     @cached_property
     def sign_of_right(self) -> float:
-        """Sign of the first solution of the shoulder that is called ``right``: 1 or -1.
+        """Sign s, 1 or -1, with which axis 1 = middle + s · spread is the right shoulder; see :func:`_solve_shoulder`.
 
-        The wrist is ahead then, and an arm that is offset to a side is on the right.
+        With s = 1 the wrist centre is in front, on the side of axis 1 to which axis 2 × axis 1 points. An arm that is
+        offset along axis 2 is then on the left, seen from axis 1 towards the wrist. So s is -1 for such an arm. An arm
+        without an offset has its right shoulder where the wrist centre is on the same side of axis 1 as at zero.
         """
         if abs(self.side) > _OFFSET:
             return -float(np.sign(self.side))
-        ahead = np.cross(self.axes[1], self.axes[0])
-        is_behind_at_zero = ahead @ (self.centre - self.shoulder) < -_OFFSET
+        front = np.cross(self.axes[1], self.axes[0])
+        is_behind_at_zero = front @ (self.centre - self.shoulder) < -_OFFSET
         return -1.0 if is_behind_at_zero else 1.0
 
     def turn(self, axis: int, angles: Vector, vectors: Vector) -> Vector:
@@ -238,7 +240,11 @@ class SixAxisArm:
 
 
 def _check_directions(axes: Vector) -> None:
-    """Check which axes (6, 3) are parallel; raises NoClosedForm: axes 2 and 3 are not, or two others are."""
+    """Check which of the axes (6, 3) are parallel.
+
+    Raises:
+        NoClosedForm: axes 2 and 3 are not, or two neighbours are that must not be: 1 and 2, 4 and 5, or 5 and 6.
+    """
     if np.linalg.norm(np.cross(axes[1], axes[2])) > _ANGLE:
         raise NoClosedForm(message("kinematics.axis_3_not_parallel", "axis 3 is not parallel to axis 2"))
     for one, other in ((0, 1), (3, 4), (4, 5)):
@@ -308,7 +314,7 @@ def all_postures(arm: SixAxisArm, targets: Vector, starts: Vector) -> ClosedForm
     centres = targets[:, :3, 3] + rotations @ (arm.centre - arm.home[:3, 3])
     first, out_of_side, is_any_first = _solve_shoulder(arm, centres, starts[:, 0])
 
-    # The wrist centre, turned back by axis 1 and seen along axis 2, from there.
+    # The wrist centre as seen from axis 2, in the plane across it, after axis 1 is turned back. Shape (k, 2, 1, 1).
     turned_back = arm.turn(0, -first, (centres - arm.shoulder)[:, np.newaxis]) + arm.shoulder - arm.upper_arm
     planar = (turned_back @ arm.plane)[..., np.newaxis, np.newaxis]
 
@@ -316,15 +322,18 @@ def all_postures(arm: SixAxisArm, targets: Vector, starts: Vector) -> ClosedForm
     postures = np.empty((len(targets), 2, 2, 2, 6))
     postures[..., 0] = first[:, :, np.newaxis, np.newaxis]
     if arm.parallel:
+        # First the wrist, whose "axis 4" is here the sum of the parallel axes 2, 3 and 4. Then the elbow, and axis 4 as
+        # what remains of the sum. If the pose leaves the sum free, it is as close to that of the start as possible.
         total_of_start = starts[:, 1] + third * starts[:, 2] + fourth * starts[:, 3]
-        desired = _closest_total(arm, planar, total_of_start)
+        total_if_free = _closest_total(arm, planar, total_of_start)
         no_forearm = np.zeros((len(targets), 2, 1))
-        wrist, is_any_wrist = _solve_wrist(arm, rotations, first, no_forearm, fourth * desired)
-        total = fourth * wrist[..., 0]  # of axes 2, 3 and 4
+        wrist, is_any_wrist = _solve_wrist(arm, rotations, first, no_forearm, fourth * total_if_free)
+        total = fourth * wrist[..., 0]
         postures[..., 1], postures[..., 2], out_of_arm = _solve_elbow(arm, planar - arm.hand * np.exp(1j * total))
         postures[..., 3] = fourth * (total - postures[..., 1] - third * postures[..., 2])
         postures[..., 4:] = wrist[..., 1:]
     else:
+        # First the elbow, then the wrist. Axes 2 and 3 are the same for both wrists, so those of wrist 0 are taken.
         postures[..., 1], postures[..., 2], out_of_arm = _solve_elbow(arm, planar)
         angle_of_forearm = postures[..., 0, 1] + third * postures[..., 0, 2]
         postures[..., 3:], is_any_wrist = _solve_wrist(arm, rotations, first, angle_of_forearm, _column(starts[:, 3]))
@@ -361,9 +370,9 @@ def _solve_shoulder(arm: SixAxisArm, centres: Vector, starts: Vector) -> tuple[V
 
     radius = np.hypot(a, b)
     spread = np.arccos(np.clip(d / np.maximum(radius, _SINGULAR), -1.0, 1.0))
-    ahead = np.arctan2(b, a)
+    middle = np.arctan2(b, a)
     sign = arm.sign_of_right
-    first = np.stack([ahead + sign * spread, ahead - sign * spread], axis=1)
+    first = np.stack([middle + sign * spread, middle - sign * spread], axis=1)
 
     is_any = radius < _SINGULAR
     first[is_any] = starts[is_any, np.newaxis]
@@ -407,12 +416,17 @@ def _closest_total(arm: SixAxisArm, target: Complex, total: Vector) -> Vector:
 def _solve_elbow(arm: SixAxisArm, target: Complex) -> tuple[Vector, Vector, Vector]:
     """Solve exp(i q2) (upper + fore exp(i q3)) = target for axes 2 and 3, by the law of cosines.
 
+    In this equation, q3 is counted in the sense of axis 2. If the target is out of reach, the arm is stretched or
+    folded towards it.
+
     Args:
         arm: the arm.
-        target: where the end of the forearm is to be, across axis 2, shape (k, 2, ...) [m].
+        target: where the end of the forearm is to be, across axis 2, shape (k, 2, 1, w) [m], for each shoulder. With a
+            parallel wrist, w is 2, for each wrist; otherwise 1.
 
     Returns:
-        axis 2 and axis 3, shape (k, 2, 2, ...) [rad], and how far the target is out of reach, shape (k, 2, ...) [m].
+        axis 2 and axis 3 for each shoulder and elbow, shape (k, 2, 2, w) [rad], and how far the target is out of reach,
+        shape (k, 2, 1, w) [m].
     """
     upper = abs(arm.upper)
     fore = abs(arm.fore)
@@ -420,9 +434,10 @@ def _solve_elbow(arm: SixAxisArm, target: Complex) -> tuple[Vector, Vector, Vect
     cosine = (distance**2 - upper**2 - fore**2) / (2.0 * upper * fore)
     bend = np.arccos(np.clip(cosine, -1.0, 1.0))
 
-    # With the left shoulder the arm is turned round, so that "up" is the other solution.
-    up = arm.sign_of_right * np.array([[[1.0], [-1.0]], [[-1.0], [1.0]]])
-    angle = up * bend - np.angle(arm.fore / arm.upper)
+    # The sense of the bend by shoulder and elbow, shape (2, 2, 1). If the wrist is in front, a positive turn about
+    # axis 2 bends the arm down. With the left shoulder the arm is turned round, so that the senses change.
+    sense_of_bend = arm.sign_of_right * np.array([[[1.0], [-1.0]], [[-1.0], [1.0]]])
+    angle = sense_of_bend * bend - np.angle(arm.fore / arm.upper)
     end_of_forearm = arm.upper + arm.fore * np.exp(1j * angle)
     second = np.angle(target * np.conj(end_of_forearm))
     third = angle * arm.senses[0]

@@ -56,6 +56,9 @@ _SINGULAR = 1e-6
 _MOST_FAMILY_STEPS = 40
 """Largest count of steps along a family of postures."""
 
+_SHORTEST_FAMILY_STEP = _SAME / 10
+"""Longest step of one axis at which a posture has come as close to the start as its family allows [rad or m]."""
+
 _LONGEST_FAMILY_STEP = 0.3
 """Longest step of one axis along a family of postures [rad or m]."""
 
@@ -103,7 +106,7 @@ def goal_postures(chain: Chain, targets: Vector, start: Vector, seed: int = 0) -
     """Find different postures within the limits that bring the tool to any of the targets, for a motion planner.
 
     For an arm with a closed form these are all postures. For other arms they are the postures that a hundred searches
-    from random postures find.
+    in all find, one from the start and the others from random postures.
 
     Args:
         chain: the axes.
@@ -119,7 +122,7 @@ def goal_postures(chain: Chain, targets: Vector, start: Vector, seed: int = 0) -
     except NoClosedForm:
         starts_per_target = ceil(_STARTS_PER_ROUND / len(targets))
         starts = random_postures(chain, starts_per_target * len(targets), seed)
-        starts[0] = start
+        starts[0] = start  # for the first target
         # Axes that do not move the tool stay as they are.
         idle_axes = np.setdiff1d(np.arange(chain.size), chain.order)
         starts[:, idle_axes] = start[idle_axes]
@@ -282,11 +285,11 @@ def _follow_families(chain: Chain, target: Vector, postures: Vector, start: Vect
             break
         steps = _steps_in_null_space(chain, postures[rows], start, moving)
         longest = np.abs(steps).max(axis=1, keepdims=True)
-        is_moving = longest[:, 0] > _SAME / 10
+        is_moving = longest[:, 0] > _SHORTEST_FAMILY_STEP
         if not is_moving.any():
             break
 
-        limited_steps = steps * np.minimum(1.0, _LONGEST_FAMILY_STEP / np.maximum(longest, _LONGEST_FAMILY_STEP))
+        limited_steps = steps * (_LONGEST_FAMILY_STEP / np.maximum(longest, _LONGEST_FAMILY_STEP))
         rows = rows[is_moving]
         moved = postures[rows]
         moved[:, moving] += limited_steps[is_moving]

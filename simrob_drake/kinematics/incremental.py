@@ -89,9 +89,9 @@ class IncrementalSolver(Solver):
 
         # Rotations beyond the limit are not followed.
         rotations = np.linalg.norm(pose_errors(targets, poses_at_start)[:, 3:], axis=1)
-        is_turned = (rotations <= self._limit) & (self._limit > 0)
+        is_rotation_followed = (rotations <= self._limit) & (self._limit > 0)
         goals = targets.copy()
-        goals[~is_turned, :3, :3] = poses_at_start[~is_turned, :3, :3]
+        goals[~is_rotation_followed, :3, :3] = poses_at_start[~is_rotation_followed, :3, :3]
         steps = self._follow(goals, positions)
 
         # Targets that are out of reach only because limits are rounded. Indexing by rows copies, so the changed
@@ -99,7 +99,7 @@ class IncrementalSolver(Solver):
         errors = pose_errors(targets, self.chain.forward(positions))
         is_accepted = np.zeros(len(targets), dtype=bool)
         is_at_limit = (positions <= self.chain.lower) | (positions >= self.chain.upper)
-        rows = np.flatnonzero(~self._within(errors) & is_turned & is_at_limit.any(axis=1))
+        rows = np.flatnonzero(~self._within(errors) & is_rotation_followed & is_at_limit.any(axis=1))
         if rows.size:
             own_positions = positions[rows]
             own_errors = errors[rows]
@@ -113,7 +113,9 @@ class IncrementalSolver(Solver):
 
         def why(row: int) -> str:
             """Reason why a target is not reached, in words."""
-            return self._reason(targets[row], positions[row], errors[row], is_turned=bool(is_turned[row]))
+            return self._reason(
+                targets[row], positions[row], errors[row], is_rotation_followed=bool(is_rotation_followed[row])
+            )
 
         return Solutions.found(positions, errors, self._within(errors) | is_accepted, steps, why)
 
@@ -145,16 +147,16 @@ class IncrementalSolver(Solver):
         """Whether errors (k, 6) are within the tolerances, shape (k,)."""
         return within(errors, np.ones(6), self._tolerance)
 
-    def _reason(self, target: Vector, positions: Vector, error: Vector, *, is_turned: bool) -> str:
+    def _reason(self, target: Vector, positions: Vector, error: Vector, *, is_rotation_followed: bool) -> str:
         """Write why a target is not reached.
 
         Args:
             target: pose of the tool, shape (4, 4).
             positions: the posture, shape (n,) [rad or m].
             error: error of the posture, shape (6,) [m, rad].
-            is_turned: whether the rotation was followed.
+            is_rotation_followed: whether the rotation was followed.
         """
-        if not is_turned and np.linalg.norm(error[:3]) <= self._tolerance[0]:
+        if not is_rotation_followed and np.linalg.norm(error[:3]) <= self._tolerance[0]:
             turn = angle(float(np.linalg.norm(error[3:])))
             return message(
                 "kinematics.rotation_limit",
@@ -162,7 +164,7 @@ class IncrementalSolver(Solver):
                 turn=turn,
                 limit=angle(self._limit),
             )
-        weights = np.array([1.0, 1.0, 1.0, *[float(is_turned)] * 3])
+        weights = np.array([1.0, 1.0, 1.0, *[float(is_rotation_followed)] * 3])
         return why_unreached(self.chain, target, positions, error * weights, weights)
 
 
@@ -185,5 +187,5 @@ def _damped_steps(jacobians: Vector, errors: Vector) -> Vector:
     gains = values / np.maximum(values**2 + damping_squared, _LEAST_DENOMINATOR)
     steps = (right.transpose(0, 2, 1) @ (gains * projected)[..., np.newaxis])[..., 0]
     longest = np.abs(steps).max(axis=1, keepdims=True)
-    limited: Vector = steps * np.minimum(1.0, _LONGEST_STEP / np.maximum(longest, _LONGEST_STEP))
+    limited: Vector = steps * (_LONGEST_STEP / np.maximum(longest, _LONGEST_STEP))
     return limited

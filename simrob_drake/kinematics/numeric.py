@@ -81,7 +81,8 @@ class Fit:
         Args:
             indices: indices of the results, one for each search of ``other``.
             other: the other searches.
-            iterations: counts of steps that are added; those of ``other`` unless given.
+            iterations: counts of steps that are added, whether or not a result is replaced; those of ``other`` unless
+                given.
         """
         self.iterations[indices] += other.iterations if iterations is None else iterations
         is_better = other.costs < self.costs[indices]
@@ -240,7 +241,8 @@ def _do_step(chain: Chain, searches: _Searches, *, weights: Vector, flat: float)
         flat: share of the cost that a step must take away.
 
     Returns:
-        whether each search has stopped: its step takes away too little, or moves nothing.
+        whether each search has stopped: its accepted step takes away too little, or its rejected step moves nothing.
+        After any other rejected step it goes on with more damping.
     """
     trial = np.clip(searches.postures + _steps(searches, weights), searches.lower, searches.upper)
     errors, jacobians = _linearise(chain, trial, searches.targets, searches.base)
@@ -508,10 +510,10 @@ class NumericSolver(Solver):
         return within(fit.errors, self._weights, self._tolerance)
 
     def _restart(self, fit: Fit, missing: Indices, seeds: Vector, targets: Vector, starts: Vector) -> None:
-        """Search each missing target from each of some random postures, and take the best result if it is better.
+        """Search each missing target from each of some random postures, and take the best result if it costs less.
 
         Args:
-            fit: the best postures so far. Those of missing targets are replaced if a search finds a better one.
+            fit: the best postures so far. Those of missing targets are replaced if a search finds a cheaper one.
             missing: indices of the targets that are not reached.
             seeds: the random postures, shape (r, n) [rad or m].
             targets: all targets, shape (k, 4, 4).

@@ -166,10 +166,14 @@ def _links(
     """Find the body and the pose at zero of each named frame of a robot.
 
     Args:
-        plant: the plant of the robot.
+        plant: the plant of the robot, whose root is welded to the world's origin.
         root: frame of the root link.
         bodies: bodies of the skeleton, in its order.
         context: a context in which all axes are at zero.
+
+    Returns:
+        for each name of a frame, the index of its body in ``bodies`` and its pose in the world, shape (4, 4). Frames on
+        other bodies are left out.
     """
     index_of_body = {body.index(): index for index, body in enumerate(bodies)}
     frames = [plant.get_frame(index) for index in plant.GetFrameIndices(root.model_instance())]
