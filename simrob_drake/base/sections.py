@@ -13,7 +13,7 @@ from functools import lru_cache
 from itertools import pairwise
 from math import inf, pi
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar, cast
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar, dataclass_transform
 
 from pydantic import (
     AfterValidator,
@@ -88,16 +88,21 @@ _QUOTED = re.compile(r"'([^']+)'")
 _UNION_BRANCH = re.compile(r"^(float|int|bool|str|constrained-\w+)$|^(list|dict|tuple|constrained)\b.*\[")
 
 
+# Type checkers do not inherit this mark from pydantic's metaclass. With it they know the keywords of each class.
+@dataclass_transform(kw_only_default=True, field_specifiers=(Field,))
 class _CheckedModel(ModelMetaclass):
     """Makes the classes whose objects, made in Python, are told of as the content of a file is."""
 
-    def __call__(cls, /, *positional: Any, **content: Any) -> Any:  # noqa: N805  # of a class of classes
-        if not cast(type[Strict], cls).of_any_size:
-            _check_sizes(content, cls.__name__)
-        try:
-            return super().__call__(*positional, **content)
-        except ValidationError as problem:
-            raise _first_finding(problem, cast(type[BaseModel], cls), cls.__name__) from problem
+    if not TYPE_CHECKING:  # type checkers take the keywords of a class from its fields, which this would hide
+
+        def __call__(cls, /, *positional: Any, **content: Any) -> Any:  # noqa: N805  # of a class of classes
+            """Make an object; raises InvalidConfig: a keyword or a value is wrong."""
+            if not cls.of_any_size:
+                _check_sizes(content, cls.__name__)
+            try:
+                return super().__call__(*positional, **content)
+            except ValidationError as problem:
+                raise _first_finding(problem, cls, cls.__name__) from problem
 
 
 class Strict(BaseModel, metaclass=_CheckedModel):

@@ -83,6 +83,10 @@ class Signal:
     # title and label of their own plot panel, with figure and heading; None where plots of robots show them
     panel: Panel | None = None
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Content of a pickled declaration. The functions that compute columns need a plant, and are left out."""
+        return {**self.__dict__, "compute": None, "adjust": None}
+
 
 def sensor_panel(title: str, quantity: str, names: Sequence[str]) -> Panel:
     """Make the panel of a sensor's columns in the figure ``sensors``.

@@ -38,7 +38,7 @@ from simrob_drake.stations.loops import LoopsOfRobot
 from simrob_drake.stations.plausibility import plausibility_findings
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.stances import Stance, Stances
-from simrob_drake.stations.steps import apply_solver, step_findings
+from simrob_drake.stations.steps import set_solver, step_findings
 
 _MOVE = 1.5  # duration of the first move [s]
 _DURATION = 3.0  # duration of the run [s]
@@ -468,7 +468,8 @@ def _config(robot: RobotModel, content: Mapping[str, Any]) -> StationConfig:
     else:
         section["urdf"] = robot.urdf_path
     others = {key: value for key, value in content.items() if key != "robot"}
-    return StationConfig(name=robot.name, robots={ONLY_ROBOT: section}, **others)
+    unchecked: dict[str, Any] = {"name": robot.name, "robots": {ONLY_ROBOT: section}, **others}
+    return StationConfig(**unchecked)
 
 
 _FIRST_LINE = message(
@@ -563,7 +564,7 @@ def gets_through(config: StationConfig) -> bool:
     if any(finding.level == "warning" for finding in findings):
         return False
     simulator = Simulator(closed.diagram)
-    apply_solver(simulator, config)
+    set_solver(simulator, config)
     integrator = simulator.get_integrator()
 
     def stop_if_expensive(_: Context) -> EventStatus:
@@ -606,7 +607,7 @@ def stands(config: StationConfig, duration: float = 2.0) -> StandingTrial:
     station = closed.ports.plant
     (robot,) = station.robots.values()
     simulator = Simulator(closed.diagram)
-    apply_solver(simulator, config)
+    set_solver(simulator, config)
     context = station.plant.GetMyContextFromRoot(simulator.get_context())
     before = robot.root.CalcPoseInWorld(context)
     if not _advances(simulator, duration):

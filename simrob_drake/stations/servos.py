@@ -1,5 +1,7 @@
 """The servos of a station's robots: gains, limits and motors, of the station, the robot's own file and its URDF."""
 
+from typing import Any
+
 import numpy as np
 
 from simrob_drake.base.errors import InvalidParameter, UnknownName, Unsuitable
@@ -92,7 +94,8 @@ def drives_of(motors: list[Motor | None], robot: RobotModel) -> Drives:
             alone = key == "gear_ratio" and getattr(motor, "rotor_inertia", None) is None and np.isnan(inertia)
             if value is not None and not alone:
                 values[key][axis] = value
-    return Drives(**{key: own for key, own in values.items() if own})
+    unchecked: dict[str, Any] = {key: own for key, own in values.items() if own}
+    return Drives(**unchecked)
 
 
 def servo_gains(robot: RobotModel, servo: ServoConfig, *, dampers: bool = False) -> ServoGains:

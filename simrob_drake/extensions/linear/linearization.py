@@ -1,6 +1,7 @@
 """From a station to its linear model about a rest."""
 
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -41,7 +42,9 @@ class NoRest(SimrobError):
     """A posture that a station's servos cannot hold."""
 
 
-def linearize(station: StationLike, at: Posture | None = None) -> LinearModel:
+def linearize(
+    station: StationLike, at: Posture | None = None, *, overrides: Mapping[str, Any] | None = None
+) -> LinearModel:
     """Return how a station moves near a rest, by Drake's first-order Taylor expansion of its equations.
 
     It rests where its references are ``at``: with the sag of its servos, but exactly there where a robot takes a
@@ -55,12 +58,13 @@ def linearize(station: StationLike, at: Posture | None = None) -> LinearModel:
     Args:
         station: a name, a file, a configuration or a built station; dynamic, with robots on fixed bases.
         at: the references, as :data:`Posture`; the initial postures unless given.
+        overrides: new values of the station, as :func:`simrob_drake.load_station` takes them.
 
     Raises:
         InvalidParameter: a kinematic station, a robot or piece that only contact holds, or a wrong posture.
         NoRest: the motors are too weak for the posture.
     """
-    config, notes = _smooth(config_of(station))
+    config, notes = _smooth(config_of(station, overrides))
     builder, resolved = DiagramBuilder(), resolve(config)
     for name, robot in resolved.robots.items():
         if robot.floats:

@@ -182,7 +182,13 @@ def _after_the_run(
     if block not in recorded.memo:
         recorded.memo[block] = replayed(recorded, block=block, inputs=inputs)
     period, rows = recorded.memo[block]
-    return np.asarray(rows[output][np.clip((times / period + 1e-9).astype(int), 0, len(rows[output]) - 1)])
+    first_tick = _first_tick(recorded, period)
+    return np.asarray(rows[output][np.clip((times / period + 1e-9).astype(int) - first_tick, 0, len(rows[output]) - 1)])
+
+
+def _first_tick(recorded: Recorded, period: float) -> int:
+    """Number of the first sample within a run, at the time number * ``period``: 0 for a run that begins at 0."""
+    return int(np.ceil(recorded.step_times[0] / period - 1e-9))
 
 
 def replayed(
@@ -190,10 +196,13 @@ def replayed(
 ) -> tuple[float, dict[str, Vector]]:
     """Let a sampled block go through a past run; return its period [s], and its outputs at each sample, (k, size)."""
     period = block.GetUniquePeriodicDiscreteUpdateAttribute().period_sec()
-    ticks = period * np.arange(int(np.floor(recorded.step_times[-1] / period + 1e-9)) + 1)
+    end_tick = int(np.floor(recorded.step_times[-1] / period + 1e-9)) + 1
+    ticks = period * np.arange(_first_tick(recorded, period), end_tick)
     ports = {name: source for name, source in inputs.items() if isinstance(source, OutputPort)}
     values = dict(zip(ports, recorded.sample(list(ports.values()), ticks), strict=True))
-    before = np.maximum(ticks - period, 0.0)  # while stepping, sensors that sample together see each other's last
+    before = np.maximum(
+        ticks - period, recorded.step_times[0]
+    )  # while stepping, sensors that sample together see each other's last
     values |= {name: source(recorded, before) for name, source in inputs.items() if not isinstance(source, OutputPort)}
     context = block.CreateDefaultContext()
     outputs = [block.get_output_port(index) for index in range(block.num_output_ports())]

@@ -106,7 +106,7 @@ def grid_figure(
         stacks = stacks[:_MOST]
     columns = columns or (len(stacks) if len(stacks) <= 3 else int(np.ceil(np.sqrt(len(stacks)))))
     grid = _Grid(result, stacks, columns)
-    grid.draw(span or (0.0, result.stop_time), legends=legend > 0)
+    grid.draw(span or (result.start_time, result.stop_time), legends=legend > 0)
     grid.arrange(title, max(_FRAME, width / columns - 0.8 - legend), legend, remark)
     return grid.figure
 

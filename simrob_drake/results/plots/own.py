@@ -200,8 +200,8 @@ def _robot_figures(result: RecordedRun, robot: StationRobot, whose: str) -> Iter
 def _with_detail(result: RecordedRun, sheet: Sheet) -> Iterator[tuple[str, Figure]]:
     """Yield a figure, and some seconds of the middle of a long run where its curves run together."""
     yield sheet.name, grid_figure(result, sheet.title, sheet.stacks, **sheet.layout)
-    if result.stop_time >= _LONG and is_dense(stack.plots[0] for stack in sheet.stacks):
-        begin = (result.stop_time - _DETAIL) / 2
+    if result.simulated_time >= _LONG and is_dense(stack.plots[0] for stack in sheet.stacks):
+        begin = result.start_time + (result.simulated_time - _DETAIL) / 2
         title = message(
             "results.title_of_detail",
             "{title}, {begin:.2f} to {end:.2f} s",

@@ -205,7 +205,7 @@ def _windows(run: RecordedRun, piece: str) -> Iterator[ContactWindow]:
     # In a long run contacts are evaluated rarely: then windows are longer, to contain enough contact samples.
     interval = float(run.times[contacts[1].sample] - run.times[contacts[0].sample])
     duration = max(WINDOW, (LEAST_CONTACT_SAMPLES + 1) * interval)
-    begins = np.arange(0.0, run.stop_time, duration)
+    begins = np.arange(run.start_time, run.stop_time, duration)
     bounds = np.searchsorted(run.times, begins).tolist()  # the first sample of each window
     for first, last in pairwise(bounds):
         inside = [contact for contact in contacts if first <= contact.sample <= last]

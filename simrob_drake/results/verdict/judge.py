@@ -10,6 +10,7 @@ axes.
 
 import warnings
 from collections.abc import Callable, Mapping
+from functools import wraps
 from typing import NamedTuple
 
 import numpy as np
@@ -73,6 +74,7 @@ MeasureOfRobot = Callable[[RecordedRun, StationRobot], AxisValues | None]
 def _of_each_robot(measure: MeasureOfRobot) -> MeasureOfRun:
     """Decorator: extend a measure of one robot to all robots of a run. The subjects are the axes of all robots."""
 
+    @wraps(measure)  # the name of the decorated function, by which pickle finds this one
     def of_run(run: RecordedRun) -> Measured | None:
         """Measure all robots, and join the values of their axes. Returns None if no robot has anything to measure."""
         names = list[str]()

@@ -104,8 +104,11 @@ def judge_move(run: "RecordedRun", asked: "AskedMove") -> MoveVerdict:
 
     Args:
         run: a run that begins with the move.
-        asked: the planned move.
+        asked: the planned move. If its run was pickled, the verdict was found before.
     """
+    if asked.verdict is not None:
+        known: MoveVerdict = asked.verdict
+        return known
     # Samples of the run up to the end of the move, or of the run if that ended first.
     last = min(int(np.searchsorted(run.times, asked.duration - _ROUNDING)), len(run.times) - 1)
     rows = slice(0, last + 1)

@@ -61,7 +61,7 @@ class Measured:
     slides: Sequence[bool] = ()
     limits: Vector | None = None
     limit_units: Sequence[str] = ()
-    left_out: Mapping[str, str] = field(default_factory=lambda: NOTHING_LEFT_OUT)
+    left_out: Mapping[str, str] = field(default_factory=dict)
 
 
 class MeasuredValue(NamedTuple):
@@ -234,7 +234,7 @@ class Measure:
 
     criterion: Criterion
     entries: tuple[MeasuredValue, ...]
-    left_out: Mapping[str, str] = field(default_factory=lambda: NOTHING_LEFT_OUT)
+    left_out: Mapping[str, str] = field(default_factory=dict)
     remedy: Remedy | None = None
 
     @cached_property

@@ -3,7 +3,7 @@
 from collections import Counter
 from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING, Annotated, get_args
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
@@ -81,14 +81,15 @@ def sweep(
         place = SweepFolder.there(Path(station), allow_code=allow_code)
     else:
         refuse(message("tuning.effect_with_folder", "it has an effect only with the folder of a sweep"), run=run)
+        distributions = {key: parsed(f"--vary {key}", text) for key, text in texts_by_key(vary, "--vary")}
+        sampled: dict[str, Any] = {"vary": distributions, "sampling": sampling}
+        if sampling is not None:
+            one_of(message("tuning.sampling", "sampling"), sampling, get_args(Sampling))
         content = Sweep(
             station=str(Path(station).resolve()) if Path(station).is_file() else station,
-            vary={key: parsed(f"--vary {key}", text) for key, text in texts_by_key(vary, "--vary")},
             overrides=located_changes(changes_of(set_, "--set"), Path.cwd()),
             seeds=seeds,
-            sampling=None
-            if sampling is None
-            else one_of(message("tuning.sampling", "sampling"), sampling, get_args(Sampling)),
+            **sampled,
             count=count,
         )
         folder = out or default_folder(f"{Path(station).stem}-sweep")
