@@ -19,6 +19,8 @@ def drive(*joints: str, kind: str = "<type>SimpleTransmission</type>", name: str
     return f'<transmission name="{name}">{kind}{inside}</transmission>'
 
 
+DRIVEN = TWO.replace(END, f"{drive('elbow')}{END}")  # both joints have a motor
+
 ROS2 = "<plugin>transmission_interface/SimpleTransmission</plugin>"
 DRIVES = [
     pytest.param("", "defaulted", "joints 'shoulder', 'elbow': no transmission drives them", id="none"),
@@ -87,7 +89,7 @@ def effort(done: Repaired, name: str) -> float:
 
 @pytest.mark.parametrize("bad", ['effort="0"', "", 'effort="-5"', 'effort="nan"'])
 def test_a_missing_effort_holds_three_times_what_hangs_on_the_joint(tmp_path, bad):
-    done = Repaired(TWO.replace('effort="10"', bad), tmp_path)
+    done = Repaired(DRIVEN.replace('effort="10"', bad), tmp_path)
     shoulder = 3 * G * (1 * 0.1 + 2 * (0.3 + 0.1 + 0.2))  # by hand: both masses, stretched out
     assert effort(done, "shoulder") == pytest.approx(39)
     assert shoulder == pytest.approx(38.2, abs=0.1)
@@ -96,7 +98,7 @@ def test_a_missing_effort_holds_three_times_what_hangs_on_the_joint(tmp_path, ba
 
 
 def test_a_light_wrist_is_not_a_toy_beside_a_strong_shoulder(tmp_path):
-    text = with_defect('effort="10"', 'effort="500"', TWO).replace(ELBOW, ELBOW.replace('effort="10"', 'effort="0"'))
+    text = with_defect('effort="10"', 'effort="500"', DRIVEN).replace(ELBOW, ELBOW.replace('effort="10"', ""))
     done = Repaired(text, tmp_path)
     assert effort(done, "shoulder") == 500
     assert effort(done, "elbow") == 50
@@ -106,7 +108,7 @@ def test_a_light_wrist_is_not_a_toy_beside_a_strong_shoulder(tmp_path):
 
 
 def test_the_least_efforts_and_those_without_masses(tmp_path):
-    light = TWO.replace('"10"', '"0"').replace('mass value="2"', 'mass value="1e-6"').replace('"1"/>', '"1e-6"/>')
+    light = DRIVEN.replace('"10"', '"0"').replace('mass value="2"', 'mass value="1e-6"').replace('"1"/>', '"1e-6"/>')
     light = light.replace('"0.01"', '"1e-9"')
     assert effort(Repaired(light, tmp_path), "elbow") == 1
     slide = light.replace('type="revolute"', 'type="prismatic"')
@@ -119,7 +121,7 @@ def test_the_least_efforts_and_those_without_masses(tmp_path):
 
 
 def test_a_prismatic_joint_lifts_three_times_what_hangs_on_it(tmp_path):
-    done = Repaired(TWO.replace('type="revolute"', 'type="prismatic"').replace('effort="10"', ""), tmp_path)
+    done = Repaired(DRIVEN.replace('type="revolute"', 'type="prismatic"').replace('effort="10"', ""), tmp_path)
     assert effort(done, "shoulder") == 89  # 3 · g · 3 kg = 88.3 N
     assert effort(done, "elbow") == 59
 
