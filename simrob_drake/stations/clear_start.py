@@ -14,9 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from pydrake.multibody.tree import JacobianWrtVariable
 
-from simrob_drake.base.frames import Vector
+from simrob_drake.base.frames import Flags, Vector
 from simrob_drake.parts.station_plant import StationRobot
-from simrob_drake.robots.limits import Flags
 from simrob_drake.stations.clearance import SLIDES, TURNS, Clearance, neighbouring_postures, reduce_own_overlaps
 from simrob_drake.stations.posed import posture_range
 

@@ -227,7 +227,7 @@ def declare_torque(site: Site, robot: StationRobot, torque: OutputPort) -> None:
 def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, signals: ServoSignals) -> None:
     servo, plant = ports.config.servo_of(robot.name), ports.plant.plant
     if servo.realization == "implicit":
-        actuation = robot.axis_map.actuation_matrix(plant, robot.instance)
+        actuation = robot.axis_map.actuation_matrix(plant, robot.instance, robot.gains.passive)
         torque = add_actuator_servos(
             builder,
             ports.plant.stepped,
@@ -238,7 +238,8 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
             prefix=robot.prefix,
         )
         if ports.config.engine.actuator_torques_lack_friction:
-            torque = with_friction(builder, ports, robot, torque)
+            driven = [int(axis) for axis in np.flatnonzero(~robot.gains.passive)]
+            torque = with_friction(builder, ports, robot, torque, axes=driven)
         declare_torque(ports, robot, torque)
         draw_actuator_servos(ports, robot)
         if (robot.gains.ki > 0).any():
@@ -284,7 +285,7 @@ def _add_servo_blocks(
             saturated=not in_actuators,
         )
         draw_servos(ports, robot, per_joint=per_joint)
-    matrix = robot.axis_map.actuation_matrix(plant, robot.instance)
+    matrix = robot.axis_map.actuation_matrix(plant, robot.instance, robot.gains.passive)
     driven = command
     if robot.gains.damping.any():
         bus = joined(builder, f"{prefix}motors.commands", command, signals.state)

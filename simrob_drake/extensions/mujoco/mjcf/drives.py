@@ -170,9 +170,7 @@ class DriveWriter:
                 "no actuator drives it, and an armature ({armature:g}) is simulated as the rotor of a motor only",
                 armature=model.dof_armature[dof],
             )
-            self.report.add(
-                "lost", message("mujoco.joint_called", "joint '{name}'", name=name_of(element)), armature
-            )
+            self.report.add("lost", message("mujoco.joint_called", "joint '{name}'", name=name_of(element)), armature)
         if model.jnt_stiffness[number] > 0:
             text = message(
                 "mujoco.joint_spring",
