@@ -226,13 +226,14 @@ class ClearStart:
     def _load(self) -> float:
         """Compute the largest share of its torque that a motor needs to hold the posture that was set last.
 
-        The share is 0 if the motors need not hold the robot.
+        The share is 0 if the motors need not hold the robot. Passive axes do not count: they hold no posture.
         """
-        if not self._torque:
+        driven = ~self._robot.gains.passive
+        if not self._torque or not driven.any():
             return 0.0
         gravity = self._clearance.plant.CalcGravityGeneralizedForces(self._clearance.context)
         torques = self._robot.axis_map.efforts(gravity)
-        return float(np.max(np.abs(torques) / self._robot.model.efforts))
+        return float(np.max(np.abs(torques[driven]) / self._robot.model.efforts[driven]))
 
     def _clear_postures(self) -> Iterator[list[Vector]]:
         """Yield lists of postures without faults, in each list the farthest from a singularity first.
@@ -411,8 +412,10 @@ class ClearStart:
         good = list[str]()
         if self._required_heights.size:
             good.append("clear of the floor and of itself")
-        if self._torque:
-            good.append(f"its motors hold it with {max(loads):.0%} of their torque at most")
+        passive = self._robot.gains.passive
+        if self._torque and not passive.all():
+            held = "the axes that they drive" if passive.any() else "it"
+            good.append(f"its motors hold {held} with {max(loads):.0%} of their torque at most")
         if not good:
             return []
         return [f"Looked at in {len(_PARTS)} postures of its move: {', and '.join(good)}."]
