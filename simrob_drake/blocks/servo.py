@@ -59,6 +59,8 @@ from simrob_drake.blocks.block import fed, joined, mapped
 
 AT_LIMIT = 0.999
 """A motor is at its limit if it takes at least this share of what it can give, see `ServoGains.torque_shares`."""
+NO_TORQUE = 1e-6
+"""Torque below which a passive axis rests by itself [N·m or N]: rounding of sums of weights."""
 CLAMP_TIME = 0.02
 """T [s]: slow enough for fixed steps of 10 ms, far faster than the load that an integrator is there to find."""
 
@@ -121,6 +123,29 @@ class ServoGains:
         """Largest torque of each motor at rest, shape (n,) [N·m]: the limit, or the stall torque if that is smaller."""
         return self.torque_limit if self.line is None else np.minimum(self.torque_limit, self.line.stall)
 
+    @property
+    def judged_limit(self) -> Vector:
+        """Torque limits that torques are compared with, shape (n,) [N·m]: infinite for passive axes.
+
+        A passive axis has no torque, and no motor that could be too weak.
+        """
+        return np.where(self.passive, np.inf, self.torque_limit)
+
+    def holding_shares(self, torque: Vector) -> Vector:
+        """Compare torques that hold a robot still with what the motors can give at rest.
+
+        Args:
+            torque: torques that hold the robot, shape (..., n) [N·m].
+
+        Returns:
+            shares, shape (..., n): 1 is all that the motor can give. Of a passive axis the share is 0 if no torque is
+            needed, else infinite, as nothing holds the axis.
+        """
+        needed = np.abs(torque)
+        limit = np.where(self.passive, 1.0, self.limit_at_rest)
+        held_by_nothing = np.where(needed > NO_TORQUE, np.inf, 0.0)
+        return np.where(self.passive, held_by_nothing, needed / limit)
+
     def torque_shares(self, torque: Vector, speed: Vector) -> Vector:
         """Compare torques with what the motors can give at their speeds.
 
@@ -134,10 +159,9 @@ class ServoGains:
             shares, shape (..., n): 1 is all that the motor can give. The limit counts, and of a motor whose torque
             falls with its speed its line, too. The share of a passive axis is 0.
         """
-        limit = np.where(self.passive, np.inf, self.torque_limit)
         if self.line is None:
-            return np.asarray(np.abs(torque) / limit)
-        return self.line.share(torque, speed, limit)
+            return np.asarray(np.abs(torque) / self.judged_limit)
+        return self.line.share(torque, speed, self.judged_limit)
 
     @property
     def damping(self) -> Vector:

@@ -98,7 +98,7 @@ def findings_table(findings: list[Finding]) -> Table:
 def robot_table(robot: RobotModel) -> Table:
     """Return the axes of a robot with their limits."""
     lower, upper = ([f"{end:.5g}" for end in limit / robot.user_units] for limit in robot.axis_limits)
-    efforts = [f"{effort:g}" for effort in robot.efforts]
+    efforts = [f"{effort:g}" if effort > 0 else "–" for effort in robot.efforts]  # a passive axis has no motor
     rows = zip(robot.axes, lower, upper, robot.unit_names, efforts, robot.effort_units, strict=True)
     title = f"{robot.name}: {len(robot.axes)} axes, {robot.base} base"
     return table(("axis", "lower", "upper", "unit", "effort", "unit"), *rows, title=title)

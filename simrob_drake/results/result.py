@@ -82,7 +82,7 @@ def table_of(result: RecordedRun) -> list[list[str]]:
             ends = [f"{values[-1] / robot.model.user_units[index]:z.3f}" for values in (reference, position)]
             unit, effort = robot.model.unit_names[index], robot.model.effort_units[index]
             peak = torque[np.argmax(np.abs(torque))]
-            shown_limit = "–" if kinematic else f"{limit:g}"
+            shown_limit = "–" if kinematic or robot.gains.passive[index] else f"{limit:g}"
             efforts = f"{torque[-1]:z.3f}", f"{peak:z.3f}", shown_limit, effort
             table.append([f"{robot.prefix}{axis}", *ends, unit, *efforts])
     return table

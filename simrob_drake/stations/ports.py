@@ -80,9 +80,10 @@ def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) ->
 
 def draw_actuator_servos(ports: StationPorts, robot: StationRobot) -> None:
     """Draw servos inside the plant's actuators: a block of their own beside the plant."""
-    label = f"{len(robot.axes)} joints,\nin the actuators"
-    limit = wrapped(shown_limits(robot.gains.torque_limit, list(robot.model.effort_units)))
-    kp, kd = f"kp {shown_values(robot.gains.kp)}", f"kd {shown_values(robot.gains.kd)}"
+    driven = _driven(robot, list(range(len(robot.axes))))
+    label = f"{len(driven)} joints,\nin the actuators{_passive_text(robot)}"
+    limit = wrapped(shown_limits(robot.gains.torque_limit[driven], [robot.model.effort_units[axis] for axis in driven]))
+    kp, kd = f"kp {shown_values(robot.gains.kp[driven])}", f"kd {shown_values(robot.gains.kd[driven])}"
     law = f"PD\n{kp}, {kd}" if short(f"{kp}, {kd}") else f"PD\n{wrapped(kp)}\n{wrapped(kd)}"
     ports.picture.draw_nothing(f"{robot.prefix}applied_and_state", f"{robot.prefix}applied_torque")
     for part in ("desired_state", "actuation"):
@@ -121,8 +122,33 @@ def draw_integral(ports: StationPorts, robot: StationRobot, row: str, group: lis
         ports.picture.draw(f"{robot.prefix}{row}.{part}", "servo", label, robot, key=f"{robot.prefix}{row}.integral")
 
 
+def _driven(robot: StationRobot, group: list[int]) -> list[int]:
+    """Indices of those axes of a group that have a motor."""
+    return [axis for axis in group if not robot.gains.passive[axis]]
+
+
+def _passive_text(robot: StationRobot) -> str:
+    """Line of a label that names the axes without a motor; empty if all axes have one."""
+    names = [robot.axes[axis] for axis in np.flatnonzero(robot.gains.passive)]
+    if not names:
+        return ""
+    text = wrapped(f"no motor: {', '.join(names)}")
+    return f"\n{text}"
+
+
 def _draw_servo(ports: StationPorts, robot: StationRobot, row: str, group: list[int], who: str) -> None:
-    gains, name, units = robot.gains, f"{robot.prefix}{row}", [robot.model.units[index].si for index in group]
+    """Draw the servo of a group of joints. Passive joints have none: a block says that they have no motor."""
+    gains = robot.gains
+    name = f"{robot.prefix}{row}"
+    driven = _driven(robot, group)
+    if not driven:
+        for part in ("pd", "saturation"):
+            ports.picture.draw(f"{name}.{part}", "servo", f"{who}: no motor", robot, key=f"{name}.passive")
+        return
+    if len(driven) < len(group):
+        who = f"{len(driven)} joints{_passive_text(robot)}"
+        group = driven
+    units = [robot.model.units[index].si for index in group]
     kp, kd = gains.kp[group], gains.kd[group]
     if gains.speed_limit is not None:
         limit = shown_limits(gains.speed_limit[group], [f"{unit}/s" for unit in units])
@@ -146,6 +172,8 @@ def _draw_motors(ports: StationPorts, name: str, group: list[int], robot: Statio
 
 
 def _draw_saturation(ports: StationPorts, name: str, group: list[int], robot: StationRobot) -> None:
+    """Draw the block that limits the torques of a group of joints, with the limits of those that have a motor."""
+    group = _driven(robot, group) or group
     limit = shown_limits(robot.gains.torque_limit[group], [robot.model.effort_units[index] for index in group])
     ports.picture.draw(name, "servo", f"Saturation\n{wrapped(limit)}", robot)
 

@@ -117,7 +117,7 @@ class Stances:
             side = "inside" if found.margin >= 0 else "outside"
             place = f"its centre of mass is {abs(found.margin) * 1e3:.0f} mm {side} of the support"
             yield f"{place}, and steady from {_STEADY * found.height * 1e3:.0f} mm inside on"
-        loads = np.abs(found.torque) / self._robot.gains.limit_at_rest
+        loads = self._robot.gains.holding_shares(found.torque)
         worst = int(np.argmax(loads))
         if loads[worst] > _LOAD:
             axis, unit = self._robot.axes[worst], self._robot.model.effort_units[worst]

@@ -246,7 +246,7 @@ class _Rest:
         names = [f"{robot.prefix}torque" for robot in self._robots]
         ports = [self._ports.outputs[name] for name in names]
         torques = [port.Eval(port.get_system().GetMyContextFromRoot(self._context)) for port in ports]
-        limits = [robot.gains.torque_limit for robot in self._robots]
+        limits = [robot.gains.judged_limit for robot in self._robots]
         return all((np.abs(torque) < limit).all() for torque, limit in zip(torques, limits, strict=True))
 
     def _input(self, name: str) -> slice:
@@ -289,9 +289,10 @@ class _Rest:
         name = self._ports.config.name
         for robot in self._robots:
             torque = holding_torque(self._ports.plant, robot, postures[robot.name])
-            worst = int(np.argmax(np.abs(torque) / robot.gains.limit_at_rest))
+            shares = robot.gains.holding_shares(torque)
+            worst = int(np.argmax(shares))
             limit, unit = robot.gains.limit_at_rest[worst], robot.model.effort_units[worst]
-            if abs(torque[worst]) > limit:
+            if shares[worst] > 1.0:
                 axis = f"{robot.prefix}{robot.axes[worst]}"
                 return message(
                     "linear.does_not_rest",

@@ -91,8 +91,9 @@ def position_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
 
 
 def torque_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
-    """Return the torque of each axis, with its limit."""
-    torques, limits = result.axes("tau", robot.name), robot.gains.torque_limit
+    """Make the plots of the torque of each axis, with its limit."""
+    torques = result.axes("tau", robot.name)
+    limits = robot.gains.judged_limit  # infinite for axes without a motor
     stacks = []
     for group in side_groups(robot):
         unit, places = robot.model.effort_units[group.first], list(group.places.values())
@@ -103,6 +104,8 @@ def torque_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
                 curves.append(dashed(np.full(len(torques), bound), "torque limit", RED))
         shown = " / ".join(f"±{limit:g} {unit}" if np.isfinite(limit) else "none" for limit in own)
         note = f"limit {shown}" if np.isfinite(own).any() else "no limit"
+        if robot.gains.passive[places].all():
+            note = "no motor"
         stacks.append(Stack(group.name, [Plot(f"{QUANTITIES[unit]} [{unit}]", curves, note=note)]))
     return stacks
 

@@ -115,6 +115,10 @@ class DriveWriter:
             )
             self.report.add("approximated", where, text)
         gain, bias = model.actuator_gainprm[actuator], model.actuator_biasprm[actuator]
+        if plain and not model.actuator_dyntype[actuator] and not gain.any() and not bias.any():
+            text = message("mujoco.has_no_force", "its gain is 0, so that it has no force; it is no motor")
+            self.report.add("dropped", where, text)
+            return
         for joint, lever in levers.items():
             drive = self._drives.setdefault(joint, _Drive())
             if model.actuator_forcelimited[actuator]:
