@@ -49,7 +49,15 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JointActuatorIndex, JointIndex, ModelInstanceIndex, PdControllerGains
 from pydrake.systems.framework import DiagramBuilder, OutputPort
-from pydrake.systems.primitives import LinearSystem, MatrixGain, Multiplexer, Saturation, Selector, SelectorParams
+from pydrake.systems.primitives import (
+    ConstantVectorSource,
+    LinearSystem,
+    MatrixGain,
+    Multiplexer,
+    Saturation,
+    Selector,
+    SelectorParams,
+)
 
 from simrob_drake.base.constants import LARGEST_GAIN
 from simrob_drake.base.errors import InvalidParameter
@@ -431,6 +439,8 @@ def add_actuator_servos(
     Returns:
         the torques that the actuators apply, size n [N·m], in axis order.
     """
+    if len(actuation_map) == 0:  # a robot without any motor has no actuators to connect
+        return fed(builder, f"{prefix}applied_torque", ConstantVectorSource(np.zeros(len(gains.kp))))
     extra, torque_of = _extra_torques(builder, signals, gains, prefix)
     driven = ~gains.passive
     stiff = bool((gains.kp[driven] > 0).all())

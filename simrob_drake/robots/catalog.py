@@ -325,8 +325,12 @@ class RobotModel(Strict):
 
     @cached_property
     def speed_limits(self) -> Vector:
-        """Largest speed of every axis by the URDF, shape (n,) [rad/s or m/s]; infinite if the URDF has none."""
-        return np.array([joint_figure(joint, "velocity") or np.inf for joint in self.joints])
+        """Largest speed of every axis by the URDF, shape (n,) [rad/s or m/s].
+
+        It is infinite if the URDF has none, and for passive axes, whose speed no motor limits.
+        """
+        limits = np.array([joint_figure(joint, "velocity") or np.inf for joint in self.joints])
+        return np.where(self.passive, np.inf, limits)
 
     @property
     def accelerations(self) -> Vector:

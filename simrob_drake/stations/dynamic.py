@@ -291,8 +291,9 @@ def _add_servo_blocks(
         bus = joined(builder, f"{prefix}motors.commands", command, signals.state)
         dampers = np.hstack([np.eye(count), np.diag(robot.gains.damping) @ speed])
         driven = mapped(builder, f"{prefix}motors.driven", dampers, bus)
-    actuation = mapped(builder, f"{prefix}actuators", matrix, driven)
-    builder.Connect(actuation, ports.plant.stepped.get_actuation_input_port(robot.instance))
+    if len(matrix) > 0:  # a robot without any motor has no actuators to connect
+        actuation = mapped(builder, f"{prefix}actuators", matrix, driven)
+        builder.Connect(actuation, ports.plant.stepped.get_actuation_input_port(robot.instance))
     return limited(command) if in_actuators else command
 
 

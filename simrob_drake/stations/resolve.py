@@ -40,6 +40,7 @@ from simrob_drake.stations.coupled import coupled_axes, mimic_gears, starting_po
 from simrob_drake.stations.piece_config import PieceConfig
 from simrob_drake.stations.prescribed import with_prescribed_axes
 from simrob_drake.stations.servos import (
+    check_drives,
     check_motors,
     check_servo_without_model,
     drives_of,
@@ -202,6 +203,8 @@ def _robot_model(entry: RobotConfig, servo: ServoConfig) -> RobotModel:
     robot = _robot_as_described(entry)
     robot = robot if entry.drives is None else robot.with_drives(entry.drives)
     robot = with_passive_axes(robot, servo)
+    if entry.drives is not None:
+        check_drives(robot, entry.drives)
     motors = station_motors(robot, servo)
     if not any(motors):
         return robot

@@ -61,6 +61,21 @@ def passive_axis(key: str, axis: str) -> Unsuitable:
     )
 
 
+def check_drives(robot: RobotModel, drives: Drives) -> None:
+    """Check that a station gives no parts of a motor to passive axes by their names.
+
+    Raises:
+        Unsuitable: a mapping gives a rotor, a gear or backlash to a passive axis.
+    """
+    for key in ("rotor_inertia", "gear_ratio", "backlash_deg"):
+        values = getattr(drives, key)
+        if not isinstance(values, dict):
+            continue  # a number or a list is meant for the axes with motors
+        for axis in values:
+            if robot.passive[robot.axis_index(axis, f"drives.{key}")]:
+                raise passive_axis(f"drives.{key}.{axis}", axis)
+
+
 def with_passive_axes(robot: RobotModel, servo: ServoConfig) -> RobotModel:
     """Copy a robot with the passive axes that the station names; the same robot if the station names none.
 
@@ -221,11 +236,11 @@ def _check_passive(robot: RobotModel, servo: ServoConfig) -> None:
                 key,
                 message(
                     "stations.needs_all_motors",
-                    "{value} needs a motor on every axis, and {axes} is passive",
+                    "{value} needs a motor on every axis; passive: {axes}",
                     value=value,
                     axes=", ".join(names),
                 ),
-                message("stations.use_pid", "use law pid without admittance_gain, or give it a motor"),
+                message("stations.use_pid", "use law pid without admittance_gain, or give every axis a motor"),
             )
     for key in _OF_MOTOR:
         stated = getattr(servo, key)
