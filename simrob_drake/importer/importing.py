@@ -306,7 +306,7 @@ def draft(robot: RobotModel, notes: Notes, report: ImportReport, semantics: Sema
                     count=len(own["kp"]),
                 ),
             )
-        if len(own["kp"]) < len(robot.axes):
+        if len(own["kp"]) < np.count_nonzero(~robot.passive):
             report.add(
                 "defaulted", "robot.yaml", message("importer.gains_of_mass_matrix", "servo gains from the mass matrix")
             )

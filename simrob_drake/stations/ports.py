@@ -145,8 +145,10 @@ def _draw_servo(ports: StationPorts, robot: StationRobot, row: str, group: list[
         for part in ("pd", "saturation"):
             ports.picture.draw(f"{name}.{part}", "servo", f"{who}: no motor", robot, key=f"{name}.passive")
         return
+    without_motor = ""
     if len(driven) < len(group):
-        who = f"{len(driven)} joints{_passive_text(robot)}"
+        who = robot.axes[driven[0]] if len(driven) == 1 else f"{len(driven)} joints"
+        without_motor = _passive_text(robot)
         group = driven
     units = [robot.model.units[index].si for index in group]
     kp, kd = gains.kp[group], gains.kd[group]
@@ -156,7 +158,8 @@ def _draw_servo(ports: StationPorts, robot: StationRobot, row: str, group: list[
         ports.picture.draw(f"{name}.speed_limit", "servo", f"Speed\n{limit}", robot)
         ports.picture.draw(f"{name}.velocity_loop", "servo", f"{who}: velocity\n{shown_values(kd)}", robot)
         ports.picture.draw_nothing(f"{name}.speed")
-    ports.picture.draw(f"{name}.pd", "servo", f"{who}: PD\nkp {shown_values(kp)}, kd {shown_values(kd)}", robot)
+    label = f"{who}: PD\nkp {shown_values(kp)}, kd {shown_values(kd)}{without_motor}"
+    ports.picture.draw(f"{name}.pd", "servo", label, robot)
     _draw_saturation(ports, f"{name}.saturation", group, robot)
     _draw_motors(ports, name, group, robot)
     if (gains.ki[group] > 0).any():
