@@ -14,9 +14,11 @@ from pydrake.multibody.tree import JointActuatorIndex, PdControllerGains
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from simrob_drake import load_station, simulate
+from simrob_drake import linearize, load_station, simulate
 from simrob_drake.base.constants import STANDARD_GRAVITY
 from simrob_drake.base.errors import SimrobError
+from simrob_drake.cli.app import run_command
+from simrob_drake.importer.importing import import_robot
 from simrob_drake.results.block_diagram.picture import station_dot
 from simrob_drake.results.result import table_of
 from simrob_drake.stations.checks import check_station
@@ -262,3 +264,55 @@ def test_a_first_station_names_it_and_runs(pendulum: WriteStation, tmp_path: Pat
     result = simulate(file)
     assert result.stopped_by is None
     assert not result["tau.shoulder"].any()
+
+
+GRAVITY_TERM = 0.5 * STANDARD_GRAVITY  # of a rod: mass times distance of its centre of mass times g [N·m]
+
+
+def test_its_linear_model_is_the_closed_form(pendulum: WriteStation) -> None:
+    """Upright, M q'' = -H q - d q' + (0, 1) u, with the mass matrix M and the second derivatives H of the potential."""
+    servo = {"realization": "vector", "kp": {"elbow": 0.0}, "kd": {"elbow": 0.0}, "torque_limit": {"elbow": 20.0}}
+    model = linearize(load_station(pendulum(servo=servo, inputs=["feedforward"])), [np.pi, 0.0])
+    inertia, half, whole = 0.08, 0.5, 1.0  # of a rod [kg m², m, m]; its mass is 1 kg
+    lower = inertia + half**2
+    coupling = lower + whole * half
+    mass = np.array([[inertia + half**2 + lower + whole**2 + 2 * whole * half, coupling], [coupling, lower]])
+    hessian = -GRAVITY_TERM * np.array([[4.0, 1.0], [1.0, 1.0]])
+    damping = 0.1 * np.eye(2)
+    inverse = np.linalg.inv(mass)
+    expected = np.block([[np.zeros((2, 2)), np.eye(2)], [-inverse @ hessian, -inverse @ damping]])
+    np.testing.assert_allclose(model.A, expected, atol=1e-6)
+    columns = [model.inputs.index(f"feedforward.{axis}") for axis in ("shoulder", "elbow")]
+    np.testing.assert_allclose(model.B[2:, columns], inverse @ np.diag([0.0, 1.0]), atol=1e-6)
+    assert (np.linalg.eigvals(model.A).real > 1.0).any()  # it falls
+
+
+def test_it_cannot_be_linearised_where_it_does_not_rest(pendulum: WriteStation) -> None:
+    with pytest.raises(SimrobError, match=r"does not rest there: shoulder has no motor, and would take \d+\.\d+ N·m"):
+        linearize(load_station(pendulum()), [0.5, 0.0])
+
+
+def test_mujoco_moves_it_as_drake_does(pendulum: WriteStation) -> None:
+    drake = simulate(pendulum())
+    mujoco = simulate(pendulum(solver={"kind": "mujoco", "time_step": STEP}))
+    np.testing.assert_allclose(mujoco["q.shoulder"], drake["q.shoulder"], atol=5e-3)
+    assert not mujoco["tau.shoulder"].any()
+
+
+def test_it_is_passive_again_after_a_way_through_mjcf(pendulum: WriteStation, tmp_path: Path) -> None:
+    mjcf = tmp_path / "mjcf" / "pendulum.xml"
+    assert run_command(["export", str(pendulum()), "--mjcf", str(mjcf)]) == 0
+    model = import_robot(mjcf, tmp_path / "again", isolated=False, apart=False).model
+    assert model.passive_axes == ["shoulder"]
+    assert model.efforts[1] == 20.0
+
+
+def test_a_program_cannot_move_it(pendulum: WriteStation, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    program = {"moves": [{"target_deg": {"shoulder": 10.0}, "duration": 0.5}]}
+    assert run_command(["run", str(pendulum(program=program)), "--out", str(tmp_path / "out")]) == 2
+    assert "target_deg.shoulder: shoulder is passive: no motor moves it" in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_monitor_of_torques_does_not_watch_it(pendulum: WriteStation) -> None:
+    result = simulate(pendulum(monitors={"torque_limit": {"hold": 0.0}}, duration=0.2))
+    assert result.stopped_by is None
