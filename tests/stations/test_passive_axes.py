@@ -14,7 +14,7 @@ from pydrake.multibody.tree import JointActuatorIndex, PdControllerGains
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from simrob_drake import linearize, load_station, simulate
+from simrob_drake import Arm, linearize, load_station, simulate
 from simrob_drake.base.constants import STANDARD_GRAVITY
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.cli.app import run_command
@@ -316,3 +316,14 @@ def test_a_program_cannot_move_it(pendulum: WriteStation, capsys: pytest.Capture
 def test_a_monitor_of_torques_does_not_watch_it(pendulum: WriteStation) -> None:
     result = simulate(pendulum(monitors={"torque_limit": {"hold": 0.0}}, duration=0.2))
     assert result.stopped_by is None
+
+
+def test_a_move_is_judged_by_the_driven_axes(pendulum: WriteStation) -> None:
+    """The tool is the origin of the lower link, at the elbow, so that the shoulder alone moves it."""
+    arm = Arm(load_station(pendulum(duration=0.5)))
+    result = arm.move_abs_j([START[0], START[1] + 0.3], duration=0.5)
+    assert abs(result["q.shoulder"][-1] - START[0]) > 0.2
+    (move,) = result.verdict.moves
+    assert move.reached
+    assert move.position_error < 1e-9
+    assert move.following_error < 1e-9
