@@ -50,6 +50,7 @@ from simrob_drake.robots.urdf_check import check_urdf, checked_urdf
 
 PASSIVE = "servo.passive"
 LIMIT = "servo.torque_limit"
+"""Keys of a station and of a ``robot.yaml``, for messages."""
 
 
 class RobotModel(Strict):

@@ -80,7 +80,7 @@ def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) ->
 
 def draw_actuator_servos(ports: StationPorts, robot: StationRobot) -> None:
     """Draw servos inside the plant's actuators: a block of their own beside the plant."""
-    driven = _driven(robot, list(range(len(robot.axes))))
+    driven = _axes_with_motor(robot, list(range(len(robot.axes))))
     label = f"{len(driven)} joints,\nin the actuators{_passive_text(robot)}"
     limit = wrapped(shown_limits(robot.gains.torque_limit[driven], [robot.model.effort_units[axis] for axis in driven]))
     kp, kd = f"kp {shown_values(robot.gains.kp[driven])}", f"kd {shown_values(robot.gains.kd[driven])}"
@@ -122,7 +122,7 @@ def draw_integral(ports: StationPorts, robot: StationRobot, row: str, group: lis
         ports.picture.draw(f"{robot.prefix}{row}.{part}", "servo", label, robot, key=f"{robot.prefix}{row}.integral")
 
 
-def _driven(robot: StationRobot, group: list[int]) -> list[int]:
+def _axes_with_motor(robot: StationRobot, group: list[int]) -> list[int]:
     """Indices of those axes of a group that have a motor."""
     return [axis for axis in group if not robot.gains.passive[axis]]
 
@@ -140,7 +140,7 @@ def _draw_servo(ports: StationPorts, robot: StationRobot, row: str, group: list[
     """Draw the servo of a group of joints. Passive joints have none: a block says that they have no motor."""
     gains = robot.gains
     name = f"{robot.prefix}{row}"
-    driven = _driven(robot, group)
+    driven = _axes_with_motor(robot, group)
     if not driven:
         for part in ("pd", "saturation"):
             ports.picture.draw(f"{name}.{part}", "servo", f"{who}: no motor", robot, key=f"{name}.passive")
@@ -176,7 +176,7 @@ def _draw_motors(ports: StationPorts, name: str, group: list[int], robot: Statio
 
 def _draw_saturation(ports: StationPorts, name: str, group: list[int], robot: StationRobot) -> None:
     """Draw the block that limits the torques of a group of joints, with the limits of those that have a motor."""
-    group = _driven(robot, group) or group
+    group = _axes_with_motor(robot, group) or group
     limit = shown_limits(robot.gains.torque_limit[group], [robot.model.effort_units[index] for index in group])
     ports.picture.draw(name, "servo", f"Saturation\n{wrapped(limit)}", robot)
 
