@@ -132,6 +132,7 @@ class ServoConfig(Renamed):
 
     @model_validator(mode="after")
     def _fits_together(self) -> "ServoConfig":
+        """Check that realization, law, feedforward, motor and admittance can be realized together."""
         if self.admittance_gain > 0 and self.realization == "implicit":
             raise ValueError(
                 message(
@@ -391,7 +392,7 @@ def check_effort(config: StationConfig) -> None:
     """Check that a run's samples can be kept, its steps be done and its pieces be built.
 
     Raises:
-        InvalidParameter: there are too many samples, steps or pieces.
+        InvalidParameter: there are too many samples, steps or pieces, or a sensor's delay is of too many samples.
     """
     if len(config.free_pieces) > MOST_FREE_PIECES:
         found = message("stations.with_free_pieces", "with {count} free pieces", count=len(config.free_pieces))
@@ -426,8 +427,8 @@ def check_effort(config: StationConfig) -> None:
         )
         raise InvalidParameter(f"solver.{solver.step_key}", compound("{step:g} s", step=solver.step), shortest)
     for name, sensor in config.sensors.items():
-        often = getattr(sensor, "rate", None) or 0.0
-        if duration * often > MOST_STEPS:
+        sensor_rate = getattr(sensor, "rate", None) or 0.0
+        if duration * sensor_rate > MOST_STEPS:
             most = message(
                 "stations.largest_rate",
                 "at most {rate:g} Hz for a duration of {duration:g} s: {samples:g} samples",
@@ -435,14 +436,14 @@ def check_effort(config: StationConfig) -> None:
                 duration=duration,
                 samples=MOST_STEPS,
             )
-            raise InvalidParameter(f"sensors.{name}.rate", compound("{often:g} Hz", often=often), most)
-        late = getattr(sensor, "delay", 0.0)
-        if late * often > MOST_LATE:
+            raise InvalidParameter(f"sensors.{name}.rate", compound("{rate:g} Hz", rate=sensor_rate), most)
+        delay = getattr(sensor, "delay", 0.0)
+        if delay * sensor_rate > MOST_LATE:
             most = message(
                 "stations.largest_delay",
                 "at most {delay:g} s at a rate of {rate:g} Hz: {samples:g} samples",
-                delay=MOST_LATE / often,
-                rate=often,
+                delay=MOST_LATE / sensor_rate,
+                rate=sensor_rate,
                 samples=MOST_LATE,
             )
-            raise InvalidParameter(f"sensors.{name}.delay", compound("{late:g} s", late=late), most)
+            raise InvalidParameter(f"sensors.{name}.delay", compound("{delay:g} s", delay=delay), most)

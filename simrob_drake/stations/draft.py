@@ -317,8 +317,11 @@ def _first_moves(robot: RobotModel, reference: Mapping[str, Any]) -> list[dict[s
     almost_closed = closed + _FINGER_GAP * (opened - closed)
     axes = list(robot.axes)
     fingers = {axes[index] for index in robot.fingers}
-    arm_target = {axis: value for axis, value in reference.get("target_deg", {}).items() if axis not in fingers}
+    target = reference.get("target_deg", {})
+    target_by_axis = target if isinstance(target, Mapping) else dict.fromkeys(axes, target)
+    arm_target = {axis: value for axis, value in target_by_axis.items() if axis not in fingers}
     moves: list[dict[str, Any]] = []
+    # Couplings take the other fingers along.
     if arm_target:
         moves.append({"target_deg": arm_target, "duration": _MOVE})
     for position in (almost_closed, opened):

@@ -206,12 +206,12 @@ class Friction(Strict):
     """Coefficient while they slide; not above the static one."""
 
     @model_validator(mode="after")
-    def _dynamic_is_less(self) -> "Friction":
+    def _check_dynamic_is_not_more(self) -> "Friction":
         if self.dynamic > self.static:
             raise ValueError(
                 message(
                     "stations.dynamic_over_static",
-                    "dynamic friction ({dynamic:g}) is not more than static friction ({static:g})",
+                    "dynamic friction ({dynamic:g}) must not be more than static friction ({static:g})",
                     dynamic=self.dynamic,
                     static=self.static,
                 )

@@ -197,14 +197,16 @@ def likely_cause(config: StationConfig, plant: StationPlant) -> str:
     warnings = [finding for finding in step_findings(config, plant) if finding.level == "warning"]
     if warnings:
         return message("stations.likely_cause", "likely cause: {cause}", cause=warnings[0].text)
+    is_discrete = config.engine.has_discrete_states
     if any((robot.gains.ki > 0).any() for robot in plant.robots.values()):
         return message(
             "stations.likely_integral_gains",
-            "likely cause: integral gains (servo.ki) too large for the solver's steps; lower them or solver.max_step",
+            "likely cause: integral gains (servo.ki) too large for the solver's steps; lower them or {key}",
+            key="solver.time_step" if is_discrete else "solver.max_step",
         )
     key = (
         "solver.time_step"
-        if config.engine.has_discrete_states
+        if is_discrete
         else message("stations.max_step_or_accuracy", "solver.max_step or solver.accuracy")
     )
     return message(

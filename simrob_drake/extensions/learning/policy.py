@@ -58,7 +58,8 @@ class Policy(LoopSection):
     """Figures that say what is wanted, such as a place."""
 
     @model_validator(mode="after")
-    def _observes_goal_and_clock(self) -> "Policy":
+    def _check_observed(self) -> "Policy":
+        """Check that a clock and a goal are given where they are observed, and that a goal has a rate for a heading."""
         for name in ("clock", "goal"):
             if bool(getattr(self, name)) != (name in self.observes):
                 raise ValueError(
@@ -68,7 +69,7 @@ class Policy(LoopSection):
             raise ValueError(
                 message(
                     "learning.heading_error_with_goal",
-                    "heading_error goes with a goal of three figures, whose last is a rate",
+                    "heading_error goes with a goal of three figures or more, of which the third is a rate",
                 )
             )
         return self

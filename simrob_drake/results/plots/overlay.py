@@ -4,6 +4,7 @@ import fnmatch
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -70,9 +71,9 @@ def read_signals(folder: Path) -> SavedSignals:
     values, _ = read_columns(table, names)
     columns = {name: values[:, index] for index, name in enumerate(names)}
     times = columns.pop(TIME_COLUMN)
-    # Results of before have no gains in their summary.
-    gains = [servo_in_words(servo) for servo in summary.get("servos", {}).values()]
-    name = ": ".join([str(folder), *list(dict.fromkeys(gains))[:1]])
+    # Older results have no gains in their summary.
+    gains_of_robots = [servo_in_words(servo) for servo in summary.get("servos", {}).values()]
+    name = ": ".join([str(folder), *gains_of_robots[:1]])
     return SavedSignals(name, times, columns, units=summary.get("units", {}))
 
 
@@ -92,11 +93,16 @@ def overlay_figure(results: Sequence[SavedSignals], patterns: Sequence[str] = ()
     if not 0 < len(names) <= _MOST:
         expected = message("results.count_of_plots", "1 to {most}: name fewer, such as q.joint_2", most=_MOST)
         raise InvalidParameter("--signal", len(names), expected)
-    count = 1 if len(names) == 1 else 2
-    rows = -(-len(names) // count)
+    column_count = 1 if len(names) == 1 else 2
+    row_count = ceil(len(names) / column_count)
     width, height = _FRAME
     figure, frames = panels(
-        "results over each other", rows, count, size=(count * width, rows * height + 0.9), titles=names, sharex=True
+        "results over each other",
+        row_count,
+        column_count,
+        size=(column_count * width, row_count * height + 0.9),
+        titles=names,
+        sharex=True,
     )
     styles = looks(len(results))
     for axes, name in zip(frames.flat, names, strict=False):
@@ -108,8 +114,10 @@ def overlay_figure(results: Sequence[SavedSignals], patterns: Sequence[str] = ()
                 axes.plot(result.times, factor * result.columns[name], **how)
         quantity = QUANTITIES.get(shown_unit, "") if _OF_JOINTS.fullmatch(name) else ""
         axes.set_ylabel(f"{quantity} [{shown_unit}]".lstrip(), fontsize=9)
-    for axes in frames[-1]:
+    lowest_of_columns = frames.flat[max(len(names) - column_count, 0) : len(names)]
+    for axes in lowest_of_columns:
         axes.set_xlabel("time [s]")
+        axes.tick_params(labelbottom=True)
     for axes in frames.flat[len(names) :]:
         axes.set_visible(False)
     return figure

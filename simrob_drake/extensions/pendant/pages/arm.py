@@ -228,16 +228,21 @@ def _target(session: Session, t: Words, name: str, taught: Mapping[str, Any]) ->
 
 
 def build_branches(session: Session, phrases: Phrases) -> None:
-    """Build the list of the branches that the session found last. Arrow keys go through it; the view shows one."""
+    """Build the list of the branches that the session found last: the postures that reach a pose.
+
+    The view draws one of them as a ghost. Its entry is marked, and the arrow keys choose another.
+    """
     t = phrases.t
     with ui.row().classes("w-full items-center gap-2"):
         ui.button(t("arm.branches"), icon="call_split", on_click=partial(session.arm.branches, None)).props("no-caps")
         hide = ui.button(t("arm.hide"), on_click=session.arm.hide_ghosts).props("flat no-caps")
 
+    hint = ui.label(t("arm.step_postures")).classes("text-sm opacity-70")
     entries: list[ui.element] = []
 
     def step(by: int) -> None:
-        session.arm.show_branch((session.arm.shown_ghost or 0) + by)
+        shown = session.arm.shown_ghost
+        session.arm.show_branch(0 if shown is None else shown + by)
 
     def show() -> None:
         entries.clear()
@@ -245,14 +250,14 @@ def build_branches(session: Session, phrases: Phrases) -> None:
         hint.set_visibility(len(session.arm.ghosts) > 1)
         if not session.arm.ghosts:
             return
-        with ui.element("ol").classes("w-full p-0 m-0").props("tabindex=0") as places:
-            places.style("list-style: none; max-height: 22rem; overflow-y: auto")
-            set_label(places, t("arm.postures"))
-            places.on("keydown", lambda event: step(event.args), js_handler=_ARROW_KEYS)
+        with ui.element("ol").classes("w-full p-0 m-0").props("tabindex=0") as listing:
+            listing.style("list-style: none; max-height: 22rem; overflow-y: auto")
+            set_label(listing, t("arm.postures"))
+            listing.on("keydown", lambda event: step(event.args), js_handler=_ARROW_KEYS)
             for number, branch in enumerate(session.arm.ghosts):
                 entries.append(_branch(session, phrases, number, branch))
 
-    def mark() -> None:
+    def mark_shown() -> None:
         for number, entry in enumerate(entries):
             is_shown = number == session.arm.shown_ghost
             entry.classes(add="pendant-shown" if is_shown else "", remove="" if is_shown else "pendant-shown")
@@ -261,9 +266,9 @@ def build_branches(session: Session, phrases: Phrases) -> None:
             if is_shown:
                 entry.client.run_javascript(f"getHtmlElement({entry.id})?.scrollIntoView({{block: 'nearest'}})")
 
-    hint = ui.label(t("arm.step_postures")).classes("text-sm opacity-70")
+    # First the entries, then the mark of one of them.
     rebuild(session, lambda: list(session.arm.ghosts), show, "program")
-    follow(session, mark, "program")
+    follow(session, mark_shown, "program")
 
 
 def _branch(session: Session, phrases: Phrases, number: int, branch: Mapping[str, Any]) -> ui.element:
