@@ -134,7 +134,8 @@ def findings_table(findings: list[Finding]) -> Table:
 def robot_table(robot: RobotModel) -> Table:
     """Make the table of the axes of a robot, with their limits of position and effort."""
     lower, upper = ([compound("{end:.5g}", end=end) for end in limit / robot.user_units] for limit in robot.axis_limits)
-    efforts = [compound("{effort:g}", effort=effort) for effort in robot.efforts]
+    # A passive axis has no motor.
+    efforts = [compound("{effort:g}", effort=effort) if effort > 0 else "–" for effort in robot.efforts]
     rows = zip(robot.axes, lower, upper, robot.unit_names, efforts, robot.effort_units, strict=True)
     base = message("cli.fixed_base", "fixed base")
     if robot.base == "floating":

@@ -89,7 +89,8 @@ def table_of(result: RecordedRun) -> list[list[str]]:
             ]
             unit, effort = robot.model.unit_names[index], robot.model.effort_units[index]
             peak = torque[np.argmax(np.abs(torque))]
-            shown_limit = "–" if kinematic else compound("{limit:g}", limit=limit)
+            has_no_limit = kinematic or robot.gains.passive[index]
+            shown_limit = "–" if has_no_limit else compound("{limit:g}", limit=limit)
             last_torque = compound("{value:z.3f}", value=torque[-1])
             efforts = (last_torque, compound("{value:z.3f}", value=peak), shown_limit, effort)
             table.append([f"{robot.prefix}{axis}", *ends, unit, *efforts])

@@ -14,10 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from pydrake.multibody.tree import JacobianWrtVariable
 
-from simrob_drake.base.frames import Vector
+from simrob_drake.base.frames import Flags, Vector
 from simrob_drake.base.messages import join_texts, message
 from simrob_drake.parts.station_plant import StationRobot
-from simrob_drake.robots.limits import Flags
 from simrob_drake.stations.clearance import SLIDES, TURNS, Clearance, neighbouring_postures, reduce_own_overlaps
 from simrob_drake.stations.posed import posture_range
 
@@ -241,13 +240,14 @@ class ClearStart:
     def _load(self) -> float:
         """Compute the largest share of its torque that a motor needs to hold the posture that was set last.
 
-        The share is 0 if the motors need not hold the robot.
+        The share is 0 if the motors need not hold the robot. Passive axes do not count: they hold no posture.
         """
-        if not self._torque:
+        driven = ~self._robot.gains.passive
+        if not self._torque or not driven.any():
             return 0.0
         gravity = self._clearance.plant.CalcGravityGeneralizedForces(self._clearance.context)
         torques = self._robot.axis_map.efforts(gravity)
-        return float(np.max(np.abs(torques) / self._robot.model.efforts))
+        return float(np.max(np.abs(torques[driven]) / self._robot.model.efforts[driven]))
 
     def _clear_postures(self) -> Iterator[list[Vector]]:
         """Yield lists of postures without faults, in each list the farthest from a singularity first.
@@ -455,12 +455,20 @@ class ClearStart:
         good = list[str]()
         if self._required_heights.size:
             good.append(message("stations.is_clear", "clear of the floor and of itself"))
-        if self._torque:
+        passive = self._robot.gains.passive
+        if self._torque and not passive.all():
+            share = max(loads)
             good.append(
                 message(
+                    "stations.motors_hold_driven",
+                    "its motors hold the axes that they drive with {share:.0%} of their torque at most",
+                    share=share,
+                )
+                if passive.any()
+                else message(
                     "stations.motors_hold_it",
                     "its motors hold it with {share:.0%} of their torque at most",
-                    share=max(loads),
+                    share=share,
                 )
             )
         if not good:

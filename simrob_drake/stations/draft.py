@@ -132,6 +132,14 @@ def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, fol
             followers=", ".join(robot.followers),
         )
         remarks.append(coupled)
+    if robot.passive_axes and not is_kinematic:
+        without_motor = message(
+            "stations.drafted_without_motor",
+            "By the robot's file no motor moves these axes: {axes}."
+            " To give them motors, add `passive: []` and their `torque_limit` to servo.",
+            axes=", ".join(robot.passive_axes),
+        )
+        remarks.append(without_motor)
     remarks += _import_warnings(robot, content, file)
     if is_kinematic:
         remarks += _complete_with_fixed_base(robot, content)
@@ -216,8 +224,8 @@ def _complete_with_fixed_base(robot: RobotModel, content: dict[str, Any]) -> lis
         content["robot"]["base"] = [0.0, 0.0, height, 0.0, 0.0, 0.0]
     _set_initial_posture(robot, content, start.posture)
     content["reference"] = {"kind": "hold"}  # if no move from the posture is clear
-    if (start.target != start.posture).any():
-        target = _without_followers(robot, _in_user_units(robot, start.target))
+    target = _without_followers(robot, _in_user_units(robot, start.target))
+    if (start.target != start.posture).any() and target != {}:
         content["reference"] = {"kind": "move", "target_deg": target, "duration": _MOVE}
     content["duration"] = _DURATION
     remarks = list(start.remarks)
@@ -257,13 +265,14 @@ def _complete_with_loops(robot: RobotModel, content: dict[str, Any]) -> list[str
     """
     loops = LoopsOfRobot(robot)
     posture = loops.closed_posture()
-    passive = loops.passive_axes(posture)  # indices
+    without_motor = np.flatnonzero(robot.passive).tolist()
+    passive = sorted({*loops.passive_axes(posture), *without_motor})  # indices
     content.setdefault("couplings", {}).update(robot.loops)
     content["servo"] = _servo(robot, "implicit")
-    for gain in ("kp", "kd"):
-        values = np.array(robot.axis_vector(content["servo"][gain], gain))
+    gains = gains_of(robot)
+    for key, values in (("kp", gains.kp), ("kd", gains.kd)):
         values[passive] = 0.0
-        content["servo"][gain] = _number_or_mapping(robot, values)
+        content["servo"][key] = _of_motors(robot, values)
     content["solver"] = _DISCRETE
     _set_initial_posture(robot, content, posture)
 
@@ -522,10 +531,17 @@ def _servo(robot: RobotModel, realization: str) -> dict[str, Any]:
     gains = gains_of(robot)
     return {
         "realization": realization,
-        "kp": _number_or_mapping(robot, gains.kp),
-        "kd": _number_or_mapping(robot, gains.kd),
-        "torque_limit": _number_or_mapping(robot, robot.efforts),
+        "kp": _of_motors(robot, gains.kp),
+        "kd": _of_motors(robot, gains.kd),
+        "torque_limit": _of_motors(robot, robot.efforts),
     }
+
+
+def _of_motors(robot: RobotModel, values: Vector) -> float | dict[str, float]:
+    """Write values of all axes (n,) for a key of the servos: without those of passive axes, which have no servo."""
+    if not robot.passive.any():
+        return _number_or_mapping(robot, values)
+    return {axis: value for axis, value in _by_axis(robot, values).items() if axis not in robot.passive_axes}
 
 
 def _number_or_mapping(robot: RobotModel, values: Vector) -> float | dict[str, float]:
@@ -535,13 +551,14 @@ def _number_or_mapping(robot: RobotModel, values: Vector) -> float | dict[str, f
 
 
 def _without_followers(robot: RobotModel, values: Vector) -> float | dict[str, float]:
-    """Write the values of axes (n,) without those of followers, whose values result from the couplings.
+    """Write the targets of axes (n,) without those of followers, which the couplings move, and of passive axes.
 
-    Without followers, equal values are written as one number.
+    If there are neither of these, equal values are written as one number.
     """
-    if not robot.followers:
+    left_out = {*robot.followers, *robot.passive_axes}
+    if not left_out:
         return _number_or_mapping(robot, values)
-    return {axis: value for axis, value in _by_axis(robot, values).items() if axis not in robot.followers}
+    return {axis: value for axis, value in _by_axis(robot, values).items() if axis not in left_out}
 
 
 def _by_axis(robot: RobotModel, values: Vector) -> dict[str, float]:

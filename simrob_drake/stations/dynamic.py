@@ -229,7 +229,7 @@ def declare_torque(site: Site, robot: StationRobot, torque: OutputPort) -> None:
 def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, signals: ServoSignals) -> None:
     servo, plant = ports.config.servo_of(robot.name), ports.plant.plant
     if servo.realization == "implicit":
-        actuation = robot.axis_map.actuation_matrix(plant, robot.instance)
+        actuation = robot.axis_map.actuation_matrix(plant, robot.instance, robot.gains.passive)
         torque = add_actuator_servos(
             builder,
             ports.plant.stepped,
@@ -240,7 +240,8 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
             prefix=robot.prefix,
         )
         if ports.config.engine.actuator_torques_lack_friction:
-            torque = with_friction(builder, ports, robot, torque)
+            driven = [int(axis) for axis in np.flatnonzero(~robot.gains.passive)]
+            torque = with_friction(builder, ports, robot, torque, axes=driven)
         declare_torque(ports, robot, torque)
         draw_actuator_servos(ports, robot)
         if (robot.gains.ki > 0).any():
@@ -286,14 +287,15 @@ def _add_servo_blocks(
             saturated=not in_actuators,
         )
         draw_servos(ports, robot, per_joint=per_joint)
-    matrix = robot.axis_map.actuation_matrix(plant, robot.instance)
+    matrix = robot.axis_map.actuation_matrix(plant, robot.instance, robot.gains.passive)
     driven = command
     if robot.gains.damping.any():
         bus = joined(builder, f"{prefix}motors.commands", command, signals.state)
         dampers = np.hstack([np.eye(count), np.diag(robot.gains.damping) @ speed])
         driven = mapped(builder, f"{prefix}motors.driven", dampers, bus)
-    actuation = mapped(builder, f"{prefix}actuators", matrix, driven)
-    builder.Connect(actuation, ports.plant.stepped.get_actuation_input_port(robot.instance))
+    if len(matrix) > 0:  # a robot without any motor has no actuators to connect
+        actuation = mapped(builder, f"{prefix}actuators", matrix, driven)
+        builder.Connect(actuation, ports.plant.stepped.get_actuation_input_port(robot.instance))
     return limited(command) if in_actuators else command
 
 

@@ -111,9 +111,14 @@ def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) ->
 
 def draw_actuator_servos(ports: StationPorts, robot: StationRobot) -> None:
     """Draw servos inside the plant's actuators: a block of their own beside the plant."""
-    label = message("stations.block_actuators", "{count} joints,\nin the actuators", count=len(robot.axes))
-    limit = wrapped(shown_limits(robot.gains.torque_limit, list(robot.model.effort_units)))
-    kp, kd = f"kp {shown_values(robot.gains.kp)}", f"kd {shown_values(robot.gains.kd)}"
+    driven = _axes_with_motor(robot, list(range(len(robot.axes))))
+    label = compound(
+        "{joints}{passive}",
+        joints=message("stations.block_actuators", "{count} joints,\nin the actuators", count=len(driven)),
+        passive=_passive_text(robot),
+    )
+    limit = wrapped(shown_limits(robot.gains.torque_limit[driven], [robot.model.effort_units[axis] for axis in driven]))
+    kp, kd = f"kp {shown_values(robot.gains.kp[driven])}", f"kd {shown_values(robot.gains.kd[driven])}"
     law = f"PD\n{kp}, {kd}" if short(f"{kp}, {kd}") else f"PD\n{wrapped(kp)}\n{wrapped(kd)}"
     ports.picture.draw_nothing(f"{robot.prefix}applied_and_state", f"{robot.prefix}applied_torque")
     for part in ("desired_state", "actuation"):
@@ -162,8 +167,42 @@ def draw_integral(ports: StationPorts, robot: StationRobot, row: str, group: lis
         ports.picture.draw(f"{robot.prefix}{row}.{part}", "servo", label, robot, key=f"{robot.prefix}{row}.integral")
 
 
+def _axes_with_motor(robot: StationRobot, group: list[int]) -> list[int]:
+    """Indices of those axes of a group that have a motor."""
+    return [axis for axis in group if not robot.gains.passive[axis]]
+
+
+def _passive_text(robot: StationRobot) -> str:
+    """Line of a label that names the axes without a motor; empty if all axes have one."""
+    names = [robot.axes[axis] for axis in np.flatnonzero(robot.gains.passive)]
+    if not names:
+        return ""
+    text = wrapped(translate(message("stations.block_without_motor", "no motor: {axes}", axes=", ".join(names))))
+    return f"\n{text}"
+
+
 def _draw_servo(ports: StationPorts, robot: StationRobot, row: str, group: list[int], who: str) -> None:
-    gains, name, units = robot.gains, f"{robot.prefix}{row}", [robot.model.units[index].si for index in group]
+    """Draw the servo of a group of joints. Passive joints have none: a block says that they have no motor."""
+    gains = robot.gains
+    name = f"{robot.prefix}{row}"
+    driven = _axes_with_motor(robot, group)
+    if not driven:
+        for part in ("pd", "saturation"):
+            ports.picture.draw(
+                f"{name}.{part}",
+                "servo",
+                message("stations.block_no_motor", "{axes}: no motor", axes=who),
+                robot,
+                key=f"{name}.passive",
+            )
+        return
+    without_motor = ""
+    if len(driven) < len(group):
+        several = message("stations.block_joints", "{count} joints", count=len(driven))
+        who = robot.axes[driven[0]] if len(driven) == 1 else several
+        without_motor = _passive_text(robot)
+        group = driven
+    units = [robot.model.units[index].si for index in group]
     kp, kd = gains.kp[group], gains.kd[group]
     if gains.speed_limit is not None:
         limit = shown_limits(gains.speed_limit[group], [f"{unit}/s" for unit in units])
@@ -179,7 +218,7 @@ def _draw_servo(ports: StationPorts, robot: StationRobot, row: str, group: list[
         label = message("stations.block_velocity", "{axes}: velocity\n{gain}", axes=who, gain=shown_values(kd))
         ports.picture.draw(f"{name}.velocity_loop", "servo", label, robot)
         ports.picture.draw_nothing(f"{name}.speed")
-    ports.picture.draw(f"{name}.pd", "servo", _pd_label(who, kp, kd), robot)
+    ports.picture.draw(f"{name}.pd", "servo", _pd_label(who, kp, kd) + without_motor, robot)
     _draw_saturation(ports, f"{name}.saturation", group, robot)
     _draw_motors(ports, name, group, robot)
     if (gains.ki[group] > 0).any():
@@ -205,6 +244,8 @@ def _draw_motors(ports: StationPorts, name: str, group: list[int], robot: Statio
 
 
 def _draw_saturation(ports: StationPorts, name: str, group: list[int], robot: StationRobot) -> None:
+    """Draw the block that limits the torques of a group of joints, with the limits of those that have a motor."""
+    group = _axes_with_motor(robot, group) or group
     limit = shown_limits(robot.gains.torque_limit[group], [robot.model.effort_units[index] for index in group])
     ports.picture.draw(
         name, "servo", message("stations.block_saturation", "Saturation\n{limit}", limit=wrapped(limit)), robot

@@ -57,6 +57,7 @@ from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import ServoConfig, StationConfig
 from simrob_drake.stations.ports import StationPorts
+from simrob_drake.stations.servos import passive_axis
 
 _ROTOR_FACTOR = 1e6
 """Inertia of a prescribed joint's rotor, as a multiple of the joint's diagonal element of the mass matrix."""
@@ -84,7 +85,8 @@ def prescribed_axes(config: StationConfig, robot: str, model: RobotModel) -> dic
 
     Raises:
         UnknownName: a key names a robot or an axis that does not exist.
-        InvalidParameter: the station is kinematic, or the robot has servos that prescribed joints exclude.
+        InvalidParameter: the station is kinematic, the robot has servos that prescribed joints exclude, or an axis is
+            passive.
     """
     keys = []
     for key in config.prescribed:
@@ -109,7 +111,11 @@ def prescribed_axes(config: StationConfig, robot: str, model: RobotModel) -> dic
         )
     _check_servo(config.servo_of(robot))
     prefix = config.prefix(robot)
-    return {key: model.axis_index(key.removeprefix(prefix), "prescribed") for key in keys}
+    indices = {key: model.axis_index(key.removeprefix(prefix), "prescribed") for key in keys}
+    for key, axis in indices.items():
+        if model.passive[axis]:  # a prescribed joint is moved by the rotor of its motor
+            raise passive_axis(f"prescribed.{key}", key)
+    return indices
 
 
 def _check_servo(servo: ServoConfig) -> None:

@@ -136,7 +136,7 @@ class Stances:
                 side=side,
                 least=_STEADY * found.height * 1e3,
             )
-        loads = np.abs(found.torque) / self._robot.gains.limit_at_rest
+        loads = self._robot.gains.holding_shares(found.torque)
         worst = int(np.argmax(loads))
         if loads[worst] > _LOAD:
             axis, unit = self._robot.axes[worst], self._robot.model.effort_units[worst]

@@ -331,6 +331,8 @@ def shortfall(
     or N].
     """
     unit, off = axis["unit"], done - asked
+    if axis.get("passive", False):  # no motor is to bring it anywhere
+        return Shortfall(off)
     level = level_of(off, unit)
     if abs(torque) >= _FULL * limit:
         return Shortfall(off, "red", "limit")

@@ -106,8 +106,9 @@ def position_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
 
 
 def torque_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
-    """Return the torque of each axis, with its limit."""
-    torques, limits = result.axes("tau", robot.name), robot.gains.torque_limit
+    """Make the plots of the torque of each axis, with its limit."""
+    torques = result.axes("tau", robot.name)
+    limits = robot.gains.judged_limit  # infinite for axes without a motor
     stacks = []
     for group in side_groups(robot):
         unit, places = robot.model.effort_units[group.first], list(group.places.values())
@@ -118,7 +119,9 @@ def torque_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
             if _NEAR * (np.sign(bound) * torques[:, places]).max() >= abs(bound):
                 curves.append(dashed(np.full(len(torques), bound), limit_label, RED))
         note = message("results.no_limit", "no limit")
-        if np.isfinite(own).any():
+        if robot.gains.passive[places].all():
+            note = message("results.no_motor", "no motor")
+        elif np.isfinite(own).any():
             shown = [
                 compound("±{limit:g} {unit}", limit=limit, unit=unit)
                 if np.isfinite(limit)

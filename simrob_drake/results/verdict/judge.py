@@ -143,9 +143,11 @@ def _errors(run: RecordedRun, robot: StationRobot) -> Vector | None:
 def _without_error(run: RecordedRun, robot: StationRobot) -> dict[int, str]:
     """Axes of a robot that are not expected at their reference, by index, each with the reason.
 
-    These are fingers, and axes without a motor: their servo has no gain, and they had no torque at all in the run.
+    These are fingers, and axes without a motor: passive ones, and those whose servo has no gain and that had no torque
+    at all in the run.
     """
     left_out = _fingers(robot)
+    left_out |= dict.fromkeys(np.flatnonzero(robot.gains.passive).tolist(), _IDLE)
     has_torque = run.axes("tau", robot.name).any(axis=0)
     idle = (robot.gains.kp == 0) & ~has_torque
     if not idle.all():  # in a robot without any motor, all axes are judged

@@ -113,9 +113,17 @@ def judge_move(run: "RecordedRun", asked: "AskedMove") -> MoveVerdict:
     last = min(int(np.searchsorted(run.times, asked.duration - _ROUNDING)), len(run.times) - 1)
     rows = slice(0, last + 1)
     times = run.times[rows]
-    tool_poses = asked.tool(run.axes("q", asked.robot)[rows])  # (m, 4, 4)
-    planned_poses = asked.tool(run.axes("q_ref", asked.robot)[rows])
-    target = asked.tool(asked.end[np.newaxis])[0]
+    postures = run.axes("q", asked.robot)[rows]
+    planned_postures = run.axes("q_ref", asked.robot)[rows]
+    end_posture = asked.end
+    passive = run.plant.robots[asked.robot].gains.passive
+    if passive.any():
+        # No servo brings a passive axis anywhere: targets and path are judged for passive axes where they really were.
+        planned_postures = np.where(passive, postures, planned_postures)
+        end_posture = np.where(passive, postures[-1], end_posture)
+    tool_poses = asked.tool(postures)  # (m, 4, 4)
+    planned_poses = asked.tool(planned_postures)
+    target = asked.tool(end_posture[np.newaxis])[0]
     positions = tool_poses[:, :3, 3]
     planned_positions = planned_poses[:, :3, 3]
 

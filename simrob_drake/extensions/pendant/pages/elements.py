@@ -181,6 +181,11 @@ class Dial:
         low_label.text = limit_text(self._t, low, self._unit, is_upper=False)
         high_label.text = limit_text(self._t, high, self._unit, is_upper=True)
 
+    def lock(self) -> None:
+        """Let the user see the value, and not change it."""
+        self.number.field.disable()
+        self._slider.disable()
+
     def show(self, value: float) -> None:
         """Show a value, without moving anything."""
         self._quiet = True
