@@ -48,7 +48,7 @@ def walk(
     set_: Settings = None,
     saving: Saving,
 ) -> int:
-    """Let a legged robot walk, and save what `simrob run` saves.
+    """Make a legged robot walk, and save what `simrob run` saves.
 
     The robot takes the posture in which its gait begins, and walks; the gait decides how long that takes. If the robot
     does not have the gait, the message lists its gaits. To do several walks and acts one after the other, write them in
@@ -84,7 +84,7 @@ def act(
     set_: Settings = None,
     saving: Saving,
 ) -> int:
-    """Let a legged robot go through postures or stand on three legs, and save what `simrob run` saves.
+    """Make a legged robot go through postures or stand on three legs, and save what `simrob run` saves.
 
     Without the name of an act, the acts of the robot are listed; without a station, the stations whose robots have
     acts. To do several walks and acts one after the other, write them in a program.yaml, and run it with
@@ -220,7 +220,7 @@ def _save_move(
     *,
     entry: str,
 ) -> ExitCode:
-    """Let a robot of a station do a move, and save the run.
+    """Do a move with a robot of a station, and save the run.
 
     Args:
         station: name or file of the station.
