@@ -124,7 +124,7 @@ def fall_without_the_loop(visit: Visit) -> None:
 
 
 def play_slowly_and_see_a_servo(visit: Visit) -> None:
-    visit.choose_pace("0.25 ×")
+    visit.choose_pace(0.25)
     visit.press("run.play")
     expect(visit.page.locator(".pendant-state")).to_have_text(visit.texts["phase.running"])
     show_block(visit, "joint_2.pd", "kp 1000")
@@ -133,7 +133,7 @@ def play_slowly_and_see_a_servo(visit: Visit) -> None:
 
 
 def tune_while_it_runs(visit: Visit) -> None:
-    visit.choose_pace("0.1 ×")
+    visit.choose_pace(0.1)
     visit.press("run.play")
     expect(visit.page.locator(".pendant-state")).to_have_text(visit.texts["phase.running"])
     slider = visit.page.get_by_role("slider", name="servo.kp.joint_2")

@@ -5,7 +5,7 @@ import re
 from playwright.sync_api import expect
 from running import choose_option
 
-from simrob_drake.extensions.pendant.pages.words import texts_of
+from simrob_drake.extensions.pendant.pages.words import texts_of, words
 
 SCREENS = {"en": (1366, 768), "es": (1920, 1080)}  # width and height [px]
 
@@ -14,7 +14,9 @@ class Visit:
     """A page in one language: what a user presses and sees there, by the keys of its texts."""
 
     def __init__(self, page, pendant, language):
-        self.page, self.texts = page, texts_of(language)
+        self.page = page
+        self.words = words(language)
+        self.texts = texts_of(language)
         width, height = SCREENS[language]
         page.set_viewport_size({"width": width, "height": height})
         page.goto(pendant.url)
@@ -22,9 +24,9 @@ class Visit:
         self.choose_pace()
 
     def choose_pace(self, pace=None):
-        """Let runs go at a pace, such as ``0.25 ×``; as fast as they can unless one is given."""
-        pace = pace or self.texts["run.fastest"]
-        choose_option(self.page, self.texts["run.pace"], pace, within=".pendant-run")
+        """Choose the pace of runs as a multiple of the clock; as fast as they can go unless one is given."""
+        option = self.texts["run.fastest"] if pace is None else f"{self.words.figure(pace)} ×"
+        choose_option(self.page, self.texts["run.pace"], option, within=".pendant-run")
 
     def button(self, key):
         return self.page.get_by_role("button", name=self.texts[key], exact=True)
