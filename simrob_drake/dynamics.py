@@ -171,7 +171,7 @@ class Dynamics:
         """Return the mass that each motor could carry at the tool centre point besides, shape (n,) [kg].
 
         The least is what the robot can: as a point mass, at rest unless there is motion. It is infinite where a load
-        does not act on the joint, and 0 where the motor is too weak without one.
+        does not act on the joint or the axis is passive, and 0 where the motor is too weak without one.
         """
         return self._each(self._payload, q, v=v, a=a)
 
@@ -257,9 +257,11 @@ class Dynamics:
         felt = to_tool @ acceleration + np.ravel(curved) - plant.gravity_field().gravity_vector()
         of_a_kilogram = to_tool.T @ felt
         room = self.torque_limit - np.sign(of_a_kilogram) * torque
-        loaded = np.abs(of_a_kilogram) > _NOTHING
+        has_motor = self.torque_limit > 0
+        loaded = (np.abs(of_a_kilogram) > _NOTHING) & has_motor
         masses = np.divide(room, np.abs(of_a_kilogram), out=np.full_like(room, np.inf), where=loaded)
-        return np.where(np.abs(torque) > self.torque_limit, 0.0, np.maximum(masses, 0.0))
+        is_too_weak = (np.abs(torque) > self.torque_limit) & has_motor
+        return np.where(is_too_weak, 0.0, np.maximum(masses, 0.0))
 
     @property
     def _tcp(self) -> Frame:

@@ -240,10 +240,13 @@ MISTAKES = {
     ),
     "a missing URDF to check": (["check", "no.urdf"], "no.urdf: there is no such file"),
     "a duration of nothing": (["run", "irb120_dynamic", "--duration", "0"], "duration"),
-    "a word for a duration": (["run", "irb120_dynamic", "--duration", "long"], "Invalid value for '--duration'"),
-    "an unknown option": (["run", "irb120_dynamic", "--ot", "x"], "No such option: --ot"),
-    "an unknown command": (["rum"], "No such command 'rum'. Did you mean 'run'?"),
-    "no station": (["run"], "Missing"),
+    "a word for a duration": (
+        ["run", "irb120_dynamic", "--duration", "long"],
+        "--duration: must be a number (it is 'long')",
+    ),
+    "an unknown option": (["run", "irb120_dynamic", "--ot", "x"], "there is no option --ot; did you mean '--out'?"),
+    "an unknown command": (["rum"], "there is no command 'rum'; did you mean 'run'?"),
+    "no station": (["run"], "simrob run needs STATION; for example: simrob run irb120_dynamic"),
     "a folder that cannot be": (["run", "irb120_dynamic", "--out", "/proc/nowhere/x"], "cannot be written"),
     "two durations": (
         ["run", "irb120_dynamic", "--duration", "0.2", "--set", "duration=1e9"],
@@ -255,17 +258,17 @@ MISTAKES = {
     ),
     "a bad duration": (
         ["run", "double_pendulum", "--duration", "-1"],
-        "simrob: --duration: input should be greater than 0",
+        "simrob: --duration: must be greater than 0",
     ),
     "a bad setting": (
         ["run", "double_pendulum", "--set", "duration=-1"],
-        "simrob: --set duration: input should be greater",
+        "simrob: --set duration: must be greater",
     ),
     "bad YAML": (
         ["run", "double_pendulum", "--set", "servo.kp=[1"],
         "simrob: --set servo.kp=[1: is not YAML: while parsing",
     ),
-    "endless samples": (["run", "double_pendulum", "--set", "sample_rate=1e9"], "less than or equal to 10000"),
+    "endless samples": (["run", "double_pendulum", "--set", "sample_rate=1e9"], "at most 10000"),
     "an endless run": (["run", "double_pendulum", "--duration", "1e9"], "at most 10000 s at a sample_rate of 100 Hz"),
     "a folder as station": (["run", "/"], "simrob: /: is a folder"),
     "a setting of a URDF": (
@@ -442,7 +445,7 @@ def test_check_says_what_a_file_is_that_is_no_station(file, said, capsys):
     ("station", "setting", "said"),
     [
         ("irb120_dynamic", "start=/etc/passwd", "/etc/passwd: is not JSON"),
-        ("roid1_walking", "controllers.walk.gait.max_speed.ahead=1e9", "max_speed.ahead: input should be less than"),
+        ("roid1_walking", "controllers.walk.gait.max_speed.ahead=1e9", "max_speed.ahead: must be at most"),
     ],
 )
 def test_check_says_nothing_ok_that_is_none(station, setting, said, capsys):

@@ -1,14 +1,16 @@
 """The command line in Spanish: tables, verdict, remedies, errors, and the list of what comes with the package."""
 
 import re
+import shutil
 
 import pytest
 
-from simrob_drake.base.files import piece_files, robot_files, station_files
+from simrob_drake.base.files import models_root, piece_files, robot_files, station_files
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
 from simrob_drake.cli.language import LANGUAGE_VARIABLE
+from tests.widths import too_wide
 
 pytestmark = pytest.mark.usefixtures("no_plots")
 WEAK = ["run", "irb120_dynamic", "--duration", "0.5", "--set", "servo.torque_limit=10", "--no-recording"]
@@ -79,3 +81,45 @@ def test_all_that_comes_with_the_package_is_described_in_spanish():
     kinds = {"station": station_files(), "robot": robot_files(), "piece": piece_files()}
     needed = {f"descriptions.{kind}_{name}" for kind, files in kinds.items() for name in files}
     assert known.keys() == needed
+
+
+URDF = str(models_root() / "irb120" / "irb120.urdf")
+COMMANDS = {
+    "check of a station": ["check", "irb120_dynamic"],
+    "check of a station with warnings": ["check", "irb120_dynamic", "--set", "servo.torque_limit=10"],
+    "check of a robot": ["check", "puma560"],
+    "check of a file": ["check", URDF],
+    "import": ["import", URDF, "--out", "made"],
+    "station": ["station", URDF],
+    "acts": ["act", "roid1_dynamic"],
+    "act without a station": ["act"],
+    "walk without a station": ["walk"],
+    "a missing argument": ["plot"],
+    "a wrong value": ["run", "irb120_dynamic", "--duration", "long"],
+    "an unknown option": ["run", "irb120_dynamic", "--durationn", "1"],
+    "an unknown command": ["rum"],
+    "too many arguments": ["check", "irb120_dynamic", "irb120_kinematic"],
+    "--converge": ["run", "double_pendulum", "--duration", "0.1", "--no-recording", "--converge"],
+    "linearize": ["linearize", "double_pendulum", "--out", "linear"],
+    "a station that is wrong": ["check", "double_pendulum.yaml", "--set", "duration=-1"],
+}
+ENGLISH = re.compile(r"\b(the|of|and|with|is|are|at|not|must|should|to|limit|holding|reference|joint|axis|unit)\b")
+
+
+@pytest.mark.parametrize("command", COMMANDS.values(), ids=COMMANDS)
+def test_an_output_has_no_english_words(command, capsys, monkeypatch, tmp_path):
+    shutil.copy(station_files()["double_pendulum"], tmp_path)
+    monkeypatch.setenv(LANGUAGE_VARIABLE, "es")
+    run_command(command)
+    shown = capsys.readouterr()
+    text = shown.out + shown.err
+    assert text
+    # Names of axes and files are the same in each language, and so are commands.
+    assert ENGLISH.findall(re.sub(r"\S*/\S+|\w*[_.]\w+|simrob \w+", "", text)) == []
+    assert too_wide(shown.out) == []
+
+
+def test_a_legged_robot_is_reported_in_spanish(capsys, monkeypatch):
+    monkeypatch.setenv(LANGUAGE_VARIABLE, "es")
+    assert run_command(["act", "humanoid_fixed", "wave", "--no-recording"]) == ExitCode.DONE
+    assert "varios movimientos: escríbelos en un program.yaml" in capsys.readouterr().out

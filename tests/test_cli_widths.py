@@ -76,7 +76,7 @@ def test_acts_are_listed_and_chained(capsys):
     assert run_command(["act", "roid1_dynamic"]) == 0
     out = capsys.readouterr().out
     assert "acts of roid1: bow, wave, kick" in out
-    assert "next    simrob act roid1_dynamic bow" in out
+    assert "next      simrob act roid1_dynamic bow" in out
     assert run_command(["act", "humanoid_fixed", "wave", "--no-recording"]) == 0
     assert "program.yaml (moves: [{act: wave}, ...])" in " ".join(capsys.readouterr().out.split())
     assert run_command(["act", "irb120_dynamic"]) != 0

@@ -57,7 +57,7 @@ def test_values_that_are_none_are_refused(text):
         ({"lo": 2, "high": 1}, "vary.kp.lo: unknown key; did you mean 'low'"),
         ({"mean": 1}, "vary.kp.deviation: this key is needed"),
         ({"mean": 1, "deviation": 1, "low": 2}, "vary.kp: mean must lie between"),
-        ({"values": []}, "vary.kp.values: list should have at least 1 item"),
+        ({"values": []}, "vary.kp.values: needs at least 1 value, not 0"),
         ({"low": 1, "high": 2, "when": {"servo": 1}}, "kp.when.servo must be a key that stands before kp"),
         (3, "vary.kp: must be a section with keys of"),
         ("uniform:2:1", "vary.kp: must be a range: LOW below HIGH"),

@@ -305,6 +305,23 @@ def test_a_measure_of_an_extension_is_judged_by_its_own_bound_or_that_of_the_sta
         load_station("box_on_floor", {"verdict": {"woble": 1.0}})
 
 
+def test_a_measure_of_an_extension_has_words_in_other_languages(install, tmp_path):
+    messages._catalogue_file.cache_clear()
+    content = WOBBLE.replace("default_bound=1e-9", "default_bound=1e-9, catalogue='wobble_kit'")
+    announced = "measures={'wobble': 'wobble_kit.verdict:WOBBLE'}, messages={'wobble_kit': 'wobble_kit:languages'}"
+    install("wobble-kit", f"core='>=0', {announced}", verdict=content)
+    folder = tmp_path / "wobble_kit" / "languages"
+    folder.mkdir()
+    (folder / "es.yaml").write_text(
+        "wobble_kit.title_wobble: oscilación\nwobble_kit.beyond_wobble: '{of} osciló {value}'\n"
+    )
+    verdict = simulate(load_station("box_on_floor", {"duration": 0.1}), progress=False).verdict
+    assert messages.in_language(verdict["wobble"].criterion.title_message, "es") == "oscilación"
+    assert messages.in_language(verdict["wobble"].warning, "es").startswith("box osciló ")
+    assert messages.in_language(verdict["wobble"].warning, "en").startswith("box wobbled by ")
+    messages._catalogue_file.cache_clear()
+
+
 def test_without_the_extension_the_bound_of_its_measure_is_an_unknown_key():
     with pytest.raises(InvalidConfig, match=r"verdict.wobble: unknown key"):
         load_station("box_on_floor", {"verdict": {"wobble": 1.0}})
@@ -490,7 +507,7 @@ def test_an_extension_has_commands_below_a_command_under_a_title_of_its_own(inst
     assert run_command(["kit", "show", "--times", "2"]) == 0
     assert capsys.readouterr().out == "kitkit\n"
     assert run_command(["kit", "hide"]) == 2
-    assert "No such command 'hide'" in capsys.readouterr().err
+    assert "there is no command 'hide'; known: show" in capsys.readouterr().err
 
 
 def test_a_command_that_cannot_be_imported_is_blamed_on_its_extension(install, capsys):
@@ -507,9 +524,8 @@ def test_an_unknown_command_may_be_one_of_an_extension_that_is_left_out(install,
     install("odd-kit", "core='>=99', commands={'warm': 'odd_kit.commands:warm'}")
     assert run_command(["warm"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert line == (
-        "simrob: No such command 'warm'. Extensions that are left out: odd_kit; simrob extensions says why."
-    )
+    assert line.startswith("simrob: there is no command 'warm'; known: act, check, ")
+    assert line.endswith(". Extensions that are left out: odd_kit; simrob extensions says why.")
 
 
 def test_an_extension_says_what_takes_its_files(install, tmp_path, capsys):

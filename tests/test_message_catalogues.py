@@ -18,8 +18,8 @@ LANGUAGES = ("es",)
 NOT_CONVERTED: tuple[str, ...] = ()
 """Folders of the package whose errors still have plain texts. It may only become shorter."""
 
-OF_CRITERIA = ("results.title_", "results.beyond_")
-"""Ids that are made of the name of a criterion, with its title and its sentence as templates."""
+OF_CRITERIA = ({".title_"}, {".beyond_"})
+"""Literal parts of ids that are made of the name of a criterion, with its title and its sentence as templates."""
 
 UNITS = r"\b(rad|mm|kg|deg|Hz|m|s|N|real|time|rad/s|m/s)\b"
 
@@ -53,8 +53,9 @@ def templates() -> dict[str, dict[str, list[str]]]:
             continue
         message_id, template = (literal(argument) for argument in call.args[:2])
         if message_id is None and isinstance(call.args[0], ast.JoinedStr):
-            prefix = literal(call.args[0].values[0])
-            assert prefix in OF_CRITERIA, f"{place}: the id is no literal"
+            # The first word of a criterion's ids is a field of it, with "results" for those of the core.
+            fixed_parts = {literal(part) for part in call.args[0].values} - {None}
+            assert fixed_parts in OF_CRITERIA, f"{place}: the id is no literal"
             continue
         assert message_id is not None, f"{place}: the id is no literal"
         assert template is not None, f"{place}: the template of {message_id} is no literal"
@@ -62,8 +63,9 @@ def templates() -> dict[str, dict[str, list[str]]]:
     from simrob_drake.results.verdict.judge import CRITERIA  # after the simpler checks, since the import takes long
 
     for criterion in CRITERIA:
-        for prefix, template in zip(OF_CRITERIA, (criterion.title, criterion.sentence), strict=True):
-            found[f"{prefix}{criterion.name}"][template].append("results/verdict")
+        assert criterion.catalogue == "results"
+        found[f"results.title_{criterion.name}"][criterion.title].append("results/verdict")
+        found[f"results.beyond_{criterion.name}"][criterion.sentence].append("results/verdict")
     return found
 
 

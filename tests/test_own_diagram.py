@@ -154,3 +154,33 @@ def test_the_forces_of_its_station_act():
     assert inside.stopped_by == alone.stopped_by == "fall"
     assert inside.stop_time == pytest.approx(alone.stop_time, abs=2e-3)
     np.testing.assert_array_equal(inside["applied_force.push.y"][21:50], -40)
+
+
+def test_a_run_of_its_saved_station_gives_the_same(tmp_path):
+    """The saved station has the recorded reference, and says that it is the station alone."""
+    config = arm()
+    own = simulate_diagram(*wired(config), duration=1.2, progress=False)
+    folder = own.save(tmp_path / "run", recording=False)
+    text = (folder / "station.yaml").read_text()
+    assert text.startswith("# This is the station alone, without the diagram in which it was run.")
+    recorded = np.loadtxt(folder / "reference.csv", delimiter=",", skiprows=1)
+    np.testing.assert_array_equal(recorded[:, 1:], own.axes("q_ref"))
+    again = simulate(load_station(folder / "station.yaml"), progress=False)
+    np.testing.assert_allclose(again.axes("q"), own.axes("q"), atol=1e-9)
+
+
+def test_a_saved_station_begins_in_the_state_of_the_context(tmp_path):
+    diagram, ports = wired(arm())
+    context = diagram.CreateDefaultContext()
+    plant = ports.plant.plant
+    own_context = plant.GetMyMutableContextFromRoot(context)
+    plant.SetPositions(own_context, plant.GetModelInstanceByName("robot::irb120"), np.full(6, 0.2))
+    own = simulate_diagram(diagram, ports, duration=0.3, context=context, progress=False)
+    folder = own.save(tmp_path / "run", recording=False)
+    again = simulate(load_station(folder / "station.yaml"), progress=False)
+    np.testing.assert_allclose(again.axes("q"), own.axes("q"), atol=1e-9)
+
+
+def test_a_result_of_simulate_has_no_such_remark(tmp_path):
+    folder = simulate(arm(), duration=0.1, progress=False).save(tmp_path / "run", recording=False)
+    assert "alone" not in (folder / "station.yaml").read_text()

@@ -360,7 +360,7 @@ def test_a_station_goes_by_its_name_or_file_too(station):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"config_or_station": 5}, "station is 5; it must be a name"),
+        ({"station": 5}, "station is 5; it must be a name"),
         ({"start": 5}, "start is 5; it must be a State"),
         ({"duration": "a"}, "duration is 'a'; it must be a positive time"),
         ({"duration": True}, "duration is True"),
@@ -370,7 +370,7 @@ def test_a_station_goes_by_its_name_or_file_too(station):
 )
 def test_what_cannot_be_meant_is_refused(given, message):
     with pytest.raises(InvalidParameter, match=message):
-        simulate(**{"config_or_station": "double_pendulum", **given})
+        simulate(**{"station": "double_pendulum", **given})
 
 
 @pytest.mark.parametrize(("name", "overrides"), [(5, None), ("double_pendulum", [1])])

@@ -96,11 +96,11 @@ def test_a_number_is_finite(value: str) -> None:
 
 
 def test_a_number_out_of_its_range_is_named_with_its_range() -> None:
-    assert finding("parts: {arm: {mass: -1}}") == "m.yaml: parts.arm.mass: input should be greater than 0 (it is -1)"
+    assert finding("parts: {arm: {mass: -1}}") == "m.yaml: parts.arm.mass: must be greater than 0 (it is -1)"
 
 
 def test_a_finding_in_a_union_is_of_the_branch_that_was_meant() -> None:
-    assert finding("speed: {a: fast}").startswith("m.yaml: speed.a: input should be a valid number")
+    assert finding("speed: {a: fast}").startswith("m.yaml: speed.a: must be a number")
 
 
 @pytest.mark.parametrize(

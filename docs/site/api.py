@@ -15,7 +15,7 @@ FOLDER = "reference"
 GROUPS = {
     "Stations": ["load_station", "station_names", "StationConfig", "Station", "build_station", "add_station",
                  "StationPorts", "apply_solver"],
-    "Runs": ["simulate", "simulate_diagram", "Runner", "SimulationResult", "State"],
+    "Runs": ["simulate", "simulate_diagram", "Runner", "RunBranch", "SimulationResult", "State"],
     "Programs": ["Arm", "Workcell", "LeggedRobot", "Program"],
     "Models": ["Dynamics", "LinearModel", "linearize"],
     "Frames and errors": ["as_transform", "three_point_frame", "SimrobError"],

@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from simrob_drake.base.errors import InvalidParameter, OutputError
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import join_texts, message
 
 CACHE_VARIABLE = "XDG_CACHE_HOME"
 """The environment variable that says where caches lie; without it that is ``~/.cache``."""
@@ -76,7 +76,11 @@ def check_ending(file: Path, endings: Sequence[str], name: str) -> str:
         raise InvalidParameter(
             name,
             str(file),
-            message("base.file_ending_in", "a file that ends in {endings}", endings=" or ".join(endings)),
+            message(
+                "base.file_ending_in",
+                "a file that ends in {endings}",
+                endings=join_texts(endings, message("base.or", " or ")),
+            ),
         )
     return ending
 

@@ -25,6 +25,9 @@ VELOCITY_NAMES = ("vx", "vy", "vz", "wx", "wy", "wz")
 Vector = np.ndarray[Any, np.dtype[np.float64]]
 """An array of floats of any shape; the shape is in the docstrings."""
 
+Flags = np.ndarray[Any, np.dtype[np.bool_]]
+"""An array of booleans of any shape."""
+
 Indices = np.ndarray[Any, np.dtype[np.intp]]
 """An array of indices of another array."""
 

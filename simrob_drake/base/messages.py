@@ -12,9 +12,11 @@ folder for each language and one YAML file for each package; an extension announ
 ``Extension.messages``).
 """
 
+import re
 import string
 import warnings
 from collections.abc import Callable, Iterable, Mapping
+from contextvars import ContextVar
 from functools import cache
 from numbers import Number
 from pathlib import Path
@@ -32,6 +34,29 @@ _WITH_DECIMAL_COMMA = frozenset({"es"})
 """Languages that write 23,5 for the number 23.5."""
 
 _SWAPPED_SEPARATORS = str.maketrans(".,", ",.")
+
+
+_output_language: ContextVar[str] = ContextVar("output_language", default=SOURCE_LANGUAGE)
+
+
+def set_output_language(language: str) -> None:
+    """Set the language of what this context writes from now on, such as lines on the screen and words in plots.
+
+    Args:
+        language: code of the language, such as ``es``.
+    """
+    _output_language.set(language)
+
+
+def translate(text: str) -> str:
+    """Render a message in the language of the output, see :func:`set_output_language`. Other texts stay."""
+    return in_language(text, _output_language.get())
+
+
+def with_decimal_sign(number: str) -> str:
+    """Write a number, given as Python formats it, with the decimal sign of the language of the output."""
+    is_with_comma = _output_language.get() in _WITH_DECIMAL_COMMA
+    return number.translate(_SWAPPED_SEPARATORS) if is_with_comma else number
 
 
 class MessageWarning(UserWarning):
@@ -153,6 +178,16 @@ def message_of(error: BaseException) -> str:
     return next((candidate for candidate in candidates if isinstance(candidate, Message)), str(error))
 
 
+def number_in_language(digits: str, language: str) -> str:
+    """Write a number with the decimal sign of a language.
+
+    Args:
+        digits: the number as Python writes it, such as ``1,234.5``.
+        language: the language, such as ``es``.
+    """
+    return digits.translate(_SWAPPED_SEPARATORS) if language in _WITH_DECIMAL_COMMA else digits
+
+
 def in_language(text: str, language: str) -> str:
     """Render a message in a language. A text that is no :class:`Message` is returned as it is.
 
@@ -192,11 +227,37 @@ def as_data(text: str) -> Any:
 
 
 def from_data(data: Any) -> Any:
-    """Return the message that :func:`as_data` converted. Other data, such as texts and numbers, stay as they are."""
+    """Return the message that :func:`as_data` converted. Other data, such as texts and numbers, stay as they are.
+
+    Raises:
+        ValueError: the template is none of a message, such as one that would make a text of a gigabyte. The data may
+            come from a file that somebody else wrote.
+        TypeError: the data are damaged in another way.
+    """
     if not (isinstance(data, Mapping) and {"id", "template", "fields"} <= data.keys()):
         return data
+    _check_template(data["template"])
     fields = {name: from_data(value) for name, value in data["fields"].items()}
     return Message(data["id"], data["template"], fields, data.get("longest"), data.get("is_sentence", False))
+
+
+def _check_template(template: str) -> None:
+    """Check that a template has plain fields only: names, with short format specifications or plurals.
+
+    Raises:
+        ValueError: the template takes attributes or entries of its fields, or gives a field a width.
+    """
+    for _, name, specification, conversion in string.Formatter().parse(template):
+        if name is None:  # text after the last field
+            continue
+        is_plain = name.isidentifier() and conversion is None
+        is_short = "|" in (specification or "") or _SPECIFICATION.fullmatch(specification or "")
+        if not (is_plain and is_short) or "{" in (specification or ""):
+            raise ValueError(f"a field {name!r} with the format {specification!r} is none of a message")
+
+
+_SPECIFICATION = re.compile(r"[+z]?,?(\.\d{1,2})?[a-z%]?")
+"""Format specifications of templates: sign, precision and type, without a width."""
 
 
 def catalogue(package: str, language: str) -> Mapping[str, str]:
@@ -299,9 +360,7 @@ class _Filler(string.Formatter):
             return format(in_language(value, self._language), format_spec)
         text = format(value, format_spec)
         is_number = isinstance(value, Number) and not isinstance(value, bool)
-        if is_number and self._language in _WITH_DECIMAL_COMMA:
-            return text.translate(_SWAPPED_SEPARATORS)
-        return text
+        return number_in_language(text, self._language) if is_number else text
 
 
 def _template(message_id: str, language: str) -> str | None:

@@ -36,21 +36,30 @@ class Remedy:
         text: the remedy as a sentence, without a full stop.
         key: dotted key of the station that the remedy sets, such as ``servo.feedforward``. Empty if no key does.
         value: new value of the key. None if there is no key, or if the user chooses the value.
+        further: keys that must be set together with the first one, each with its value.
     """
 
     text: str
     key: str = ""
     value: object = None
+    further: tuple[tuple[str, object], ...] = ()
+
+    @property
+    def changes(self) -> dict[str, object]:
+        """Values to set, by dotted keys of the station. Empty if no key does it, or if the user chooses the value."""
+        if not self.key or self.value is None:
+            return {}
+        return {self.key: self.value, **dict(self.further)}
+
+    @property
+    def settings(self) -> list[str]:
+        """The changes as arguments of ``--set``, such as ``servo.feedforward=gravity``."""
+        return [f"{key}={value}" for key, value in self.changes.items()]
 
     @property
     def setting(self) -> str:
-        """The remedy as an argument of ``--set``, such as ``servo.feedforward=gravity``.
-
-        Returns an empty text if no key does it, or if the user chooses the value.
-        """
-        if not self.key or self.value is None:
-            return ""
-        return f"{self.key}={self.value}"
+        """The first of the settings. Empty if there is none."""
+        return next(iter(self.settings), "")
 
 
 @dataclass(frozen=True)
@@ -68,11 +77,13 @@ class Remark:
     remedy: Remedy | None = None
 
     def summary(self) -> dict[str, Any]:
-        """Content for ``summary.json``: severity and text and, if there is a remedy, its text and its setting."""
+        """Content for ``summary.json``: severity and text and, if there is a remedy, its text and its settings."""
         content: dict[str, Any] = {"severity": self.severity, "text": self.text}
         if self.remedy is not None:
             content["remedy"] = self.remedy.text
             content["set"] = self.remedy.setting or None
+            if self.remedy.further:
+                content["set_also"] = self.remedy.settings[1:]
         return content
 
 

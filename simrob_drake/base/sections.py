@@ -13,7 +13,7 @@ from functools import lru_cache
 from itertools import pairwise
 from math import inf, pi
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar, cast
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar, dataclass_transform
 
 from pydantic import (
     AfterValidator,
@@ -29,7 +29,8 @@ from pydantic_core import CoreSchema
 
 from simrob_drake.base.arguments import LONGEST, SHORTEST
 from simrob_drake.base.errors import InvalidConfig, nearest, quoted, shortened
-from simrob_drake.base.messages import Message, message, message_of
+from simrob_drake.base.messages import message
+from simrob_drake.base.value_problems import value_problem
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass
@@ -87,16 +88,21 @@ _QUOTED = re.compile(r"'([^']+)'")
 _UNION_BRANCH = re.compile(r"^(float|int|bool|str|constrained-\w+)$|^(list|dict|tuple|constrained)\b.*\[")
 
 
+# Type checkers do not inherit this mark from pydantic's metaclass. With it they know the keywords of each class.
+@dataclass_transform(kw_only_default=True, field_specifiers=(Field,))
 class _CheckedModel(ModelMetaclass):
     """Makes the classes whose objects, made in Python, are told of as the content of a file is."""
 
-    def __call__(cls, /, *positional: Any, **content: Any) -> Any:  # noqa: N805  # of a class of classes
-        if not cast(type[Strict], cls).of_any_size:
-            _check_sizes(content, cls.__name__)
-        try:
-            return super().__call__(*positional, **content)
-        except ValidationError as problem:
-            raise _first_finding(problem, cast(type[BaseModel], cls), cls.__name__) from problem
+    if not TYPE_CHECKING:  # type checkers take the keywords of a class from its fields, which this would hide
+
+        def __call__(cls, /, *positional: Any, **content: Any) -> Any:  # noqa: N805  # of a class of classes
+            """Make an object; raises InvalidConfig: a keyword or a value is wrong."""
+            if not cls.of_any_size:
+                _check_sizes(content, cls.__name__)
+            try:
+                return super().__call__(*positional, **content)
+            except ValidationError as problem:
+                raise _first_finding(problem, cls, cls.__name__) from problem
 
 
 class Strict(BaseModel, metaclass=_CheckedModel):
@@ -292,25 +298,10 @@ def _first_finding(problem: ValidationError, model: type[BaseModel], where: Path
                 "base.must_be_section", "must be {section} (it is {found})", section=section, found=quoted(found)
             )
         case _:
-            text = _value_problem(finding)
+            text = value_problem(finding)
             if key:  # otherwise the value is the whole file
                 text = message("base.problem_of_value", "{problem} (it is {value})", problem=text, value=quoted(found))
     return InvalidConfig(where, key, text)
-
-
-def _value_problem(finding: Any) -> str:
-    """Describe a finding of pydantic about one value: the message of the validator that raised it, or pydantic's own.
-
-    Args:
-        finding: the finding, one of ``ValidationError.errors()``.
-    """
-    raised = finding.get("ctx", {}).get("error")
-    if isinstance(raised, ValueError):
-        own = message_of(raised)
-        if isinstance(own, Message):
-            return own
-    text = str(finding["msg"]).removeprefix("Value error, ").replace("a valid tuple", "a list")
-    return f"{text[:1].lower()}{text[1:]}"
 
 
 def _no_such(name: str, expected: str) -> str:

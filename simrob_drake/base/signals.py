@@ -8,15 +8,31 @@ from dataclasses import dataclass
 from typing import Any, Literal, Protocol, TypeAlias
 
 from simrob_drake.base.frames import VELOCITY_NAMES, XYZ_QUATERNION_NAMES, Vector
+from simrob_drake.base.messages import message
 
 Role = Literal[
     "reference", "motion", "effort", "pose", "force", "moment", "applied", "estimate", "distance", "inertial", "own"
 ]
 """What a signal is: what a robot is asked, how it moves, what drives it, where it is, what is felt or applied."""
 
-POSE = XYZ_QUATERNION_NAMES, ("m",) * 3 + ("1",) * 4, "position [m]"
-VELOCITY = VELOCITY_NAMES, ("m/s",) * 3 + ("rad/s",) * 3, "velocity [m/s]"
-"""What columns of poses and velocities are called, their units, and the label of a plot of the first three."""
+QUANTITY_WORDS: dict[str, str] = {
+    "position": message("base.position", "position"),
+    "velocity": message("base.velocity", "velocity"),
+    "pose": message("base.pose", "pose"),
+    "orientation": message("base.orientation", "orientation"),
+    "angular_velocity": message("base.angular_velocity", "angular velocity"),
+    "specific_force": message("base.specific_force", "specific force"),
+    "base_pose": message("base.base_pose", "base pose"),
+    "base_velocity": message("base.base_velocity", "base velocity"),
+    "force": message("base.force", "force"),
+    "torque": message("base.torque", "torque"),
+    "distance": message("base.distance", "distance"),
+}
+"""Words for quantities in plots, by the name of the quantity in ports and columns."""
+
+POSE = XYZ_QUATERNION_NAMES, ("m",) * 3 + ("1",) * 4, QUANTITY_WORDS["position"]
+VELOCITY = VELOCITY_NAMES, ("m/s",) * 3 + ("rad/s",) * 3, QUANTITY_WORDS["velocity"]
+"""Names of the columns of poses and velocities, their units, and the quantity of the first three in a plot."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +42,8 @@ class Panel:
     figure: str  # the file it belongs to, without suffix: ``sensors``, ``piece_ball``
     heading: str  # of the figure
     title: str  # of the panel
-    label: str  # of its upright axis, with the unit
+    # quantity on its upright axis: a message without the unit, which is added; or a plain text such as "force [N]"
+    label: str
     columns: tuple[str, ...]  # of the result
     components: tuple[str, ...] = ()  # what the curves are called; as the columns end unless given
 
@@ -66,16 +83,25 @@ class Signal:
     # title and label of their own plot panel, with figure and heading; None where plots of robots show them
     panel: Panel | None = None
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Content of a pickled declaration. The functions that compute columns need a plant, and are left out."""
+        return {**self.__dict__, "compute": None, "adjust": None}
 
-def sensor_panel(title: str, quantity: str, names: Sequence[str], units: Sequence[str]) -> Panel:
-    """Return the panel of a sensor's columns in the figure ``sensors``: "force [N]" on its upright axis."""
-    unit = ", ".join(dict.fromkeys(units))
-    return Panel("sensors", "sensors", title, f"{quantity} [{unit}]", tuple(names))
+
+def sensor_panel(title: str, quantity: str, names: Sequence[str]) -> Panel:
+    """Make the panel of a sensor's columns in the figure ``sensors``.
+
+    Args:
+        title: title of the panel.
+        quantity: what the sensor measures, a key of `QUANTITY_WORDS`.
+        names: names of the columns.
+    """
+    return Panel("sensors", message("base.sensors", "sensors"), title, QUANTITY_WORDS[quantity], tuple(names))
 
 
 def applied_signal(output: str, unit: str, title: str, *, part: str = "") -> Signal:
     """Return what an output (3) is that gives a force [N] or a torque [N·m] from outside, with its panel."""
     names = tuple(f"{output}.{axis}" for axis in "xyz")
-    label = f"{'force' if unit == 'N' else 'torque'} [{unit}]"
-    panel = Panel("sensors", "applied forces", title, label, names)
+    label = QUANTITY_WORDS["force" if unit == "N" else "torque"]
+    panel = Panel("sensors", message("base.applied_forces", "applied forces"), title, label, names)
     return Signal(names, (unit,) * 3, "applied", output, part=part, panel=panel)

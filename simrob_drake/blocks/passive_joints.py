@@ -65,7 +65,9 @@ def set_friction(plant: MultibodyPlant, joints: Sequence[Joint], friction: Vecto
         if most > 0:
             brake = plant.AddJointActuator(f"{joint.name()}_friction", joint, most)
             brake.set_controller_gains(PdControllerGains(p=0.0, d=most / speed))
-            motor = next(motor for motor in motors if motor.joint().index() == joint.index())
+            motor = next((motor for motor in motors if motor.joint().index() == joint.index()), None)
+            if motor is None:
+                continue  # a passive joint: it has no rotor that Drake could count twice
             brake.set_default_gear_ratio(motor.default_gear_ratio())
             brake.set_default_rotor_inertia(motor.default_rotor_inertia())
             motor.set_default_rotor_inertia(0.0)  # Drake counts the rotor of a joint's last actuator alone

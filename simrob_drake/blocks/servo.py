@@ -49,16 +49,26 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JointActuatorIndex, JointIndex, ModelInstanceIndex, PdControllerGains
 from pydrake.systems.framework import DiagramBuilder, OutputPort
-from pydrake.systems.primitives import LinearSystem, MatrixGain, Multiplexer, Saturation, Selector, SelectorParams
+from pydrake.systems.primitives import (
+    ConstantVectorSource,
+    LinearSystem,
+    MatrixGain,
+    Multiplexer,
+    Saturation,
+    Selector,
+    SelectorParams,
+)
 
 from simrob_drake.base.constants import LARGEST_GAIN
 from simrob_drake.base.errors import InvalidParameter
-from simrob_drake.base.frames import Vector
+from simrob_drake.base.frames import Flags, Vector
 from simrob_drake.base.messages import message
 from simrob_drake.blocks.block import fed, joined, mapped
 
 AT_LIMIT = 0.999
 """A motor is at its limit if it takes at least this share of what it can give, see `ServoGains.torque_shares`."""
+NO_TORQUE = 1e-6
+"""Torque below which a passive axis rests by itself [N·m or N]: rounding of sums of weights."""
 CLAMP_TIME = 0.02
 """T [s]: slow enough for fixed steps of 10 ms, far faster than the load that an integrator is there to find."""
 
@@ -97,9 +107,10 @@ class MotorLine:
 
 @dataclass(frozen=True)
 class ServoGains:
-    """The figures of n servos, each of shape (n,): gains not negative, limits positive.
+    """Gains and limits of n servos, each of shape (n,): gains are not negative, limits are positive.
 
-    Of joints that slide the units are N for N·m and m for rad.
+    An axis without a motor is passive: its gains and its limits are 0, and its torque is always 0. Of joints that slide
+    the units are N for N·m and m for rad.
     """
 
     kp: Vector  # N·m/rad
@@ -111,9 +122,37 @@ class ServoGains:
     line: MotorLine | None = None  # of the motors; None: the limit is all
 
     @property
+    def passive(self) -> Flags:
+        """Whether each axis is without a motor, shape (n,)."""
+        return np.asarray(self.torque_limit == 0)
+
+    @property
     def limit_at_rest(self) -> Vector:
         """Largest torque of each motor at rest, shape (n,) [N·m]: the limit, or the stall torque if that is smaller."""
         return self.torque_limit if self.line is None else np.minimum(self.torque_limit, self.line.stall)
+
+    @property
+    def judged_limit(self) -> Vector:
+        """Torque limits that torques are compared with, shape (n,) [N·m]: infinite for passive axes.
+
+        A passive axis has no torque, and no motor that could be too weak.
+        """
+        return np.where(self.passive, np.inf, self.torque_limit)
+
+    def holding_shares(self, torque: Vector) -> Vector:
+        """Compare torques that hold a robot still with what the motors can give at rest.
+
+        Args:
+            torque: torques that hold the robot, shape (..., n) [N·m].
+
+        Returns:
+            shares, shape (..., n): 1 is all that the motor can give. Of a passive axis the share is 0 if no torque is
+            needed, else infinite, as nothing holds the axis.
+        """
+        needed = np.abs(torque)
+        limit = np.where(self.passive, 1.0, self.limit_at_rest)
+        held_by_nothing = np.where(needed > NO_TORQUE, np.inf, 0.0)
+        return np.where(self.passive, held_by_nothing, needed / limit)
 
     def torque_shares(self, torque: Vector, speed: Vector) -> Vector:
         """Compare torques with what the motors can give at their speeds.
@@ -126,11 +165,11 @@ class ServoGains:
 
         Returns:
             shares, shape (..., n): 1 is all that the motor can give. The limit counts, and of a motor whose torque
-            falls with its speed its line, too.
+            falls with its speed its line, too. The share of a passive axis is 0.
         """
         if self.line is None:
-            return np.asarray(np.abs(torque) / self.torque_limit)
-        return self.line.share(torque, speed, self.torque_limit)
+            return np.asarray(np.abs(torque) / self.judged_limit)
+        return self.line.share(torque, speed, self.judged_limit)
 
     @property
     def damping(self) -> Vector:
@@ -150,11 +189,12 @@ class ServoGains:
         )
 
     def __post_init__(self) -> None:
-        """Check the figures.
+        """Check the values.
 
         Raises:
-            InvalidParameter: a gain that is negative or beyond `LARGEST_GAIN`, or a limit that is not positive; in a
-                cascade a gain kp or kd that is zero.
+            InvalidParameter: a gain is negative or beyond `LARGEST_GAIN`, or is not 0 although the axis is passive; a
+                limit is negative; the integral limit of an axis with a motor is 0; or a gain kp or kd is 0 in a
+                cascade.
         """
         for name in ("kp", "ki", "kd"):
             values = getattr(self, name)
@@ -162,11 +202,20 @@ class ServoGains:
                 raise InvalidParameter(
                     name, values, message("blocks.of_zero_to", "of 0 to {largest:g}", largest=LARGEST_GAIN)
                 )
-        for name in ("torque_limit", "integral_limit"):
-            if not (getattr(self, name) > 0).all():
-                raise InvalidParameter(
-                    name, getattr(self, name), message("blocks.positive_torque", "positive [N·m or N]")
-                )
+        has_no_gains = (self.kp == 0) & (self.ki == 0) & (self.kd == 0)
+        if not ((self.torque_limit > 0) | (self.passive & has_no_gains)).all():
+            raise InvalidParameter(
+                "torque_limit",
+                self.torque_limit,
+                message(
+                    "blocks.positive_torque_or_passive",
+                    "positive [N·m or N], or 0 of an axis without a motor, whose gains are 0",
+                ),
+            )
+        if not (self.integral_limit[~self.passive] > 0).all():
+            raise InvalidParameter(
+                "integral_limit", self.integral_limit, message("blocks.positive_torque", "positive [N·m or N]")
+            )
         if self.speed_limit is not None:
             if not (self.speed_limit > 0).all():
                 raise InvalidParameter(
@@ -390,11 +439,19 @@ def add_actuator_servos(
     Returns:
         the torques that the actuators apply, size n [N·m], in axis order.
     """
+    if len(actuation_map) == 0:  # a robot without any motor has no actuators to connect
+        return fed(builder, f"{prefix}applied_torque", ConstantVectorSource(np.zeros(len(gains.kp))))
     extra, torque_of = _extra_torques(builder, signals, gains, prefix)
-    stiff = bool((gains.kp > 0).all())
+    driven = ~gains.passive
+    stiff = bool((gains.kp[driven] > 0).all())
     ports, columns = [signals.reference], [np.eye(len(gains.kp))]
     if stiff:
-        ports, columns = [*ports, *extra], [*columns, *(matrix / gains.kp[:, np.newaxis] for matrix in torque_of)]
+        # An axis without a motor has no kp, and no actuator that would read its position: its rows are zero.
+        ports = [*ports, *extra]
+        for matrix in torque_of:
+            offsets = np.zeros(matrix.shape)
+            offsets[driven] = matrix[driven] / gains.kp[driven, np.newaxis]
+            columns.append(offsets)
     elif extra:
         bus = joined(builder, f"{prefix}extra_torques", *extra)
         torque = mapped(builder, f"{prefix}actuation", actuation_map @ np.hstack(torque_of), bus)

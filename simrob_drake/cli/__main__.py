@@ -43,7 +43,14 @@ def main() -> None:
 
 
 def guarded(command: Callable[[list[str]], int], arguments: list[str]) -> int:
-    """Return a command's exit code; errors it leaves to us go to stderr in one line; raises SystemExit of its own."""
+    """Run a command. An unexpected error is written to the error stream in one line.
+
+    Returns:
+        exit code of the command.
+
+    Raises:
+        SystemExit: the command itself ends the program.
+    """
     try:
         return command(arguments)
     except (Exception, SystemExit) as problem:  # Drake's failed assertions come as SystemExit, with a text
@@ -59,10 +66,22 @@ def guarded(command: Callable[[list[str]], int], arguments: list[str]) -> int:
         frames = traceback.extract_tb(problem.__traceback__)
         package = Path(__file__).parents[1]
         own = [frame for frame in frames if package in Path(frame.filename).parents]
-        where = f"{Path(own[-1].filename).relative_to(package.parent)}, line {own[-1].lineno}" if own else "outside"
-        name = "a check of Drake" if isinstance(problem, SystemExit) else type(problem).__name__
-        message = " ".join(str(problem).split())[:1000]
-        tell(f"unexpected: {name}: {message or 'without a message'} ({where}); {DEBUG}=1 shows the traceback")
+        where = message("cli.outside", "outside of simrob_drake")
+        if own:
+            file = Path(own[-1].filename).relative_to(package.parent)
+            where = message("cli.file_and_line", "{file}, line {line}", file=file, line=own[-1].lineno)
+        name = message("cli.check_of_drake", "a check of Drake")
+        text = " ".join(str(problem).split())[:1000]
+        tell(
+            message(
+                "cli.unexpected",
+                "unexpected: {name}: {text} ({where}); {variable}=1 shows the traceback",
+                name=name if isinstance(problem, SystemExit) else type(problem).__name__,
+                text=text or message("cli.without_message", "without a message"),
+                where=where,
+                variable=DEBUG,
+            )
+        )
         return ExitCode.BAD_INPUT
 
 

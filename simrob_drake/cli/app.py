@@ -18,7 +18,7 @@ from typer.exceptions import TyperException
 
 import simrob_drake
 from simrob_drake.base.errors import InvalidParameter, SimrobError, UnknownName, shortened
-from simrob_drake.base.messages import SOURCE_LANGUAGE, message
+from simrob_drake.base.messages import SOURCE_LANGUAGE, message, message_of, set_output_language
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.command_table import (
     CommandEntry,
@@ -29,8 +29,9 @@ from simrob_drake.cli.command_table import (
     find_command,
     subcommand_functions,
 )
-from simrob_drake.cli.language import LANGUAGE_VARIABLE, set_language
+from simrob_drake.cli.language import LANGUAGE_VARIABLE
 from simrob_drake.cli.screen import Interrupted, console, say_warning, tell
+from simrob_drake.cli.usage_errors import command_name, unexpected_arguments, usage_problem
 
 
 def _typer(**more: Any) -> typer.Typer:
@@ -52,12 +53,48 @@ class _Command(TyperCommand):
     def get_params(self, ctx: Any) -> list[Any]:
         return _shown(super().get_params(ctx))
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the arguments of the command.
+
+        Returns:
+            the arguments that are left, which only completion of a command line by a shell has.
+
+        Raises:
+            TyperException: an argument is wrong or missing.
+            SimrobError: there are too many arguments.
+        """
+        ctx.allow_extra_args = True  # otherwise typer refuses them with a text of its own
+        try:
+            rest = super().parse_args(ctx, args)
+        except TyperException as problem:
+            if getattr(problem, "ctx", None) is None:
+                # Errors of the parser name no command, and their message needs its options.
+                vars(problem)["ctx"] = ctx
+            raise
+        if rest and not ctx.resilient_parsing:
+            raise SimrobError(unexpected_arguments(command_name(ctx), rest))
+        return rest
+
 
 class _Group(TyperGroup):
     """Commands below one name, whose help shows the types of values alone."""
 
     def get_params(self, ctx: Any) -> list[Any]:
         return _shown(super().get_params(ctx))
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Find the command that is called, by its name, the first of the arguments.
+
+        Raises:
+            UnknownName: there is no such command.
+            TyperException: the first argument is an option, which must come after a command.
+        """
+        try:
+            return super().resolve_command(ctx, args)
+        except TyperException as problem:
+            if args[0].startswith("-"):
+                raise
+            raise UnknownName(message("cli.command", "command"), args[0], self.list_commands(ctx)) from problem
 
 
 class _Commands(_Group):
@@ -92,16 +129,24 @@ class _Commands(_Group):
             arguments after its name.
 
         Raises:
-            TyperException: there is no such command.
+            UnknownName: there is no such command.
+            SimrobError: there is no such command, and an extension that is left out may have it.
             BrokenExtension: an extension adds the command, and it cannot be imported.
         """
         try:
             name, command, rest = super().resolve_command(ctx, args)
-        except TyperException as problem:
-            if left_out := extensions_left_out():
-                names = ", ".join(left_out)
-                problem.message += f" Extensions that are left out: {names}; simrob extensions says why."
-            raise
+        except UnknownName as problem:
+            left_out = extensions_left_out()
+            if not left_out:
+                raise
+            raise SimrobError(
+                message(
+                    "cli.command_may_be_left_out",
+                    "{problem}. Extensions that are left out: {names}; simrob extensions says why.",
+                    problem=problem,
+                    names=", ".join(left_out),
+                )
+            ) from problem
         # The command that was found has a name and a help alone, see `_named_command`.
         return name, command and whole_command(str(name)), rest
 
@@ -110,7 +155,7 @@ class _Commands(_Group):
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
-            raise Interrupted("interrupted") from None
+            raise Interrupted(message("cli.interrupted", "interrupted")) from None
 
     def _add_extensions(self) -> None:
         """Add the commands of installed extensions, with name and help alone, see `_named_command`."""
@@ -178,7 +223,7 @@ def load(arguments: list[str]) -> None:
 
 def run_command(arguments: list[str]) -> int:
     """Run a command and return its exit code; errors of the user go to the error stream in one line."""
-    set_language(os.environ.get(LANGUAGE_VARIABLE, SOURCE_LANGUAGE))
+    set_output_language(os.environ.get(LANGUAGE_VARIABLE, SOURCE_LANGUAGE))
     try:
         _check_surroundings(arguments)
         with _own_warnings():
@@ -196,12 +241,12 @@ def run_command(arguments: list[str]) -> int:
         tell(problem.message)
         return ExitCode.BAD_INPUT
     except TyperException as problem:
-        text = problem.format_message()  # it names the option
-        if text:  # none if help was shown instead
+        text = usage_problem(problem)
+        if text:
             tell(text)
         return ExitCode.BAD_INPUT
     except Interrupted as interrupt:
-        tell(str(interrupt))
+        tell(message_of(interrupt))
         return ExitCode.INTERRUPTED
     return code if isinstance(code, int) else ExitCode.DONE
 

@@ -40,7 +40,14 @@ def check(
     allow_code: AllowCode = False,
     importer_options: ChosenOptions,
 ) -> None:
-    """Say before any run what will go wrong in a station, what a robot can carry, or what an import would do."""
+    """Say before any run what will go wrong in a station, what a robot can carry, or what an import would do.
+
+    For example:
+
+        simrob check irb120_dynamic --set servo.kp=300
+
+        simrob check arm.urdf
+    """
     importer = other_importer(station)
     if importer is not None:
         request = importer_request(importer, "reading_class", importer_options, options, set_)

@@ -23,7 +23,7 @@ from simrob_drake.cli.options import (
     with_mesh_path,
 )
 from simrob_drake.cli.programs import program_from
-from simrob_drake.cli.screen import say_place, say_text
+from simrob_drake.cli.screen import WRITTEN, say_place, say_text
 from simrob_drake.programs.exporter import (
     Exporter,
     ProgramExporter,
@@ -163,7 +163,7 @@ def _export_station(
         with code_of_extension(exporter.owner, message("cli.the_exporter", "the exporter {name}", name=name)):
             written = exporter.export_station(config, targets[name], options.of(exporter.options_class), force=force)
         for path in written:
-            say_place("written", path)
+            say_place(WRITTEN, path)
 
 
 def _known_formats() -> str:
@@ -173,7 +173,8 @@ def _known_formats() -> str:
     """
     of_stations = [flag_of(name) for name, exporter in _FORMATS.items() if isinstance(exporter, StationExporter)]
     of_programs = [flag_of(name) for name, exporter in _FORMATS.items() if isinstance(exporter, ProgramExporter)]
-    listed = [" or ".join(flags) for flags in (of_stations, of_programs) if flags]
+    either = message("cli.or", " or ")
+    listed = [join_texts(flags, either) for flags in (of_stations, of_programs) if flags]
     return join_texts(listed, message("cli.or_format", ", or ")) or message(
         "cli.format_of_extension", "a format of an installed extension, and none adds one"
     )
@@ -202,7 +203,7 @@ def _export_program(
         SimrobError: the source is no program, the program cannot be done, a format cannot express it, or a file exists.
     """
     if not is_program_file(source):
-        formats = " and ".join(flag_of(name) for name in exporters)
+        formats = join_texts([flag_of(name) for name in exporters], message("base.and", " and "))
         raise InvalidConfig(
             source, "", message("cli.no_program", "is no program: {formats} write the moves of one", formats=formats)
         )
@@ -219,7 +220,7 @@ def _export_program(
         check_new_file(file, force=force)
     for file, text in texts.items():
         written_at_once(file, text)
-        say_place("written", file)
+        say_place(WRITTEN, file)
     for remark in remarks:
         say_text(remark)
 

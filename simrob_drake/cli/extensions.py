@@ -24,7 +24,7 @@ from simrob_drake.base.files import hidden_models
 from simrob_drake.base.messages import message
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.other_files import read_descriptions
-from simrob_drake.cli.screen import console, table
+from simrob_drake.cli.screen import console, say_text, table
 
 _REGISTRIES = {
     "commands": "simrob_drake.cli.command_table",
@@ -54,12 +54,23 @@ def extensions(
     """List the installed extensions, what each adds, and why one is left out."""
     installed = installed_extensions()
     if not installed:
-        console.print("no extensions are installed")
+        say_text(message("cli.no_extensions", "no extensions are installed"))
         return ExitCode.DONE
     # A list in the order of the extensions: one package may announce several of them.
     problems = [_problems(entry, is_thorough=check) for entry in installed]
     rows = [_row(entry, found) for entry, found in zip(installed, problems, strict=True)]
-    console.print(table(("extension", "package", "version", "adds"), *rows, numbers=False))
+    console.print(
+        table(
+            (
+                message("cli.extension", "extension"),
+                message("cli.package", "package"),
+                message("cli.version", "version"),
+                message("cli.adds", "adds"),
+            ),
+            *rows,
+            numbers=False,
+        )
+    )
     # Without --check problems are only shown: the other extensions work in spite of them.
     return ExitCode.BAD_INPUT if check and any(problems) else ExitCode.DONE
 

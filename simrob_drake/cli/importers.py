@@ -5,16 +5,14 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, Literal
 
-from rich.text import Text
-
 from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.extension import classes_of_extensions, code_of_extension
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import refuse_import
 from simrob_drake.cli.options import ChosenOptions, OptionGroup, with_groups
-from simrob_drake.cli.screen import console, errors, say_text, table
+from simrob_drake.cli.screen import console, errors, progress_note, say_text, table
 from simrob_drake.cli.tables import report_table
 from simrob_drake.importer.importer import FileImporter, ImportOutcome, ImportRequest, find_importer
 from simrob_drake.robots.imports import REPORT_FILE, ImportOptions
@@ -120,15 +118,23 @@ def import_with(importer: FileImporter, file: Path, request: ImportRequest, *, a
     Raises:
         SimrobError: the file cannot be imported.
     """
-    with errors.status(Text(f"importing {file}")), _code_of(importer, file):
+    with progress_note(message("cli.importing", "importing {file}", file=file)), _code_of(importer, file):
         outcome = importer.import_file(file, request)
     _show(outcome)
     for loss in outcome.losses[:_SHOWN_LOSSES]:
-        say_text(f"lost: {loss}", target=errors)
+        say_text(message("cli.lost", "lost: {loss}", loss=loss), target=errors)
     if outcome.losses and not allow_losses:
         hidden = len(outcome.losses) - _SHOWN_LOSSES
-        more = f"{hidden} more in {REPORT_FILE}; " if hidden > 0 else ""
-        say_text(f"{more}the station moves otherwise; --allow-losses takes it as it is", target=errors)
+        if hidden > 0:
+            say_text(
+                message("cli.more_losses", "lost: {count} more, see {file}", count=hidden, file=REPORT_FILE),
+                target=errors,
+            )
+        consequence = message(
+            "cli.moves_differently",
+            "the station moves differently from the original; --allow-losses accepts that",
+        )
+        say_text(consequence, target=errors)
         return ExitCode.BEYOND
     return ExitCode.DONE
 
@@ -144,7 +150,7 @@ def examine_with(importer: FileImporter, file: Path, request: ImportRequest) -> 
     Raises:
         SimrobError: nothing can be made of the file; the message says why. The rest of the outcome is shown before.
     """
-    with errors.status(Text(f"reading {file}")), _code_of(importer, file):
+    with progress_note(message("cli.reading", "reading {file}", file=file)), _code_of(importer, file):
         outcome = importer.examine(file, request)
     _show(outcome)
     if outcome.problem is not None:
@@ -166,11 +172,21 @@ def _show(outcome: ImportOutcome) -> None:
     if outcome.headline:
         say_text(outcome.headline)
     if outcome.unknowns:
-        rows = []
+        rows = list[tuple[str, str]]()
         for name, places in outcome.unknowns.items():
-            shown = "; ".join(places[:_SHOWN_PLACES])
-            rows.append((Text(name), Text(shown + (" …" if len(places) > _SHOWN_PLACES else ""))))
-        console.print(table(("name that the file does not define", "where it is used"), *rows, numbers=False))
+            shown = join_texts(places[:_SHOWN_PLACES], "; ")
+            rest = " …" if len(places) > _SHOWN_PLACES else ""
+            rows.append((name, compound("{places}{rest}", places=shown, rest=rest)))
+        console.print(
+            table(
+                (
+                    message("cli.undefined_name", "name that the file does not define"),
+                    message("cli.where_used", "where it is used"),
+                ),
+                *rows,
+                numbers=False,
+            )
+        )
     if outcome.report is not None:
         console.print(report_table(outcome.report))
     for line in outcome.lines:

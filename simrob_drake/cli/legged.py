@@ -1,18 +1,26 @@
 """The commands about legged robots: walk, act."""
 
 from collections.abc import Callable
+from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from simrob_drake.base.errors import Unsuitable
-from simrob_drake.base.messages import message
+from simrob_drake.base.errors import InvalidParameter, SimrobError, Unsuitable
+from simrob_drake.base.messages import join_texts, message
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import station_from
-from simrob_drake.cli.options import Saving, Settings, StationArgument, with_mesh_path, with_saving
+from simrob_drake.cli.options import (
+    OptionalStation,
+    Saving,
+    Settings,
+    with_mesh_path,
+    with_saving,
+)
 from simrob_drake.cli.saving import done_in_workcell, way_of
-from simrob_drake.cli.screen import say_place, say_text
+from simrob_drake.cli.screen import NEXT, say_place, say_text
 from simrob_drake.results.result import SimulationResult
+from simrob_drake.stations.load import load_station, station_names
 
 if TYPE_CHECKING:
     from simrob_drake.programs.arm import Workcell
@@ -27,7 +35,7 @@ RobotOption = Annotated[
 @with_saving
 def walk(
     *,
-    station: StationArgument,
+    station: OptionalStation = None,
     gait: Annotated[
         str | None, typer.Option(metavar="NAME", help="A gait of the robot; the first for its feet by default.")
     ] = None,
@@ -42,8 +50,8 @@ def walk(
 ) -> int:
     """Let a legged robot walk, and save what `simrob run` saves.
 
-    The robot takes the posture in which its gait begins, and goes. How long that takes is up to the gait. A gait that
-    it does not have is answered with those that it has. To do several walks and acts one after the other, write them in
+    The robot takes the posture in which its gait begins, and walks; the gait decides how long that takes. If the robot
+    does not have the gait, the message lists its gaits. To do several walks and acts one after the other, write them in
     a program.yaml, and run it with `simrob run program.yaml`.
 
     For example:
@@ -52,19 +60,22 @@ def walk(
 
         simrob walk yobotics_dynamic --gait crawl --amplitude 0.5 --live
     """
+    if station is None:
+        raise _missing_station("simrob walk", with_steps=True)
 
-    def perform(who: "LeggedRobot") -> tuple[SimulationResult, str]:
-        result = who.walk(steps, amplitude, gait)
-        return result, _steps_taken(who, gait, steps)
+    def perform(legged_robot: "LeggedRobot") -> tuple[SimulationResult, str]:
+        """Walk. Returns the run, and a sentence about the count of steps."""
+        result = legged_robot.walk(steps, amplitude, gait)
+        return result, _steps_taken(legged_robot, gait, steps)
 
-    return _done(station, set_, robot, saving, perform, entry=f"walk: {{steps: {steps}}}")
+    return _save_move(station, set_, robot, saving, perform, entry=f"walk: {{steps: {steps}}}")
 
 
 @with_mesh_path
 @with_saving
 def act(
     *,
-    station: StationArgument,
+    station: OptionalStation = None,
     name: Annotated[
         str | None,
         typer.Argument(metavar="[ACT]", help="An act of the robot, such as `bow`. Without it, its acts are listed."),
@@ -75,8 +86,9 @@ def act(
 ) -> int:
     """Let a legged robot go through postures or stand on three legs, and save what `simrob run` saves.
 
-    Without the name of an act, the acts of the robot are listed. To do several walks and acts one after the other,
-    write them in a program.yaml, and run it with `simrob run program.yaml`.
+    Without the name of an act, the acts of the robot are listed; without a station, the stations whose robots have
+    acts. To do several walks and acts one after the other, write them in a program.yaml, and run it with
+    `simrob run program.yaml`.
 
     For example:
 
@@ -86,14 +98,73 @@ def act(
 
         simrob act yobotics_dynamic three_legs --live
     """
+    if station is None:
+        raise _missing_station("simrob act", with_steps=False)
     if name is None:
         return _list_acts(station, set_, robot)
     act_name = name
-    return _done(station, set_, robot, saving, lambda who: (who.act(act_name), ""), entry=f"act: {name}")
+
+    def perform(legged_robot: "LeggedRobot") -> tuple[SimulationResult, str]:
+        """Do the act. Returns the run, and an empty text: nothing is said about an act."""
+        return legged_robot.act(act_name), ""
+
+    return _save_move(station, set_, robot, saving, perform, entry=f"act: {name}")
+
+
+def _missing_station(command: str, *, with_steps: bool) -> SimrobError:
+    """Make the error for a command without a station: the stations of the package on which it works.
+
+    Args:
+        command: the command, such as ``simrob act``.
+        with_steps: whether the command needs a gait that consists of steps.
+    """
+    names = _stations_with_gaits(with_steps=with_steps)
+    # The stations named <robot>_dynamic are the plain ones, so one of them is the example.
+    example = next((name for name in names if name.endswith("_dynamic")), names[0])
+    text = message(
+        "cli.name_a_station",
+        "{command} needs the name of a station, for example: {command} {example}. Stations for it: {names}",
+        command=command,
+        example=example,
+        names=", ".join(names),
+    )
+    return SimrobError(text)
+
+
+def _stations_with_gaits(*, with_steps: bool) -> list[str]:
+    """Names of the package's stations on which a robot has a gait.
+
+    Args:
+        with_steps: whether gaits that consist of steps are meant, which need a floor and contact forces. Otherwise the
+            acts are meant, which a robot also does on a kinematic station.
+    """
+    from simrob_drake.programs.gaits.registry import gaits_of  # few commands need programs, which load scipy
+
+    @cache
+    def has_gaits(model: str) -> bool:
+        """Whether a robot of the package, given by name, has gaits of this kind."""
+        try:
+            return bool(gaits_of(model, steps=with_steps))
+        except InvalidParameter:  # the robot has no file of gaits
+            return False
+
+    found = []
+    for name in station_names():
+        config = load_station(name)
+        can_walk = config.engine.moves_by_forces and config.contact is not None
+        models = [robot.model for robot in config.robots.values() if robot.model is not None]
+        if (can_walk or not with_steps) and any(has_gaits(model) for model in models):
+            found.append(name)
+    return found
 
 
 def _list_acts(station: str, settings: list[str] | None, robot: str | None) -> ExitCode:
-    """List the acts of a robot of a station, and how to call one.
+    """List the acts of a robot of a station, and show how to call one.
+
+    Args:
+        station: name or file of the station.
+        settings: changes of the station, as the option ``--set`` takes them.
+        robot: name of the robot. None if the station has only one.
 
     Raises:
         SimrobError: the station has several robots and none is named, or the robot has no acts.
@@ -109,23 +180,25 @@ def _list_acts(station: str, settings: list[str] | None, robot: str | None) -> E
         raise Unsuitable(station, problem)
     names = ", ".join(acts)
     say_text(message("cli.acts_of_robot", "acts of {robot}: {names}", robot=model.name, names=names))
-    say_place("next   ", f"simrob act {station} {acts[0]}")
+    say_place(NEXT, f"simrob act {station} {acts[0]}")
     return ExitCode.DONE
 
 
-def _steps_taken(who: "LeggedRobot", gait: str | None, steps: int) -> str:
-    """Say how many steps a walk took, if some are shorter than a full one. Empty otherwise.
+def _steps_taken(legged_robot: "LeggedRobot", gait: str | None, steps: int) -> str:
+    """Sentence about the count of steps of a walk that begins and ends with shorter steps. Empty for any other walk.
 
     Args:
-        who: the robot.
-        gait: name of the gait, or None for the first one for its feet.
-        steps: how many full step lengths it was to go.
+        legged_robot: the robot.
+        gait: name of the gait. None if it is the first one for the robot's feet.
+        steps: length of the walk, in full step lengths.
     """
     from simrob_drake.programs.gaits.phases import ramp_shares
     from simrob_drake.programs.gaits.registry import first_gait, gaits_of
 
-    gaits = gaits_of(who.model, steps=True)
-    name = first_gait(who.model, who.worn_feet, gaits) if gait is None else gait
+    gaits = gaits_of(legged_robot.model, steps=True)
+    name = gait
+    if name is None:
+        name = first_gait(legged_robot.model, legged_robot.worn_feet, gaits)
     ramp_steps = getattr(gaits[name], "ramp_steps", 0)
     taken = len(ramp_shares(steps, ramp_steps))
     if taken <= steps:
@@ -138,7 +211,7 @@ def _steps_taken(who: "LeggedRobot", gait: str | None, steps: int) -> str:
     )
 
 
-def _done(
+def _save_move(
     station: str,
     settings: list[str] | None,
     robot: str | None,
@@ -151,35 +224,39 @@ def _done(
 
     Args:
         station: name or file of the station.
-        settings: changes of the station.
-        robot: name of the robot; None if the station has only one.
+        settings: changes of the station, as the option ``--set`` takes them.
+        robot: name of the robot. None if the station has only one.
         saving: how the run is shown and saved.
-        perform: does the move; returns the run and a sentence about it, which may be empty.
-        entry: the move as an entry of a program's file.
+        perform: does the move; returns the run, and a sentence about it, which may be empty.
+        entry: the move as an entry of a program's file, such as ``act: bow``.
 
     Raises:
-        Unsuitable: a change is of a key that the move decides on.
+        Unsuitable: a change is of the duration or the reference, which the move decides.
     """
     for setting in settings or []:
-        if setting.split("=")[0].split(".")[0].strip() in ("duration", "reference"):
+        key, _, _ = setting.partition("=")
+        section, _, _ = key.strip().partition(".")
+        if section in ("duration", "reference"):
             raise Unsuitable(
                 message("cli.set_option", "--set {setting}", setting=setting),
                 message("cli.gait_says_how", "the gait or act says how the robot moves, and how long"),
             )
 
-    def prepared(cell: "Workcell") -> Callable[[], tuple[SimulationResult, str]]:
+    def prepare(cell: "Workcell") -> Callable[[], tuple[SimulationResult, str]]:
+        """Find the robot in the workcell. Returns the function that does the move."""
         from simrob_drake.programs.legged_robot import LeggedRobot
 
-        who = LeggedRobot(cell, robot)
+        legged_robot = LeggedRobot(cell, robot)
 
-        def performed() -> tuple[SimulationResult, str]:
-            result, remark = perform(who)
-            sentences = [sentence for sentence in (way_of(result, who.name), remark) if sentence]
-            return result, "; ".join(sentences)
+        def move() -> tuple[SimulationResult, str]:
+            """Do the move. Returns the run, and the sentences about it, joined."""
+            result, remark = perform(legged_robot)
+            sentences = [way_of(result, legged_robot.name), remark]
+            return result, join_texts([sentence for sentence in sentences if sentence], "; ")
 
-        return performed
+        return move
 
-    code = done_in_workcell(station_from(station, settings), saving, prepared)
+    code = done_in_workcell(station_from(station, settings), saving, prepare)
     say_text(
         message(
             "cli.chain_moves",

@@ -31,6 +31,13 @@ StationArgument = Annotated[
         metavar="STATION", help="A name from `simrob list`, or a YAML file.", autocompletion=completed_station
     ),
 ]
+OptionalStation = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="STATION", help="A name from `simrob list`, or a YAML file.", autocompletion=completed_station
+    ),
+]
+"""Argument of a command that lists the fitting stations if none is given."""
 Settings = Annotated[
     list[str] | None,
     typer.Option(

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from simrob_drake.base.folders import check_new_file
+from simrob_drake.base.messages import message
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.options import Force
 from simrob_drake.cli.screen import say_place
@@ -40,7 +41,7 @@ def plot(
 
     check_new_file(out, force=force)
     figure = overlay_figure([read_signals(folder) for folder in results], signal or ())
-    say_place("plot", save_figure(figure, out))
+    say_place(message("cli.plot", "plot"), save_figure(figure, out))
     return ExitCode.DONE
 
 

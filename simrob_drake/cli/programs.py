@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError
 from simrob_drake.base.extension import code_of_extension
 from simrob_drake.base.folders import check_new_file, written_at_once
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import compound, message, translate
 from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import changes_of, refuse, station_from
 from simrob_drake.cli.options import LanguageOptions, Saving
 from simrob_drake.cli.saving import Frames, done_in_workcell, way_of
-from simrob_drake.cli.screen import errors, say_place, say_text
+from simrob_drake.cli.screen import NEXT, PROGRAM, errors, say_place, say_text
 from simrob_drake.importer.importer import CORE_SUFFIXES, load_importer
 from simrob_drake.results.record.run import move_title
 from simrob_drake.results.result import SimulationResult
@@ -58,17 +58,22 @@ def run_program(
 
     places = {str(move_title(index)): line for index, line in lines.items()}
 
-    def performed(cell: Workcell) -> tuple[SimulationResult, str]:
+    def do_program(cell: Workcell) -> tuple[SimulationResult, str]:
+        """Do the program. Returns the run, and a sentence about how far a legged robot moved."""
         result = perform(cell, program, file)
         runs = (run.at_place(places[run.place]) if run.place in places else run for run in result.runs)
         way = "" if of_arms(cell, program) else way_of(result, cell.robot_name(program.robot))
         return replace(result, runs=tuple(runs)), way
 
-    return done_in_workcell(config, saving, lambda cell: lambda: performed(cell), frames)
+    return done_in_workcell(config, saving, lambda cell: lambda: do_program(cell), frames)
 
 
 def own_program(config: StationConfig) -> Program:
-    """Return the program that a station carries; raises InvalidConfig: it has none, or a damaged one."""
+    """Read the program that a station carries.
+
+    Raises:
+        InvalidConfig: the station has no program, or a damaged one.
+    """
     from simrob_drake.programs.whole_program import carried_program
 
     if (program := carried_program(config)) is None:
@@ -79,9 +84,14 @@ def own_program(config: StationConfig) -> Program:
 
 
 def program_from(file: str, set_: list[str] | None) -> tuple[Program, StationConfig]:
-    """Return a file's program and the station that it names, with changes.
+    """Read a program's file, and the station that it names.
 
-    Raises InvalidConfig: a damaged program, or one that names no station.
+    Args:
+        file: the program.
+        set_: changes of the station, as the option ``--set`` takes them.
+
+    Raises:
+        InvalidConfig: the program is damaged, or names no station.
     """
     from simrob_drake.programs.program import Program
 
@@ -96,9 +106,15 @@ def program_from(file: str, set_: list[str] | None) -> tuple[Program, StationCon
 
 
 def check_program(program: Program, config: StationConfig, file: str = "") -> Finding:
-    """Look whether the robots of a station can do a program, without running it; messages call it as ``file`` says.
+    """Check that the robots of a station can do a program, without running it.
 
-    Raises SimrobError: what they cannot do; names the file and the move.
+    Args:
+        program: the program.
+        config: the station.
+        file: file of the program, for messages. Empty for the program that the station carries.
+
+    Raises:
+        SimrobError: the robots cannot do a move; the message names the file and the move.
     """
     from simrob_drake.programs.arm import Workcell
     from simrob_drake.programs.legged_robot import LeggedRobot
@@ -106,22 +122,24 @@ def check_program(program: Program, config: StationConfig, file: str = "") -> Fi
     from simrob_drake.programs.timeline import Timeline
     from simrob_drake.programs.whole_program import of_arms
 
-    cell, moves = Workcell(config), len(program.moves)
+    cell = Workcell(config)
+    moves = len(program.moves)
     Timeline(program.grid, program.changes).check(config)
     if not of_arms(cell, program):
         stages_of_program(LeggedRobot(cell, program.robot), program, cell.config, file)
         return Finding(
             "ok",
-            "program",
+            PROGRAM,
             message("cli.moves_can_be_done", "{moves} moves can be done", moves=moves)
             if moves
             else message("cli.cells_can_be_reached", "its cells can be reached"),
         )
+    # The rehearsal ends before a move that depends on the simulation, such as on where a piece falls.
     seen, time = cell.rehearse(program, file)
     if seen == moves:
         return Finding(
             "ok",
-            "program",
+            PROGRAM,
             message("cli.entries_can_be_done", "{moves} entries can be done, in {time:.4g} s", moves=moves, time=time),
         )
     text = message(
@@ -132,7 +150,7 @@ def check_program(program: Program, config: StationConfig, file: str = "") -> Fi
         time=time,
         move=move_title(seen),
     )
-    return Finding("note", "program", text)
+    return Finding("note", PROGRAM, text)
 
 
 def is_language_file(file: Path | str) -> bool:
@@ -212,22 +230,40 @@ def language_program(
 
 
 def import_program(file: Path, out: Path | None, options: LanguageOptions, *, force: bool) -> ExitCode:
-    """Write a program in the language of a robot as YAML, and the station of the robot if it is alone."""
+    """Convert a program in the language of a robot to YAML, and write the robot's station if none is named.
+
+    Args:
+        file: the program, with the suffix of an importer of programs.
+        out: file for the result. None for the name of the program, in the working folder.
+        options: options of programs in the language of a robot.
+        force: whether to replace files that exist.
+
+    Returns:
+        BEYOND (4) if lines are lost and this is not allowed, otherwise DONE (0).
+
+    Raises:
+        SimrobError: the program cannot be read, or a file exists.
+    """
     target = out or Path(f"{file.stem}.yaml")
     station = target.with_name(f"{target.stem}_station.yaml")
-    written = [target] if options.on else [target, station]
-    for one in written:
-        check_new_file(one, force=force)
+    new_files = [target] if options.on else [target, station]
+    for file_to_write in new_files:
+        check_new_file(file_to_write, force=force)
     imported, config = _read_program(file, options, None)
     written_at_once(target, imported.program.on(options.on or station.name).text())
     if options.on is None:
         written_at_once(station, station_yaml(config))
     _show_remarks(imported)
-    say_place("program", f"{target}: {imported.duration:.3f} s")
-    say_place("next   ", f"simrob run {target}")
+    say_place(PROGRAM, translate(compound("{file}: {time:.3f} s", file=target, time=imported.duration)))
+    say_place(NEXT, f"simrob run {target}")
     losses = imported.losses
     if losses and not options.allow_losses:
-        errors.print(f"lost: {len(losses)} lines; --allow-losses takes the program as it is", highlight=False)
+        text = message(
+            "cli.lost_lines",
+            "lost: {count} {count:line|lines}; --allow-losses accepts the program without them",
+            count=len(losses),
+        )
+        say_text(text, target=errors)
         return ExitCode.BEYOND
     return ExitCode.DONE
 
@@ -269,5 +305,7 @@ def _read_program(
 def _show_remarks(imported: ImportedProgram) -> None:
     """Show the remarks about lines of an imported program. Lines that are lost begin with "lost"."""
     for remark in imported.remarks:
-        mark = "lost " if remark.is_lost else ""
-        say_text(f"{mark}{remark.text}")
+        text = remark.text
+        if remark.is_lost:
+            text = message("cli.lost_line", "lost {text}", text=remark.text)
+        say_text(text)

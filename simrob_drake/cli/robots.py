@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.text import Text
 
 from simrob_drake.base.folders import check_ending, check_new_file, written_at_once
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.packages import package_root, resolved
 from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.cli import ExitCode
@@ -24,7 +23,7 @@ from simrob_drake.cli.options import (
     with_language,
 )
 from simrob_drake.cli.programs import import_program, is_language_file, refuse_language
-from simrob_drake.cli.screen import console, errors, say, say_place, say_text
+from simrob_drake.cli.screen import NEXT, ROBOT, STATION, console, progress_note, say, say_place, say_text
 from simrob_drake.cli.tables import payload_lines, report_table, robot_table
 from simrob_drake.importer.importing import ImportedRobot, default_folder, examine_robot, import_robot
 from simrob_drake.importer.named_robots import read_robot
@@ -76,23 +75,24 @@ def import_file(
     importer_options.refuse_all_but([])
     refuse(message("cli.belongs_to_simulink", "it belongs to Simulink models"), set=set_, allow_losses=allow_losses)
     folder = out or default_folder(file)
-    with errors.status(Text(f"importing {file}")):
+    with progress_note(message("cli.importing", "importing {file}", file=file)):
         imported = import_robot(file, folder, options, force=force)
     _tell(imported)
-    say_place("robot  ", imported.model.urdf_path)
-    say_place("next   ", f"simrob view {imported.model.urdf_path}")
-    say_place("       ", f"simrob station {imported.model.urdf_path}")
+    say_place(ROBOT, imported.model.urdf_path)
+    say_place(NEXT, f"simrob view {imported.model.urdf_path}")
+    say_place("", f"simrob station {imported.model.urdf_path}")
     return ExitCode.DONE
 
 
 def examine_file(file: Path, options: ImportOptions | None) -> None:
     """Report on a robot's file without writing anything."""
-    with errors.status(Text(f"reading {file}")):
+    with progress_note(message("cli.reading", "reading {file}", file=file)):
         imported = examine_robot(file, options)
     show_robot(imported.model)
     _tell(imported)
-    weightless = ", ".join(imported.model.links_without_inertia) or "none"
-    say_text(f"moving links without inertia: {weightless}")
+    names = imported.model.links_without_inertia
+    links = join_texts(names) if names else message("cli.no_links", "none")
+    say_text(message("cli.links_without_inertia", "moving links without inertia: {links}", links=links))
 
 
 def show_robot(robot: RobotModel) -> None:
@@ -109,17 +109,26 @@ def view(
     robot: Annotated[str, typer.Argument(metavar="FILE|ROBOT", help="A URDF, or a robot of `simrob list`.")],
     options: ImportOptions | None,
 ) -> None:
-    """Show a robot in the browser, with a slider for every joint."""
+    """Show a robot in the browser, with a slider for every joint.
+
+    For example:
+
+        simrob view irb120
+    """
     from simrob_drake.results.animation.robot_view import RobotView
 
     if is_robot_file(robot):
-        with errors.status(Text(f"reading {robot}")):
+        with progress_note(message("cli.reading", "reading {file}", file=robot)):
             window = RobotView(read_robot(robot, options))
     else:
         refuse_import(message("cli.no_file_of_robot", "this is no file of a robot, and nothing is imported"), options)
         window = RobotView(read_robot(robot))
-    say(f"{robot} is shown at {window.url}")
-    console.print("collision geometry: Scene, collision in the page's menu; end with Stop there, or Ctrl+C here")
+    say(message("cli.shown_at", "{robot} is shown at {url}", robot=robot, url=window.url))
+    hint = message(
+        "cli.collision_geometry",
+        "collision geometry: Scene, collision in the page's menu; end with Stop there, or Ctrl+C here",
+    )
+    say_text(hint)
     try:
         window.run()
     finally:
@@ -134,19 +143,24 @@ def station(
     options: ImportOptions | None,
     force: Force = False,
 ) -> None:
-    """Write a first station for a robot's file, one that runs at once."""
+    """Write a first station for a robot's file, one that runs at once.
+
+    For example:
+
+        simrob station arm.urdf --out arm.yaml
+    """
     target = out or Path(f"{file.stem}.yaml")
     check_ending(target, YAML_SUFFIXES, "--out")
     check_new_file(target, force=force)
-    with errors.status(Text(f"reading {file}")):
+    with progress_note(message("cli.reading", "reading {file}", file=file)):
         text = draft_station(file, options, folder=target.absolute().parent)
     written_at_once(target, text)
     for remark in [line for line in text.splitlines() if line.startswith("# ")][1:]:  # the first says what the file is
         say_text(remark.removeprefix("# "))
-    say_place("station", target)
+    say_place(STATION, target)
     leave = _leave_to_read(target, [file, *(options.mesh_path if options else ())])
-    say_place("next   ", f"simrob check {target}{leave}")
-    say_place("       ", f"simrob run {target}{leave}")
+    say_place(NEXT, f"simrob check {target}{leave}")
+    say_place("", f"simrob run {target}{leave}")
 
 
 def _leave_to_read(station: Path, places: Iterable[Path]) -> str:
@@ -157,8 +171,10 @@ def _leave_to_read(station: Path, places: Iterable[Path]) -> str:
 
 
 def _tell(imported: ImportedRobot) -> None:
+    """Show the report of an import, and the counts of its entries."""
     console.print(report_table(imported.report))
-    say_text(f"{imported.report.source.name}: {imported.report.summary()}")
+    file = imported.report.source.name
+    say_text(compound("{file}: {summary}", file=file, summary=imported.report.summary()))
 
 
 COMMANDS: dict[str, Callable[..., Any]] = {"import": import_file, "view": view, "station": station}

@@ -7,12 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from simrob_drake.base.folders import check_folder
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import Message, compound, message, translate
 from simrob_drake.base.remarks import SEVERITY_WORDS, Remark, Remedy
 from simrob_drake.cli import ExitCode
-from simrob_drake.cli.language import translate
 from simrob_drake.cli.options import Saving
 from simrob_drake.cli.screen import (
+    PROGRAM as PROGRAM_LABEL,
+)
+from simrob_drake.cli.screen import (
+    RESULT,
     SEVERITY_STYLES,
     console,
     finished_first,
@@ -41,9 +44,10 @@ Frames = int | Literal["events"] | None  # of a film strip: how many, or one for
 
 
 def prepared_folder(config: StationConfig, saving: Saving) -> Path:
-    """Return where the result will be saved, after looking at all that would keep it from that; say what will go wrong.
+    """Find the folder for the result of a run, before the run begins, and show the warnings of the station's check.
 
-    Raises SimrobError: the folder cannot be written, the station cannot be run, or videos cannot be made.
+    Raises:
+        SimrobError: the folder cannot be written, the station cannot be run, or videos cannot be made.
     """
     folder = saving.out or default_folder(config.name)
     check_folder(folder, marker=SUMMARY, force=saving.force)
@@ -53,15 +57,16 @@ def prepared_folder(config: StationConfig, saving: Saving) -> Path:
         frame_writer()
     for finding in check_station(config):
         if finding.level == "warning":
-            say_warning(f"{finding.subject}: {finding.text}")
+            say_warning(compound("{subject}: {text}", subject=finding.subject, text=finding.text))
     return folder
 
 
 def wait_for_watcher(url: str) -> None:
-    """Say where the motion is shown, and let a user at a terminal open that."""
-    say(f"watch it at {url}")
+    """Show the address at which the motion can be watched. At a terminal, wait until the user has opened it."""
+    say(message("cli.watch_at", "watch it at {url}", url=url))
     if sys.stdin.isatty():
-        console.input("open it in a browser, then press Enter to start ")
+        question = message("cli.open_in_browser", "open it in a browser, then press Enter to start ")
+        console.input(translate(question))
 
 
 def done_in_workcell(
@@ -70,7 +75,18 @@ def done_in_workcell(
     prepare: "Callable[[Workcell], Callable[[], tuple[SimulationResult, str]]]",
     frames: Frames = None,
 ) -> ExitCode:
-    """Let what is prepared be done in a station, shown if asked; save it with what is said of it, a line."""
+    """Do a move or a program in a workcell, and save and show the run.
+
+    Args:
+        config: the station.
+        saving: how the run is shown and saved.
+        prepare: checks that the move can be done in the workcell. Returns a function that does it, which returns the
+            run and a sentence about it.
+        frames: frames of the film strip.
+
+    Raises:
+        SimrobError: the move cannot be done, or the run cannot be saved.
+    """
     from simrob_drake.programs.arm import Workcell  # few commands need programs, which load scipy
 
     cell = Workcell(config)
@@ -87,16 +103,32 @@ def done_in_workcell(
 
 
 def way_of(result: SimulationResult, robot: str) -> str:
-    """Say how far a robot moved, and how it turned. Empty for a robot whose way is not known."""
+    """Sentence about how far a robot moved, and how it turned. Empty for a robot whose way is not known."""
     if result.ending == "diverged" or robot not in legged_robots(result):
         return ""
     found = locomotion(result, robot)
-    side = "left" if found.drift >= 0 else "right"
-    turn = "left" if found.yaw >= 0 else "right"
-    return (
-        f"{robot} moved {found.distance:.3f} m at {found.speed:.3f} m/s on average: {found.ahead:z.3f} m ahead, "
-        f"{abs(found.drift):.3f} m to the {side}, turned by {abs(degrees(found.yaw)):.1f} deg to the {turn}"
+    moved = message(
+        "cli.robot_moved",
+        "{robot} moved {distance:.3f} m at {speed:.3f} m/s on average",
+        robot=robot,
+        distance=found.distance,
+        speed=found.speed,
     )
+    direction = message(
+        "cli.ahead_and_turned",
+        "{ahead:z.3f} m ahead, {drift:.3f} m to the {side}, turned by {turn:.1f} deg to the {turn_side}",
+        ahead=found.ahead,
+        drift=abs(found.drift),
+        side=_side(found.drift),
+        turn=abs(degrees(found.yaw)),
+        turn_side=_side(found.yaw),
+    )
+    return compound("{moved}: {direction}", moved=moved, direction=direction)
+
+
+def _side(value: float) -> Message:
+    """Word for the sign of a distance or an angle to the side, which is positive to the left."""
+    return message("cli.left", "left") if value >= 0 else message("cli.right", "right")
 
 
 def saved(result: SimulationResult, folder: Path, saving: Saving, *, more: str = "", frames: Frames = None) -> ExitCode:
@@ -113,7 +145,7 @@ def saved(result: SimulationResult, folder: Path, saving: Saving, *, more: str =
         Interrupted: the user interrupted twice; nothing was saved.
     """
     kept: Saved = {**saving.kept, "frames": frames}
-    with finished_first(f"the files of {folder}") as interrupted:
+    with finished_first(message("cli.files_of", "the files of {folder}", folder=folder)) as interrupted:
         result.save(folder, **kept)
     _show_end(result)
     _show_verdict(result.verdict, f"{result.config.name}: ", with_table=saving.verdict)
@@ -122,11 +154,11 @@ def saved(result: SimulationResult, folder: Path, saving: Saving, *, more: str =
     if more:
         say_text(more)
     say_text(result.pace)
-    say_place(message("cli.result", "result"), folder)
+    say_place(RESULT, folder)
     if result.commanded:
         say_place(message("cli.commanded", "commanded"), folder / COMMANDS)
     if (folder / PROGRAM).exists():
-        say_place(message("cli.program", "program"), folder / PROGRAM)
+        say_place(PROGRAM_LABEL, folder / PROGRAM)
     if not saving.no_recording:
         say_place(message("cli.recording", "recording"), (folder / "recording.html").resolve().as_uri())
     return ExitCode.INTERRUPTED if interrupted() else exit_code(result, strict=saving.strict)

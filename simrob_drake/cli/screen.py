@@ -4,7 +4,7 @@ import signal
 import sys
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from threading import current_thread, main_thread
 from typing import Literal, TextIO
 
@@ -13,9 +13,8 @@ from rich.table import Table
 from rich.text import Text
 
 from simrob_drake.base.errors import shortened
-from simrob_drake.base.messages import Message
+from simrob_drake.base.messages import message, translate
 from simrob_drake.base.remarks import SEVERITY_WORDS, Remark, Severity
-from simrob_drake.cli.language import translate
 
 _LONGEST = 2000
 
@@ -36,6 +35,15 @@ SEVERITY_STYLES: dict[Severity, str] = {"success": "green", "note": "dim", "warn
 
 _INDENT = " " * len("warning ")
 _LABEL_WIDTH = len("recording")
+
+# Labels in front of paths and commands, see `say_place`.
+NEXT = message("cli.next", "next")
+PROGRAM = message("cli.program", "program")
+RESULT = message("cli.result", "result")
+ROBOT = message("cli.robot", "robot")
+STATION = message("cli.station", "station")
+TABLE = message("cli.table", "table")
+WRITTEN = message("cli.written", "written")
 
 
 def say(text: str | Text) -> None:
@@ -63,18 +71,22 @@ def _wrapped(text: str, width: int) -> list[str]:
 
 
 def say_place(label: str, place: object) -> None:
-    """Write a label and a path, an address or a command. One that does not fit next to its label has its own line.
+    """Write a label and a path, an address or a command, which is never broken, so that a user can copy it.
 
-    It is never broken, so that a user can copy it.
+    A place that does not fit next to its label is written on a line of its own.
+
+    Args:
+        label: the label, a message. If it is empty, the place belongs to the label of the line above.
+        place: the path, address or command.
     """
-    # Labels of one output line up: a translated one takes the width of the longest label.
-    shown_label = f"{translate(label):{_LABEL_WIDTH}}" if isinstance(label, Message) else label
-    line = f"{shown_label} {place}"
+    # Labels take the width of the longest one, so that the places of one output line up.
+    shown_label = translate(label)
+    line = f"{shown_label:{_LABEL_WIDTH}} {place}"
     if len(line) <= console.width:
         say(line)
         return
-    if label:
-        say(shown_label.rstrip())
+    if shown_label:
+        say(shown_label)
     say(str(place))
 
 
@@ -96,8 +108,10 @@ def say_remark(remark: Remark, *, with_remedy: bool = True) -> None:
     if remark.remedy is None or not with_remedy:
         return
     _say_hanging(target, Text(""), f"→ {translate(remark.remedy.text)}")
-    if remark.remedy.setting:
-        _say_hanging(target, Text(""), f"  --set {remark.remedy.setting}")
+    settings = remark.remedy.settings
+    if settings:
+        options = " ".join(f"--set {setting}" for setting in settings)
+        _say_hanging(target, Text(""), f"  {options}")
     elif remark.remedy.key:
         _say_hanging(target, Text(""), f"  --set {remark.remedy.key}=...")
 
@@ -115,20 +129,38 @@ _NARROWEST = 20
 
 
 def table(headings: Sequence[str], *rows: Sequence[str | Text], title: str = "", numbers: bool = True) -> Table:
-    """Return rows of cells below their headings; of ``numbers`` all columns but the first are to the right."""
-    found = Table(box=None, pad_edge=False, title=title or None)
-    for place, heading in enumerate(headings):
-        # As a text, so that [s] is no mark-up. A word that is longer than its column goes on in the next line.
-        justify: Literal["left", "right"] = "right" if numbers and place else "left"
+    """Make a table in the language of the output.
+
+    Args:
+        headings: headings of the columns.
+        rows: cells of each row, as many as there are headings.
+        title: title above the table. None is shown if it is empty.
+        numbers: whether the columns hold numbers. Then all columns but the first are aligned to the right.
+    """
+    shown_title = Text(translate(title)) if title else None
+    found = Table(box=None, pad_edge=False, title=shown_title)
+    for index, heading in enumerate(headings):
+        justify: Literal["left", "right"] = "right" if numbers and index else "left"
+        # A word that is longer than its column goes on in the next line.
         found.add_column(Text(translate(heading)), justify=justify, overflow="fold")
     for row in rows:
-        found.add_row(*(translate(cell) if isinstance(cell, str) else cell for cell in row))
+        # Cells are texts of rich, for which [s] is no mark-up.
+        cells = [Text(translate(cell)) if isinstance(cell, str) else cell for cell in row]
+        found.add_row(*cells)
     return found
 
 
+def progress_note(text: str) -> AbstractContextManager[object]:
+    """Context manager that shows a text on the error stream, in the language of the output, while work goes on."""
+    return errors.status(Text(translate(text)))
+
+
 def tell(text: str) -> None:
-    """Say something on the error stream, in one line."""
-    print(f"simrob: {shortened(translate(text), _LONGEST)}", file=sys.stderr, flush=True)
+    """Write an error on the error stream: on one line for scripts, wrapped at words for a user at a terminal."""
+    line = f"simrob: {shortened(translate(text), _LONGEST)}"
+    if sys.stderr.isatty():
+        line = "\n".join(_wrapped(line, errors.width))
+    print(line, file=sys.stderr, flush=True)
 
 
 class Interrupted(Exception):
@@ -137,9 +169,16 @@ class Interrupted(Exception):
 
 @contextmanager
 def finished_first(work: str) -> Iterator[Callable[[], bool]]:
-    """Let ``work`` be finished though the user interrupts it; yields what tells whether he did.
+    """Context manager that finishes work although the user interrupts it.
 
-    Raises Interrupted: he did so twice; the work is then not done.
+    Args:
+        work: the work, such as "the files of runs/a".
+
+    Yields:
+        a function that returns whether the user interrupted the work.
+
+    Raises:
+        Interrupted: the user interrupted the work twice, and it was abandoned.
     """
     times = 0
 
@@ -147,7 +186,13 @@ def finished_first(work: str) -> Iterator[Callable[[], bool]]:
         nonlocal times
         times += 1
         if times == 1:
-            tell(f"interrupted; {work} are being finished, interrupt again to abandon them")
+            tell(
+                message(
+                    "cli.being_finished",
+                    "interrupted; {work} are being finished, interrupt again to abandon them",
+                    work=work,
+                )
+            )
         elif times == 2:  # what comes then must not keep it from tidying up
             raise KeyboardInterrupt
 
@@ -158,6 +203,7 @@ def finished_first(work: str) -> Iterator[Callable[[], bool]]:
     try:
         yield lambda: times > 0
     except KeyboardInterrupt:
-        raise Interrupted(f"interrupted; {work} are abandoned, nothing was saved") from None
+        text = message("cli.abandoned", "interrupted; {work} are abandoned, nothing was saved", work=work)
+        raise Interrupted(text) from None
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)

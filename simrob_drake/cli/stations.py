@@ -33,7 +33,7 @@ from simrob_drake.cli.programs import (
     run_program,
 )
 from simrob_drake.cli.saving import Frames, exit_code, prepared_folder, saved, wait_for_watcher
-from simrob_drake.cli.screen import console, say
+from simrob_drake.cli.screen import console, say, say_text
 from simrob_drake.cli.tables import convergence_table
 from simrob_drake.programs.program_files import is_program_file
 from simrob_drake.results.result import SimulationResult
@@ -145,7 +145,11 @@ def diagram(
 
 
 def _frames(text: str | None) -> Frames:
-    """Return how many frames a strip shall have; raises InvalidParameter: neither two or more nor "events"."""
+    """Read the value of the option ``--frames``.
+
+    Raises:
+        InvalidParameter: the value is neither a number of at least 2 nor ``events``.
+    """
     if text is None or text == "events":
         return cast(Frames, text)
     if not text.isdecimal() or int(text) < 2:
@@ -154,6 +158,7 @@ def _frames(text: str | None) -> Frames:
 
 
 def _simulated(config: StationConfig, live: bool) -> SimulationResult:
+    """Simulate a station. If `live` is set, show the motion in the browser and let the user steer it."""
     if not live:
         return simulate(config)
     from simrob_drake.results.animation.live import LiveView, Steering
@@ -170,9 +175,17 @@ def _simulated(config: StationConfig, live: bool) -> SimulationResult:
 
 
 def _converged(result: SimulationResult) -> ExitCode:
-    """Show the difference to a tighter run, and return the exit code of that."""
+    """Run a station again with ten times tighter accuracy, and show the differences.
+
+    Returns:
+        exit code of the tighter run.
+    """
     if not result.config.engine.moves_by_forces:
-        console.print("a kinematic station has no solver: nothing to converge")
+        text = message(
+            "cli.no_solver_to_converge",
+            "--converge has no effect: a kinematic station has no solver whose accuracy could be tightened",
+        )
+        say_text(text)
         return ExitCode.DONE
     tight = simulate(result.config.model_copy(update={"solver": result.config.solver.tighter()}))
     console.print(convergence_table(result, tight))

@@ -306,7 +306,7 @@ def draft(robot: RobotModel, notes: Notes, report: ImportReport, semantics: Sema
                     count=len(own["kp"]),
                 ),
             )
-        if len(own["kp"]) < len(robot.axes):
+        if len(own["kp"]) < np.count_nonzero(~robot.passive):
             report.add(
                 "defaulted", "robot.yaml", message("importer.gains_of_mass_matrix", "servo gains from the mass matrix")
             )
@@ -430,7 +430,7 @@ def first_gains(robot: RobotModel) -> FirstGains:
 
     A robot that is not fixed stands on some of its joints, so that each may feel the whole mass at half of the robot's
     height. Fingers press with all that their motors have from a tenth of their way before they are closed, and axes of
-    an arm with fingers, which will carry more than itself, give all they have 30 deg off.
+    an arm with fingers, which will carry more than itself, give all they have 30 deg off. Gains of passive axes are 0.
     """
     load = _load(robot)
     stiffness = load.torques / np.where(robot.prismatic, _SAG[1], _SAG[0])
@@ -442,7 +442,10 @@ def first_gains(robot: RobotModel) -> FirstGains:
     for_damping = np.minimum(_FREQUENCY * load.dampings, LARGEST_GAIN)
     kp = np.maximum(stiffness, np.maximum(_FREQUENCY * (_FREQUENCY * load.inertias), for_damping))
     kd = 2 * np.sqrt(load.coupling * kp * load.inertias)
-    return FirstGains(_rounded(kp), _rounded(kd))
+    return FirstGains(
+        kp=np.where(robot.passive, 0.0, _rounded(kp)),
+        kd=np.where(robot.passive, 0.0, _rounded(kd)),
+    )
 
 
 @dataclass(frozen=True)

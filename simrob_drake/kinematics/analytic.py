@@ -44,48 +44,52 @@ is much farther from the start."""
 
 
 class AnalyticSolver(Solver):
-    """Computes all up to eight postures of a :class:`SixAxisArm`, and takes one (SimRob's AIK).
+    """Computes all up to eight postures of a :class:`SixAxisArm`, and takes one of them (SimRob's AIK).
 
-    It takes the posture nearest to the start, by the sum of squared angles, of those within the joint limits; whole
-    turns of a joint are tried where its limits are wider than ±π. Flags narrow the choice:
+    Of the postures within the joint limits, the closest to the start is taken, by the sum of squared angles. Whole
+    turns of a joint are tried if its limits are wider than ±π. Three flags narrow the choice:
 
-    * ``shoulder``: ``"right"`` has the wrist centre ahead of axis 1 with the upper arm on its right, as seen by one who
-      stands in axis 1 and looks at the wrist; where the arm is not offset to a side, ``"right"`` is the side of axis 1
-      that the wrist is on at zero. ``"left"`` is the arm turned round and bent backwards.
-    * ``elbow``: ``"up"`` has axis 3 above the line from axis 2 to the wrist centre, or to a parallel axis 4.
-    * ``wrist``: ``"no_flip"`` has axis 5 on the positive side of where axes 4 and 6 line up (the irb120's
-      positive angles), ``"flip"`` on the other.
+    * ``shoulder``: with ``"right"``, the wrist centre is ahead of axis 1 and the upper arm is on the right of axis 1,
+      seen from axis 1 towards the wrist. If the arm is not offset to a side, ``"right"`` is the side of axis 1 on which
+      the wrist is at zero. With ``"left"``, the arm is turned round and bent backwards.
+    * ``elbow``: with ``"up"``, axis 3 is above the line from axis 2 to the wrist centre, or to a parallel axis 4.
+    * ``wrist``: with ``"no_flip"``, axis 5 is on the positive side of the position in which axes 4 and 6 are parallel
+      (positive angles of the irb120); with ``"flip"``, it is on the negative side.
 
-    Where axes 4 and 6 line up, axis 4 stays as in the start, or the sum of axes 2 to 4 if they are parallel, as near as
-    the arm reaches so; likewise axis 1 with the wrist centre on it.
+    If axes 4 and 6 are parallel, axis 4 stays as in the start. Of an arm with a parallel wrist, the sum of axes 2 to 4
+    stays, or comes as close as the arm reaches. Axis 1 stays as in the start if the wrist centre lies on it.
     """
 
     def __init__(
         self, chain: Chain, *, shoulder: str | None = None, elbow: str | None = None, wrist: str | None = None
     ) -> None:
-        """Make the solver, and find out whether the arm has the geometry.
+        """Make the solver, and recognise the geometry of the arm.
 
         Args:
-            chain: six revolute axes; further ones that do not move the tool, as fingers, stay.
-            shoulder: ``"right"`` or ``"left"``; either unless given.
-            elbow: ``"up"`` or ``"down"``.
-            wrist: ``"no_flip"`` or ``"flip"``.
+            chain: six revolute axes. Further axes that do not move the tool, such as fingers, stay as they are.
+            shoulder: ``"right"`` or ``"left"``; both unless given.
+            elbow: ``"up"`` or ``"down"``; both unless given.
+            wrist: ``"no_flip"`` or ``"flip"``; both unless given.
 
         Raises:
-            NoClosedForm: the geometry is another one; the message says what it lacks.
-            UnknownName: no such flag.
+            NoClosedForm: the arm has another geometry; the message says what it lacks.
+            UnknownName: there is no such flag.
         """
         super().__init__(chain)
         self.arm = SixAxisArm.of(chain)
-        allowed = np.ones((2, 2, 2), dtype=bool)
-        for place, (kind, names, flag) in enumerate(
-            (("shoulder", SHOULDERS, shoulder), ("elbow", ELBOWS, elbow), ("wrist", WRISTS, wrist))
-        ):
-            if flag is not None and flag not in names:
+        # For each combination of shoulder, elbow and wrist, whether the flags allow it.
+        is_allowed = np.ones((2, 2, 2), dtype=bool)
+        flags = (("shoulder", SHOULDERS, shoulder), ("elbow", ELBOWS, elbow), ("wrist", WRISTS, wrist))
+        for dimension, (kind, names, flag) in enumerate(flags):
+            if flag is None:
+                continue
+            if flag not in names:
                 raise UnknownName(message("kinematics.flag_for", "flag for the {kind}", kind=kind), str(flag), names)
-            allowed &= np.moveaxis(np.array([flag in (None, name) for name in names])[:, None, None], 0, place)
-        self._allowed = np.flatnonzero(allowed)
+            forbidden = 1 - names.index(flag)
+            np.moveaxis(is_allowed, dimension, 0)[forbidden] = False
+        self._allowed = np.flatnonzero(is_allowed)
         self._order = list(chain.order)
+        # Axes that can do a whole turn, with their limits: (index, lower, upper).
         wide = np.flatnonzero(chain.upper - chain.lower >= TURN)
         self._wide = [(axis, chain.lower[axis] - _ROUNDING, chain.upper[axis] + _ROUNDING) for axis in wide]
 
@@ -103,7 +107,7 @@ class AnalyticSolver(Solver):
         matrices = pose_matrices(targets)
         starts = np.broadcast_to(self.chain.postures(start, "start"), (len(matrices), self.chain.size))
         form, postures, beyond = self._branches(matrices, starts, np.arange(BRANCHES))
-        is_in_reach = form.short <= _ROUNDING
+        is_in_reach = form.out_of_reach <= _ROUNDING
         return postures, is_in_reach & self._fits(beyond)
 
     def _fits(self, beyond: Vector) -> Flags:
@@ -118,39 +122,59 @@ class AnalyticSolver(Solver):
         return np.asarray((beyond <= self.chain.limits.tolerances).all(axis=-1))
 
     def _branches(self, targets: Vector, starts: Vector, allowed: Indices) -> tuple[ClosedForm, Vector, Vector]:
-        """Return the closed form, the wanted postures (k, b, 6) in axis order, and how far each is beyond a limit."""
+        """Compute the postures of targets, with whole turns close to the starts.
+
+        Args:
+            targets: poses of the tool, shape (k, 4, 4).
+            starts: postures, shape (k, n) [rad].
+            allowed: indices of the b wanted postures among the eight.
+
+        Returns:
+            the closed form with all eight postures; the wanted postures in axis order, shape (k, b, n) [rad]; and the
+            distance of each of their axes beyond its limits, shape (k, b, n) [rad].
+        """
         form = all_postures(self.arm, targets, starts[:, self._order])
         postures = np.repeat(starts[:, np.newaxis], len(allowed), axis=1)  # axes that do not move the tool stay
         postures[..., self._order] = form.postures[:, allowed]
-        return form, *nearest_turns(self.chain, postures, starts[:, np.newaxis])
+        turned, beyond = nearest_turns(self.chain, postures, starts[:, np.newaxis])
+        return form, turned, beyond
 
     def _solve_each(self, targets: Vector, starts: Vector) -> Solutions:
+        """Choose the posture of each target that is closest to the target's own start."""
         form, postures, beyond = self._branches(targets, starts, self._allowed)
-        away = np.square(postures - starts[:, np.newaxis]).sum(axis=-1)
-        choice = np.argmin(away + self._penalty(form, beyond), axis=1)
+        squared_distance = np.square(postures - starts[:, np.newaxis]).sum(axis=-1)
+        choice = np.argmin(squared_distance + self._penalty(form, beyond), axis=1)
         rows = np.arange(len(targets))
-        short = form.short[:, self._allowed][rows, choice]
-        return self._check_solutions(targets, postures[rows, choice], short, beyond[rows, choice])
+        out_of_reach = form.out_of_reach[:, self._allowed][rows, choice]
+        return self._check_solutions(targets, postures[rows, choice], out_of_reach, beyond[rows, choice])
 
     def _solve_in_order(self, targets: Vector, start: Vector) -> Solutions:
-        form, postures, beyond = self._branches(targets, np.tile(start, (len(targets), 1)), self._allowed)
+        """Choose the posture of each target that is closest to the posture of the target before."""
+        all_starts = np.tile(start, (len(targets), 1))
+        form, postures, beyond = self._branches(targets, all_starts, self._allowed)
         penalty = self._penalty(form, beyond)
-        choices, last = np.zeros(len(targets), dtype=np.intp), start
+        choices = np.zeros(len(targets), dtype=np.intp)
+        last = start
         for row, branches in enumerate(postures):
-            if form.singular[row]:
-                single, again, over = self._branches(targets[row : row + 1], last[np.newaxis], self._allowed)
-                branches[:], beyond[row], penalty[row] = again[0], over[0], self._penalty(single, over)[0]
+            if form.is_singular[row]:  # an axis takes its position from the posture before
+                form_of_row, again, beyond_again = self._branches(
+                    targets[row : row + 1], last[np.newaxis], self._allowed
+                )
+                branches[:] = again[0]
+                beyond[row] = beyond_again[0]
+                penalty[row] = self._penalty(form_of_row, beyond_again)[0]
             for axis, lower, upper in self._wide:
                 angles = branches[:, axis]
                 angles -= TURN * np.rint((angles - last[axis]) / TURN)
                 angles -= TURN * (angles > upper)
                 angles += TURN * (angles < lower)
-            away = branches - last
-            choices[row] = choice = (np.vecdot(away, away) + penalty[row]).argmin()
+            difference = branches - last
+            choice = (np.vecdot(difference, difference) + penalty[row]).argmin()
+            choices[row] = choice
             last = branches[choice]
         rows = np.arange(len(targets))
-        short = form.short[:, self._allowed][rows, choices]
-        return self._check_solutions(targets, postures[rows, choices], short, beyond[rows, choices])
+        out_of_reach = form.out_of_reach[:, self._allowed][rows, choices]
+        return self._check_solutions(targets, postures[rows, choices], out_of_reach, beyond[rows, choices])
 
     def _penalty(self, form: ClosedForm, beyond: Vector) -> Vector:
         """Compute penalties that rank the postures of each target.
@@ -160,25 +184,25 @@ class AnalyticSolver(Solver):
         large, and growing with the miss, for one that misses the target or a limit.
 
         Args:
-            form: closed-form postures of k targets. Its ``short`` is by how much each is out of reach [m].
+            form: closed-form postures of k targets.
             beyond: distance of each axis beyond its limits, for the b allowed postures, shape (k, b, n) [rad].
 
         Returns:
             the penalties, shape (k, b).
         """
-        short = form.short[:, self._allowed]
-        miss = short + beyond.max(axis=-1)  # m plus rad: it only ranks the postures
-        is_rounded = self._fits(beyond) & (short <= _ROUNDING)
+        out_of_reach = form.out_of_reach[:, self._allowed]
+        miss = out_of_reach + beyond.max(axis=-1)  # m plus rad: it only ranks the postures
+        is_rounded = self._fits(beyond) & (out_of_reach <= _ROUNDING)
         penalty = np.where(is_rounded, _ROUNDED, _FAR * (1.0 + miss))
         return np.where(miss > _ROUNDING, penalty, 0.0)
 
-    def _check_solutions(self, targets: Vector, chosen: Vector, short: Vector, beyond: Vector) -> Solutions:
+    def _check_solutions(self, targets: Vector, chosen: Vector, out_of_reach: Vector, beyond: Vector) -> Solutions:
         """Clamp the chosen postures to the limits, remove small errors by numeric search, and check the targets.
 
         Args:
             targets: poses of the tool, shape (k, 4, 4).
             chosen: the chosen posture for each target, shape (k, n) [rad].
-            short: by how much each target is out of reach, shape (k,) [m].
+            out_of_reach: distance of the wrist centre beyond what the arm reaches, shape (k,) [m].
             beyond: distance of each axis beyond its limits, shape (k, n) [rad].
 
         Returns:
@@ -187,7 +211,7 @@ class AnalyticSolver(Solver):
         positions = np.clip(chosen, self.chain.lower, self.chain.upper)
         errors = pose_errors(targets, self.chain.forward(positions))
         weights = np.ones(6)
-        is_in_range = (short <= _ROUNDING) & self._fits(beyond)
+        is_in_range = (out_of_reach <= _ROUNDING) & self._fits(beyond)
 
         # Errors from rounded dimensions of the arm.
         is_rough = (np.abs(errors).max(axis=1) > _EXACT) & is_in_range
@@ -219,27 +243,27 @@ class AnalyticSolver(Solver):
 
         def why(row: int) -> str:
             """Reason why a target is not reached, in words."""
-            return self._reason(short[row], beyond[row])
+            return self._reason(out_of_reach[row], beyond[row])
 
         # A closed form takes no iterations; the few steps against rounding are not counted.
         no_iterations = np.zeros(len(targets), dtype=np.int64)
         return Solutions.found(positions, errors, is_reached, no_iterations, why)
 
-    def _reason(self, short: float, beyond: Vector) -> str:
+    def _reason(self, out_of_reach: float, beyond: Vector) -> str:
         """Write why a target is not reached.
 
         Args:
-            short: by how much the target is out of reach [m].
+            out_of_reach: distance of the wrist centre beyond what the arm reaches [m].
             beyond: distance of each axis of the chosen posture beyond its limits, shape (n,) [rad].
         """
         postures = message("kinematics.all_postures", "all postures") + (
             message("kinematics.with_these_flags", " with these flags") if len(self._allowed) < BRANCHES else ""
         )
-        if short > _ROUNDING:
+        if out_of_reach > _ROUNDING:
             return message(
                 "kinematics.wrist_out_of_reach",
                 "out of reach: the wrist centre lies {distance:.3g} m beyond what the arm reaches",
-                distance=short,
+                distance=out_of_reach,
             )
         if not self._fits(beyond):
             axis = int(np.argmax(beyond))

@@ -1,4 +1,7 @@
-"""Joints given by their screws, what they carry in many postures at once, and the chain of them from base to tool."""
+"""Kinematics of joints that are given by their screws, for many postures at once.
+
+:class:`Screws` are the joints of a tree, :class:`Chain` those from a robot's base to its tool.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -23,7 +26,8 @@ from simrob_drake.robots.parse import held_robot
 Indices = np.ndarray[Any, np.dtype[np.intp]]
 
 IDENTITY = np.eye(4)
-_CROSS = np.zeros((3, 9))  # row i: the matrix of eᵢ ×
+_CROSS = np.zeros((3, 9))
+"""Row i is the matrix of the cross product with the unit vector eᵢ, row by row."""
 _CROSS[[0, 0, 1, 1, 2, 2], [7, 5, 2, 6, 3, 1]] = [1, -1, 1, -1, 1, -1]
 
 
@@ -31,25 +35,40 @@ _CROSS[[0, 0, 1, 1, 2, 2], [7, 5, 2, 6, 3, 1]] = [1, -1, 1, -1, 1, -1]
 class Screws:
     """Revolute and prismatic joints of a tree, each given by its screw at zero posture in one base frame.
 
-    What a joint carries moves by the product exp(S₁q₁) ... exp(Sᵢqᵢ) of the screws from the base to it, given by axis
-    and point (Lynch & Park, Modern Robotics, 2017, §4.1). Positions have shape (k, n) or (n,), in rad, or m for
-    prismatic joints.
+    The body that joint i carries moves by the product exp(S₁q₁) ... exp(Sᵢqᵢ) of the screws from the base to the joint.
+    A screw is given by its axis and a point (Lynch & Park, Modern Robotics, 2017, §4.1). Positions have the shape
+    (k, n) or (n,), in rad, or m for prismatic joints.
+
+    Attributes:
+        axes: unit vector of each axis at zero in the base frame, shape (n, 3).
+        points: a point on each axis at zero, shape (n, 3) [m].
+        revolute: whether each joint is revolute, shape (n,).
+        order: indices of the m axes that are followed, from the base outward.
+        after: for each of these axes, the body on which it stands: 0 is the base, i is the body that the i-th of them
+            carries. If None, each axis stands on the body that the axis before it carries.
     """
 
-    axes: Vector  # unit axis of every joint at zero in the base frame, shape (n, 3)
-    points: Vector  # a point on every axis at zero [m], shape (n, 3)
-    revolute: np.ndarray[Any, np.dtype[np.bool_]]  # whether each joint is revolute, shape (n,)
-    order: tuple[int, ...]  # the axes that are followed, from the base outward
-    # what each of these stands on: 0 the base, i what the i-th of them carries; in a row unless given
+    axes: Vector
+    points: Vector
+    revolute: np.ndarray[Any, np.dtype[np.bool_]]
+    order: tuple[int, ...]
     after: tuple[int, ...] | None = None
 
     @property
     def size(self) -> int:
-        """How many axes there are, n."""
+        """Count of the axes, n."""
         return len(self.axes)
 
     def postures(self, positions: npt.ArrayLike, name: str = "positions") -> Vector:
-        """Return postures as (k, n); raises InvalidParameter: another shape than (n,) or (k, n), or not finite."""
+        """Convert positions to postures of the shape (k, n).
+
+        Args:
+            positions: one posture (n,) or k postures (k, n) [rad or m].
+            name: what the positions are called in the message of an error.
+
+        Raises:
+            InvalidParameter: positions of another shape, or that are not finite.
+        """
         expected = message(
             "kinematics.finite_numbers_an_axis",
             "{size} finite numbers, or rows of as many, one an axis",
@@ -67,8 +86,19 @@ class Screws:
         return np.atleast_2d(rows)
 
     def frames(self, postures: Vector, base: Vector = IDENTITY) -> Vector:
-        """Return where the base (4, 4) or (k, 4, 4), and what each axis carries, move, shape (m + 1, k, 4, 4)."""
-        values = postures.T[self._moving]
+        """Compute how the bodies move from their poses at zero.
+
+        The motions of all joints are exp(Sq) = A + sin(q) B + (1 - cos(q)) C, see :attr:`_exponentials`. They are
+        multiplied from the base outward.
+
+        Args:
+            postures: postures, shape (k, n) [rad or m].
+            base: motion of the base, shape (4, 4) or (k, 4, 4).
+
+        Returns:
+            motions of the base and of the m bodies that the followed axes carry, shape (m + 1, k, 4, 4).
+        """
+        values = postures.T[self._order_indices]
         terms = np.empty((*values.shape, 3))
         terms[..., 0] = 1.0
         terms[..., 1] = np.sin(values)
@@ -78,17 +108,19 @@ class Screws:
         frames = np.empty((len(values) + 1, len(postures), 4, 4))
         frames[0] = base
         for index, motion in enumerate(motions):
-            np.matmul(frames[self.after[index] if self.after else index], motion, out=frames[index + 1])
+            carrier = self.after[index] if self.after else index
+            np.matmul(frames[carrier], motion, out=frames[index + 1])
         return frames
 
     @cached_property
-    def _moving(self) -> Indices:
+    def _order_indices(self) -> Indices:
+        """Indices of the followed axes, as an array."""
         return np.array(self.order, dtype=np.intp)
 
     @cached_property
     def _prismatic(self) -> Indices:
-        """Which of the followed axes are prismatic."""
-        return np.flatnonzero(~self.revolute[self._moving])
+        """Numbers of the prismatic axes among the followed ones."""
+        return np.flatnonzero(~self.revolute[self._order_indices])
 
     @cached_property
     def _exponentials(self) -> Vector:
@@ -106,25 +138,36 @@ class Screws:
 
 
 def skew(vectors: Vector) -> Vector:
-    """Return the matrices (..., 3, 3) whose product with a vector is the cross product of ``vectors`` (..., 3)."""
+    """Compute matrices (..., 3, 3) whose product with a vector is the cross product of ``vectors`` (..., 3) with it."""
     matrices: Vector = (vectors @ _CROSS).reshape(*vectors.shape[:-1], 3, 3)
     return matrices
 
 
 class UnsupportedChain(SimrobError):
-    """Frames of a plant that joints other than the given ones move against each other."""
+    """Raised if two frames of a plant move against each other by a joint that a chain does not have."""
 
 
 @dataclass(frozen=True, eq=False)
 class ChainInPlant:
-    """Where a chain lies in a finalized plant, for solvers that ask Drake; whoever owns the plant keeps it alive."""
+    """Joints and frames of a chain in a finalized plant, for solvers that use Drake.
+
+    The owner of the plant must keep the plant alive.
+
+    Attributes:
+        plant: the plant.
+        joints: the joint of each axis.
+        axes: positions of the axes in the plant, and their senses.
+        base: the base frame.
+        tool: the tool frame.
+        tcp: pose of the tool centre point in the tool frame, shape (4, 4).
+    """
 
     plant: MultibodyPlant
-    joints: tuple[Joint, ...]  # one an axis
-    axes: AxisMap  # where they stand in the plant, and their senses
+    joints: tuple[Joint, ...]
+    axes: AxisMap
     base: Frame
     tool: Frame
-    tcp: Vector  # pose of the tool centre point in the frame ``tool``, shape (4, 4)
+    tcp: Vector
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -132,11 +175,11 @@ class Chain(Screws):
     """The joints in a row from a robot's base frame to a tool frame, with their names and limits.
 
     Attributes:
-        names: of the axes.
-        lower: lower limit of every axis, shape (n,) [rad or m]; infinite where there is none.
-        upper: upper limit of every axis, shape (n,).
         home: pose of the tool at zero, shape (4, 4).
-        in_plant: where the chain lies in its plant.
+        names: names of the axes.
+        lower: lower limit of each axis, shape (n,) [rad or m]; -inf if the axis has none.
+        upper: upper limit of each axis, shape (n,) [rad or m]; inf if the axis has none.
+        in_plant: joints and frames of the chain in its plant.
     """
 
     home: Vector
@@ -150,17 +193,21 @@ class Chain(Screws):
 
     @cached_property
     def limits(self) -> AxisLimits:
-        """The ranges of the axes, for checks of positions."""
+        """Limits of the axes, for checks of positions."""
         return AxisLimits(names=self.names, lower=self.lower, upper=self.upper, revolute=self.revolute)
 
     @classmethod
     def of_robot(cls, model: RobotModel, tool: str | None = None) -> "Chain":
-        """Return the chain from a robot's root link to one of its tools, the first unless named.
+        """Extract the chain from a robot's root link to one of its tools.
+
+        Args:
+            model: the robot.
+            tool: name of the tool; the robot's first one unless given.
 
         Raises:
-            UnknownName: no such tool.
-            InvalidParameter: a robot without tools.
-            InvalidModel: a URDF that Drake cannot read.
+            UnknownName: the robot has no tool of this name.
+            InvalidParameter: the robot has no tools.
+            InvalidModel: Drake cannot read the robot's URDF.
         """
         if not model.tools:
             raise InvalidParameter(
@@ -190,16 +237,17 @@ class Chain(Screws):
         """Extract the chain between two frames of a finalized plant.
 
         Args:
-            plant: finalized; it has to stay alive for the solvers that ask Drake.
-            joints: the robot's, in axis order; those that do not move the tool are allowed and change nothing.
-            base: the frame that poses are given in.
-            tool: the frame whose pose is wanted.
-            signs: the sense in which each joint is positive, shape (n,); all 1 unless given.
-            names: of the axes; the joints' own unless given.
+            plant: the plant, finalized. It must stay alive for the solvers that use Drake.
+            joints: joints of the robot, in axis order. Joints that do not move the tool are allowed and have no effect.
+            base: the base frame, in which poses are given.
+            tool: the tool frame.
+            signs: senses of the joints, 1 or -1, shape (n,); all 1 unless given.
+            names: names of the axes; names of the joints unless given.
 
         Raises:
-            UnsupportedChain: the frames move against each other by a joint that is not listed, or of another type.
-            InvalidParameter: signs or names that are not one a joint.
+            UnsupportedChain: the frames move against each other by a joint that is not in ``joints``, or that is
+                neither revolute nor prismatic.
+            InvalidParameter: there is not one sign and one name for each joint.
         """
         labels = tuple(joint.name() for joint in joints) if names is None else tuple(names)
         if len(labels) != len(joints) or len(set(labels)) != len(labels):
@@ -208,7 +256,7 @@ class Chain(Screws):
                 names,
                 message("kinematics.different_names", "{count} different names, one a joint", count=len(joints)),
             )
-        way = _listed(joints_between(plant, base, tool), joints)
+        path = _axes_of_path(joints_between(plant, base, tool), joints)
         for joint, name in zip(joints, labels, strict=True):
             if not isinstance(joint, RevoluteJoint | PrismaticJoint):
                 raise UnsupportedChain(
@@ -223,17 +271,17 @@ class Chain(Screws):
         context = plant.CreateDefaultContext()
         in_plant.set_positions(plant, context, np.zeros(len(joints)))
         axes, points = axes_and_points(context, joints, base)
-        along = np.ones(len(joints))
-        for axis, sense in way:
-            along[axis] = sense
+        senses = np.ones(len(joints))
+        for axis, sense in path:
+            senses[axis] = sense
         limits = [(joint.position_lower_limit(), joint.position_upper_limit()) for joint in joints]
         bounds = np.sort(in_plant.signs[:, np.newaxis] * np.reshape(limits, (-1, 2)), axis=1)
         return cls(
             names=labels,
-            axes=(in_plant.signs * along)[:, np.newaxis] * axes,
+            axes=(in_plant.signs * senses)[:, np.newaxis] * axes,
             points=points,
             revolute=np.array([isinstance(joint, RevoluteJoint) for joint in joints], dtype=bool),
-            order=tuple(axis for axis, _ in way),
+            order=tuple(axis for axis, _ in path),
             lower=bounds[:, 0],
             upper=bounds[:, 1],
             home=tool.CalcPose(context, base).GetAsMatrix4(),
@@ -241,79 +289,116 @@ class Chain(Screws):
         )
 
     def with_tool(self, pose: Targets) -> "Chain":
-        """Return the chain to another tool centre point, given as one pose in this chain's tool frame."""
+        """Make the chain to another tool centre point, given as one pose in this chain's tool frame."""
         matrix = one_pose(pose, "tool")
-        return replace(self, home=self.home @ matrix, in_plant=replace(self.in_plant, tcp=self.in_plant.tcp @ matrix))
+        in_plant = replace(self.in_plant, tcp=self.in_plant.tcp @ matrix)
+        return replace(self, home=self.home @ matrix, in_plant=in_plant)
 
     def forward(self, positions: npt.ArrayLike) -> Vector:
-        """Return the poses of the tool in the base, shape (k, 4, 4); one posture (n,) gives k = 1."""
+        """Compute the poses of the tool in the base, shape (k, 4, 4). One posture (n,) gives k = 1."""
         return self.tool_poses(self.frames(self.postures(positions)))
 
     def jacobian(self, positions: npt.ArrayLike) -> Vector:
-        """Return the geometric Jacobian, shape (k, 6, n): what the axes' speeds give of the tool's.
+        """Compute the geometric Jacobian, shape (k, 6, n): the tool's velocity for a unit speed of each axis.
 
-        Rows: velocity of the tool centre point along x, y, z of the base [m/s], then angular velocity about
-        x, y, z. (SimRob orders the last three z, y, x: ``jacobian[:, [0, 1, 2, 5, 4, 3]]``.)
+        The rows are the velocity of the tool centre point along x, y, z of the base [m/s], then the angular velocity
+        about x, y, z [rad/s]. (SimRob orders the last three z, y, x: ``jacobian[:, [0, 1, 2, 5, 4, 3]]``.)
         """
         frames = self.frames(self.postures(positions))
         return self.jacobian_at(frames, self.tool_poses(frames)[:, :3, 3])
 
     def tool_poses(self, frames: Vector) -> Vector:
-        """Return the poses of the tool (k, 4, 4) from :meth:`frames`."""
+        """Compute the poses of the tool, shape (k, 4, 4), from :meth:`frames`."""
         poses: Vector = frames[-1] @ self.home
         return poses
 
     def jacobian_at(self, frames: Vector, places: Vector) -> Vector:
-        """Return the Jacobian (k, 6, n) from :meth:`frames` and the places (k, 3) of the tool centre point."""
+        """Compute the geometric Jacobian.
+
+        A revolute axis with the unit vector a through the point p moves the tool centre point c with the velocity
+        a × (c - p), and turns the tool about a. A prismatic axis moves the tool along a.
+
+        Args:
+            frames: motions of the bodies, from :meth:`frames`.
+            places: positions of the tool centre point, shape (k, 3) [m].
+
+        Returns:
+            the Jacobian, shape (k, 6, n), in the rows of :meth:`jacobian`.
+        """
+        # Each axis moves with the body on which it stands, which is the one before in a chain.
         carried = frames[:-1] @ self._axes_and_points  # (m, k, 4, 2)
-        axes, arms = carried[..., :3, 0], places - carried[..., :3, 1]
+        axes = carried[..., :3, 0]
+        arms = places - carried[..., :3, 1]
         columns = np.empty((*axes.shape[:2], 6))
         columns[..., :3] = (skew(axes) @ arms[..., np.newaxis])[..., 0]
         columns[..., 3:] = axes
         columns[self._prismatic, :, :3] = axes[self._prismatic]
         columns[self._prismatic, :, 3:] = 0.0
         jacobian = np.zeros((len(places), 6, self.size))
-        jacobian[:, :, self._moving] = columns.transpose(1, 2, 0)
+        jacobian[:, :, self._order_indices] = columns.transpose(1, 2, 0)
         return jacobian
 
     @property
     def reach(self) -> float:
-        """Upper bound on the distance of the tool from the point of the first moving axis [m]."""
+        """Upper bound of the distance between the tool and the point of the first moving axis [m]."""
         points = [*self.points[list(self.order)], self.home[:3, 3]]
-        spans = sum(float(np.linalg.norm(end - begin)) for begin, end in pairwise(points))
+        distances = sum(float(np.linalg.norm(end - begin)) for begin, end in pairwise(points))
         prismatic = [axis for axis in self.order if not self.revolute[axis]]
-        return spans + float(np.maximum(np.abs(self.lower[prismatic]), np.abs(self.upper[prismatic])).sum())
+        longest_slides = np.maximum(np.abs(self.lower[prismatic]), np.abs(self.upper[prismatic]))
+        return distances + float(longest_slides.sum())
 
     def axis_index(self, name: str) -> int:
-        """Return the place of an axis; raises UnknownName: no such axis."""
+        """Find the index of an axis by its name; raises UnknownName: there is no axis of this name."""
         return self.names.index(one_of(message("base.axis", "axis"), name, self.names))
 
     @cached_property
     def _axes_and_points(self) -> Vector:
-        """Homogeneous axis and point of the followed axes, shape (m, 1, 4, 2)."""
+        """Homogeneous coordinates of the unit vector and the point of each followed axis, shape (m, 1, 4, 2)."""
         columns = np.zeros((len(self.order), 1, 4, 2))
-        columns[:, 0, :3, 0] = self.axes[self._moving]
-        columns[:, 0, :3, 1] = self.points[self._moving]
+        columns[:, 0, :3, 0] = self.axes[self._order_indices]
+        columns[:, 0, :3, 1] = self.points[self._order_indices]
         columns[:, 0, 3, 1] = 1.0
         return columns
 
 
 def axes_and_points(context: Context, joints: Sequence[Joint], base: Frame) -> tuple[Vector, Vector]:
-    """Return the axes of joints, and a point on each, in a frame, both of shape (n, 3)."""
-    places = [joint.frame_on_parent().CalcPose(context, base) for joint in joints]
-    axes = [place.rotation().matrix() @ _axis(joint) for place, joint in zip(places, joints, strict=True)]
-    return np.reshape(axes, (-1, 3)), np.reshape([place.translation() for place in places], (-1, 3))
+    """Compute the axes of joints in a base frame.
+
+    Args:
+        context: context of the plant.
+        joints: the joints, revolute or prismatic.
+        base: the base frame.
+
+    Returns:
+        the unit vectors of the axes, shape (n, 3), and a point on each axis, shape (n, 3) [m].
+    """
+    poses = [joint.frame_on_parent().CalcPose(context, base) for joint in joints]
+    axes = [pose.rotation().matrix() @ _axis(joint) for pose, joint in zip(poses, joints, strict=True)]
+    points = [pose.translation() for pose in poses]
+    return np.reshape(axes, (-1, 3)), np.reshape(points, (-1, 3))
 
 
 def _axis(joint: Joint) -> Vector:
+    """Unit vector (3,) of a joint's axis in the joint's frame on its parent."""
     axis: Vector = joint.revolute_axis() if isinstance(joint, RevoluteJoint) else joint.translation_axis()
     return axis
 
 
-def _listed(way: list[tuple[Joint, float]], joints: Sequence[Joint]) -> list[tuple[int, float]]:
-    """Return the places among ``joints`` of the joints on the way."""
-    places = {joint.index(): axis for axis, joint in enumerate(joints)}
-    missing = [joint.name() for joint, _ in way if joint.index() not in places]
+def _axes_of_path(path: list[tuple[Joint, float]], joints: Sequence[Joint]) -> list[tuple[int, float]]:
+    """Find the axes of the joints on a path.
+
+    Args:
+        path: joints with their senses, from :func:`joints_between`.
+        joints: the joint of each axis.
+
+    Returns:
+        index and sense of each axis on the path.
+
+    Raises:
+        UnsupportedChain: a joint on the path belongs to no axis.
+    """
+    axis_of_joint = {joint.index(): axis for axis, joint in enumerate(joints)}
+    missing = [joint.name() for joint, _ in path if joint.index() not in axis_of_joint]
     if missing:
         raise UnsupportedChain(
             message(
@@ -322,30 +407,43 @@ def _listed(way: list[tuple[Joint, float]], joints: Sequence[Joint]) -> list[tup
                 missing=", ".join(missing),
             )
         )
-    return [(places[joint.index()], sense) for joint, sense in way]
+    return [(axis_of_joint[joint.index()], sense) for joint, sense in path]
 
 
 def joints_between(plant: MultibodyPlant, base: Frame, tool: Frame) -> list[tuple[Joint, float]]:
-    """Return the joints of a finalized plant that can move ``tool`` against ``base``, in order from the base.
+    """Find the joints of a finalized plant that can move a tool frame against a base frame.
 
-    Each comes with 1 where the way leads outward through it, or -1 where it leads back towards the world; the tool may
-    be on another branch of the tree.
+    The tool may be on another branch of the tree than the base. The path then leads back towards the world first.
+
+    Args:
+        plant: the plant.
+        base: the base frame.
+        tool: the tool frame.
+
+    Returns:
+        the joints in order from the base. Each comes with its sense: 1 if the path leads outward through the joint, -1
+        if it leads back towards the world.
     """
-    inboard = {}
+    inboard_joints = {}  # the joint that carries each body
     for index in plant.GetJointIndices():
         joint = plant.get_joint(index)
-        inboard[joint.child_body().index()] = joint
-    back, out = _to_world(inboard, base), _to_world(inboard, tool)
-    while back and out and back[-1].index() == out[-1].index():  # what carries both does not count
+        inboard_joints[joint.child_body().index()] = joint
+    back = _joints_to_world(inboard_joints, base)
+    out = _joints_to_world(inboard_joints, tool)
+    # Joints that carry both frames do not move them against each other.
+    while back and out and back[-1].index() == out[-1].index():
         back.pop()
         out.pop()
-    way = [(joint, -1.0) for joint in back] + [(joint, 1.0) for joint in reversed(out)]
-    return [(joint, sense) for joint, sense in way if joint.num_positions() > 0]
+    path = [(joint, -1.0) for joint in back] + [(joint, 1.0) for joint in reversed(out)]
+    return [(joint, sense) for joint, sense in path if joint.num_positions() > 0]
 
 
-def _to_world(inboard: dict[int, Joint], frame: Frame) -> list[Joint]:
-    joints, body = [], frame.body()
-    while body.index() in inboard:
-        joints.append(inboard[body.index()])
-        body = joints[-1].parent_body()
+def _joints_to_world(inboard_joints: dict[int, Joint], frame: Frame) -> list[Joint]:
+    """Joints from a frame to the world, by the joint that carries each body."""
+    joints = []
+    body = frame.body()
+    while body.index() in inboard_joints:
+        joint = inboard_joints[body.index()]
+        joints.append(joint)
+        body = joint.parent_body()
     return joints

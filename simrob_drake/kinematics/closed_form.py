@@ -1,10 +1,22 @@
-"""Six-axis arms with a spherical wrist, or three parallel axes as cobots have: their postures for a pose, closed form.
+"""All postures of a six-axis arm for a pose of its tool, in closed form.
 
-The wrist centre fixes axis 1, as its distance along axis 2 does not change with the parallel axes. With a spherical
-wrist its distance from axis 2 fixes axes 2 and 3, and the orientation that is left axes 4 to 6. With a parallel one the
-orientation fixes axes 5, 6 and the sum of the parallel angles, which leaves a triangle of axes 2, 3 and 4. Each of the
-three steps has two answers: shoulder, elbow and wrist. (The subproblems of Paden and Kahan: Murray, Li & Sastry,
-A Mathematical Introduction to Robotic Manipulation, 1994, §3.3.)
+The arm has axis 2 parallel to axis 3, and a wrist of one of two kinds:
+
+* In a *spherical* wrist, axes 4, 5 and 6 meet in a point, the wrist centre.
+* In a *parallel* wrist, as cobots have it, axis 4 is parallel to axis 3, and axes 5 and 6 meet in the wrist centre.
+
+The pose of the tool gives the wrist centre. Its distance from axis 1 along axis 2 does not change with the axes that
+are parallel to axis 2, so axis 1 follows from it. The rest differs:
+
+* With a spherical wrist, the distance of the wrist centre from axis 2 gives axes 2 and 3. The remaining orientation
+  gives axes 4 to 6.
+* With a parallel wrist, the orientation gives axes 5 and 6, and the sum of the angles of the parallel axes. This leaves
+  a triangle of axes 2, 3 and 4.
+
+Each of three steps has two solutions, called shoulder, elbow and wrist; so there are eight postures. The steps are the
+subproblems of Paden and Kahan (Murray, Li & Sastry, A Mathematical Introduction to Robotic Manipulation, 1994, §3.3).
+
+Vectors across axis 2 are written as complex numbers: a turn about axis 2 by q is then a product with exp(iq).
 """
 
 from dataclasses import dataclass
@@ -19,18 +31,39 @@ from simrob_drake.base.messages import message
 from simrob_drake.kinematics.chain import Chain, skew
 from simrob_drake.kinematics.numeric import Flags
 
-_LENGTH = 1e-4  # m that axes may miss each other by: published figures are rounded, and the solver polishes
-_ANGLE = 1e-4  # rad that parallel axes may differ by, likewise: rpy="0 1.5708 0" is off by 4e-6
-_ALONG = 1e-3  # sine below which two axes count as one direction
+_LENGTH = 1e-4
+"""Distance by which axes may miss each other [m]. Published dimensions are rounded; the solver removes the errors."""
+
+_ANGLE = 1e-4
+"""Angle by which parallel axes may differ [rad], for the same reason: rpy="0 1.5708 0" is off by 4e-6."""
+
+_SAME_DIRECTION = 1e-3
+"""Sine of the angle between two axes below which they count as one direction."""
+
+_OFFSET = 1e-6
+"""Distance above which an arm counts as offset to one side [m]."""
+
+_SINGULAR = 1e-10
+"""Distance [m] or sine below which an axis may have any position. It is 1e4 times the rounding error, and a tenth of
+the error that the solver promises."""
+
+BRANCHES = 8
+"""Count of postures. The index of a posture is 4·shoulder + 2·elbow + wrist, each of which is 0 or 1."""
+SHOULDERS = ("right", "left")
+"""Names of the two shoulders, by their number in the index; see :class:`AnalyticSolver`."""
+ELBOWS = ("up", "down")
+"""Names of the two elbows, by their number in the index."""
+WRISTS = ("no_flip", "flip")
+"""Names of the two wrists, by their number in the index."""
 
 Complex = np.ndarray[Any, np.dtype[np.complex128]]
 
 
 class NoClosedForm(SimrobError):
-    """A robot whose geometry the analytic solver does not cover."""
+    """Raised for an arm whose geometry the analytic solver does not cover."""
 
     def __init__(self, problem: str) -> None:
-        """Say what the geometry lacks, and which solver takes any robot."""
+        """Write the message: what the geometry lacks, and which solver takes any robot."""
         super().__init__(
             message(
                 "kinematics.no_closed_form",
@@ -40,31 +73,41 @@ class NoClosedForm(SimrobError):
         )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SixAxisArm:
-    """An arm of six revolute axes, 2 parallel to 3, neither to 1, with a wrist of one of two kinds.
+    """Geometry of an arm with six revolute axes that has a closed form, see the module.
 
-    Spherical: axes 4, 5 and 6 meet in one point, the wrist centre. Parallel, as the UR arms have it: axis 4 is parallel
-    to axis 3, and axes 5 and 6 meet in the wrist centre.
+    Axis 1 need not meet axis 2 (the shoulder may be offset along the arm). The wrist centre need not lie in the plane
+    of axis 1 and the arm (the shoulder may be offset across the arm, as that of the Puma). Axis 4 need not point at
+    axis 3 (the elbow may be offset).
 
-    Axis 1 need not meet axis 2 (shoulder offset along the arm), nor the wrist centre lie in the plane of axis 1 and
-    the arm (shoulder offset across it, as the Puma has), nor axis 4 point at axis 3 (elbow offset).
+    Attributes:
+        axes: unit vectors of axes 1 to 6 at zero, shape (6, 3).
+        shoulder: a point on axis 1, shape (3,) [m].
+        upper_arm: a point on axis 2 at zero, shape (3,) [m].
+        centre: the wrist centre at zero, shape (3,) [m].
+        parallel: whether the wrist is parallel.
+        senses: senses of axes 3 and 4: 1 if the axis points as axis 2 does, -1 if it points the other way.
+        upper: vector from axis 2 to axis 3 at zero, across axis 2 [m].
+        fore: vector from axis 3 to the wrist centre, or to axis 4 of a parallel wrist, across axis 2 [m].
+        hand: vector from axis 4 of a parallel wrist to the wrist centre, across axis 2 [m]; 0 for a spherical wrist.
+        home: pose of the tool at zero, shape (4, 4).
     """
 
-    axes: Vector  # unit axes 1 ... 6 at zero, shape (6, 3)
-    shoulder: Vector  # a point on axis 1 [m], shape (3,)
-    upper_arm: Vector  # a point on axis 2, in the base at zero [m], shape (3,)
-    centre: Vector  # the wrist centre at zero [m], shape (3,)
-    parallel: bool  # whether axis 4 is parallel to axis 3
-    senses: tuple[float, float]  # of axes 3 and 4: 1 where they point as axis 2 does, -1 where against it
-    upper: complex  # from axis 2 to axis 3 at zero, as a complex number in the plane across axis 2 [m]
-    fore: complex  # from axis 3 to the wrist centre, or to axis 4 if parallel, likewise
-    hand: complex  # from axis 4 to the wrist centre if parallel, else 0
-    home: Vector  # pose of the tool at zero, shape (4, 4)
+    axes: Vector
+    shoulder: Vector
+    upper_arm: Vector
+    centre: Vector
+    parallel: bool
+    senses: tuple[float, float]
+    upper: complex
+    fore: complex
+    hand: complex
+    home: Vector
 
     @classmethod
     def of(cls, chain: Chain) -> "SixAxisArm":
-        """Recognise the geometry in a chain; raises NoClosedForm: what it lacks."""
+        """Recognise the geometry of a chain; raises NoClosedForm: the geometry is another one."""
         order = list(chain.order)
         if len(order) != 6 or not chain.revolute[order].all():
             raise NoClosedForm(
@@ -74,83 +117,121 @@ class SixAxisArm:
                     count=len(order),
                 )
             )
-        axes, points = chain.axes[order], chain.points[order]
-        if np.linalg.norm(np.cross(axes[1], axes[2])) > _ANGLE:
-            raise NoClosedForm(message("kinematics.axis_3_not_parallel", "axis 3 is not parallel to axis 2"))
-        for one, other in ((0, 1), (3, 4), (4, 5)):
-            if np.linalg.norm(np.cross(axes[one], axes[other])) < _ALONG:
-                raise NoClosedForm(
-                    message(
-                        "kinematics.axes_are_parallel",
-                        "axis {one} is parallel to axis {other}",
-                        one=one + 1,
-                        other=other + 1,
-                    )
-                )
+        axes = chain.axes[order]
+        points = chain.points[order]
+        _check_directions(axes)
+
         parallel = bool(np.linalg.norm(np.cross(axes[2], axes[3])) <= _ANGLE)
-        first = 4 if parallel else 3
-        centre, miss = _nearest_point(axes[first:], points[first:])
+        first_of_wrist = 4 if parallel else 3
+        centre, miss = _nearest_point(axes[first_of_wrist:], points[first_of_wrist:])
         if miss > _LENGTH:
-            count = "two" if parallel else "three"
             raise NoClosedForm(
                 message(
                     "kinematics.axes_do_not_meet",
                     "the last {count} axes do not meet in a point: they miss it by {miss:.3g} m",
-                    count=count,
+                    count="two" if parallel else "three",
                     miss=miss,
                 )
             )
-        plane = _plane(axes[1])
-        wrist = points[3] if parallel else centre
-        upper, fore, hand = (complex(plane @ way) for way in (points[2] - points[1], wrist - points[2], centre - wrist))
+
+        plane = _plane_across(axes[1])
+        end_of_forearm = points[3] if parallel else centre
+        upper = complex(plane @ (points[2] - points[1]))
+        fore = complex(plane @ (end_of_forearm - points[2]))
+        hand = complex(plane @ (centre - end_of_forearm))
         if min(abs(upper), abs(fore)) < _LENGTH:
+            axis_4 = message("kinematics.axis_4", "axis 4")
+            wrist_centre = message("kinematics.wrist_centre", "the wrist centre")
             raise NoClosedForm(
                 message(
                     "kinematics.lies_on_axis_3",
                     "{part} or axis 2 lies on axis 3",
-                    part=message("kinematics.axis_4", "axis 4")
-                    if parallel
-                    else message("kinematics.wrist_centre", "the wrist centre"),
+                    part=axis_4 if parallel else wrist_centre,
                 )
             )
-        senses = (float(np.sign(axes[1] @ axes[2])), float(np.sign(axes[1] @ axes[3])))
-        return cls(axes, points[0], points[1], centre, parallel, senses, upper, fore, hand, chain.home)
+        return cls(
+            axes=axes,
+            shoulder=points[0],
+            upper_arm=points[1],
+            centre=centre,
+            parallel=parallel,
+            senses=(float(np.sign(axes[1] @ axes[2])), float(np.sign(axes[1] @ axes[3]))),
+            upper=upper,
+            fore=fore,
+            hand=hand,
+            home=chain.home,
+        )
 
     @cached_property
     def plane(self) -> Complex:
-        """Complex row (3,) whose product with a vector is its part across axis 2; turning by q multiplies by e^iq."""
-        return _plane(self.axes[1])
+        """Complex row vector (3,) whose product with a vector is the part of the vector across axis 2."""
+        return _plane_across(self.axes[1])
 
     @cached_property
     def side(self) -> float:
-        """How far the wrist centre lies from axis 1 along axis 2 [m]."""
+        """Distance of the wrist centre from axis 1 along axis 2 [m]."""
         return float(self.axes[1] @ (self.centre - self.shoulder))
 
     @cached_property
     def spins(self) -> Vector:
-        """The matrix of the cross product with each axis, shape (6, 3, 3)."""
+        """Matrices of the cross products with the axes, shape (6, 3, 3)."""
         return skew(self.axes)
 
+    @cached_property
+    def sign_of_right(self) -> float:
+        """Sign s, 1 or -1, with which axis 1 = middle + s · spread is the right shoulder; see :func:`_solve_shoulder`.
+
+        With s = 1 the wrist centre is in front, on the side of axis 1 to which axis 2 × axis 1 points. An arm that is
+        offset along axis 2 is then on the left, seen from axis 1 towards the wrist. So s is -1 for such an arm. An arm
+        without an offset has its right shoulder where the wrist centre is on the same side of axis 1 as at zero.
+        """
+        if abs(self.side) > _OFFSET:
+            return -float(np.sign(self.side))
+        front = np.cross(self.axes[1], self.axes[0])
+        is_behind_at_zero = front @ (self.centre - self.shoulder) < -_OFFSET
+        return -1.0 if is_behind_at_zero else 1.0
+
     def turn(self, axis: int, angles: Vector, vectors: Vector) -> Vector:
-        """Turn vectors (..., 3) about an axis, 0 to 5, at zero, by angles (...)."""
-        sine, versine = np.sin(angles)[..., np.newaxis], 1.0 - np.cos(angles)[..., np.newaxis]
-        across = vectors @ self.spins[axis].T
-        turned: Vector = vectors + sine * across + versine * (across @ self.spins[axis].T)
+        """Turn vectors about an axis at zero, by Rodrigues' formula.
+
+        Args:
+            axis: index of the axis, 0 to 5.
+            angles: angles, shape (...) [rad].
+            vectors: vectors, shape (..., 3).
+        """
+        spin = self.spins[axis].T
+        sine = np.sin(angles)[..., np.newaxis]
+        versine = 1.0 - np.cos(angles)[..., np.newaxis]
+        across = vectors @ spin
+        turned: Vector = vectors + sine * across + versine * (across @ spin)
         return turned
 
     def forward(self, positions: Vector) -> Vector:
-        """Return the poses of the tool (k, 4, 4) for positions (k, 6) of axes 1 ... 6, from this geometry alone."""
+        """Compute poses of the tool from this geometry alone, to check it against the chain.
+
+        Args:
+            positions: positions of axes 1 to 6, shape (k, 6) [rad].
+
+        Returns:
+            the poses, shape (k, 4, 4).
+        """
         q = positions.T
         third, fourth = self.senses
+
+        # The wrist centre, first in the plane across axis 2, then turned about axis 1.
         hand = self.hand * np.exp(1j * fourth * q[3])
         planar = np.exp(1j * q[1]) * (self.upper + (self.fore + hand) * np.exp(1j * third * q[2]))
         along = self.axes[1] * (self.axes[1] @ (self.centre - self.upper_arm))
         arm = planar[:, np.newaxis].real * self.plane.real + planar[:, np.newaxis].imag * self.plane.imag + along
         centres = self.shoulder + self.turn(0, q[0], self.upper_arm - self.shoulder + arm)
+
+        # The three axes of the tool, and the vector from the wrist centre to it.
         columns = np.column_stack([self.home[:3, :3], self.home[:3, 3] - self.centre]).T[:, np.newaxis]
-        bent = (q[0], q[1] + third * q[2], q[3], q[4], q[5])
-        for axis, angles in zip((5, 4, 3, 1, 0), reversed(bent), strict=True):
+        angle_of_forearm = q[1] + third * q[2]
+        turns = ((5, q[5]), (4, q[4]), (3, q[3]), (1, angle_of_forearm), (0, q[0]))
+        for axis, angles in turns:
             columns = self.turn(axis, np.broadcast_to(angles, (4, len(positions))), columns)
+
         poses = np.zeros((len(positions), 4, 4))
         poses[:, :3] = columns.transpose(1, 2, 0)
         poses[:, :3, 3] += centres
@@ -158,8 +239,28 @@ class SixAxisArm:
         return poses
 
 
-def _plane(axis: Vector) -> Complex:
-    """Return a complex row u + iv with unit vectors u, v across an axis; u, v and the axis are right-handed."""
+def _check_directions(axes: Vector) -> None:
+    """Check which of the axes (6, 3) are parallel.
+
+    Raises:
+        NoClosedForm: axes 2 and 3 are not, or two neighbours are that must not be: 1 and 2, 4 and 5, or 5 and 6.
+    """
+    if np.linalg.norm(np.cross(axes[1], axes[2])) > _ANGLE:
+        raise NoClosedForm(message("kinematics.axis_3_not_parallel", "axis 3 is not parallel to axis 2"))
+    for one, other in ((0, 1), (3, 4), (4, 5)):
+        if np.linalg.norm(np.cross(axes[one], axes[other])) < _SAME_DIRECTION:
+            raise NoClosedForm(
+                message(
+                    "kinematics.axes_are_parallel",
+                    "axis {one} is parallel to axis {other}",
+                    one=one + 1,
+                    other=other + 1,
+                )
+            )
+
+
+def _plane_across(axis: Vector) -> Complex:
+    """Compute a complex row vector u + iv with unit vectors u, v across an axis; u, v, axis are right-handed."""
     first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     first /= np.linalg.norm(first)
     plane: Complex = first + 1j * np.cross(axis, first)
@@ -167,159 +268,252 @@ def _plane(axis: Vector) -> Complex:
 
 
 def _nearest_point(axes: Vector, points: Vector) -> tuple[Vector, float]:
-    """Return the point nearest to lines in the sense of least squares, and its largest distance from one."""
-    across = np.eye(3) - axes[:, :, np.newaxis] * axes[:, np.newaxis, :]
-    point = np.linalg.lstsq(across.sum(axis=0), (across @ points[..., np.newaxis]).sum(axis=0)[:, 0], rcond=None)[0]
+    """Find the point closest to straight lines in the sense of least squares.
+
+    Args:
+        axes: unit vectors of m lines, shape (m, 3).
+        points: a point on each line, shape (m, 3) [m].
+
+    Returns:
+        the point, and its largest distance from one of the lines [m].
+    """
+    across = np.eye(3) - axes[:, :, np.newaxis] * axes[:, np.newaxis, :]  # projections across the lines
+    right_side = (across @ points[..., np.newaxis]).sum(axis=0)[:, 0]
+    point = np.linalg.lstsq(across.sum(axis=0), right_side, rcond=None)[0]
     misses = (across @ (point - points)[..., np.newaxis])[..., 0]
     return point, float(np.linalg.norm(misses, axis=1).max())
 
 
-BRANCHES = 8
-SHOULDERS, ELBOWS, WRISTS = ("right", "left"), ("up", "down"), ("no_flip", "flip")
-"""Branch 4·shoulder + 2·elbow + wrist takes each by its place here; see :class:`AnalyticSolver`."""
-
-_SINGULAR = 1e-10  # m or rad within which an axis may stand anywhere: 1e4 times rounding, a tenth of what is promised
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class ClosedForm:
-    """All postures for k poses."""
+    """All postures for k poses.
 
-    # of axes 1 ... 6 from the base, shape (k, 8, 6), in no particular turn; where a pose is out of reach, the arm
-    # stretched or folded towards it.
+    Attributes:
+        postures: positions of axes 1 to 6, in any whole turn, shape (k, 8, 6) [rad]. If a pose is out of reach, the arm
+            is stretched or folded towards it.
+        out_of_reach: distance of the wrist centre beyond what the arm reaches, shape (k, 8) [m]; 0 if it is in reach.
+        is_singular: whether axis 1 or axis 4 may have any position and was taken from the start, shape (k,).
+    """
+
     postures: Vector
-    short: Vector  # how far the wrist centre lies out of reach [m], shape (k, 8); 0 within
-    singular: Flags  # where axis 1 or axis 4 may stand anywhere and was taken from the start, shape (k,)
+    out_of_reach: Vector
+    is_singular: Flags
 
 
 def all_postures(arm: SixAxisArm, targets: Vector, starts: Vector) -> ClosedForm:
-    """Return all postures that reach targets (k, 4, 4); starts (k, 6) give axes 1 and 4 where these may be anywhere."""
-    turns = targets[:, :3, :3] @ arm.home[:3, :3].T
-    centres = targets[:, :3, 3] + turns @ (arm.centre - arm.home[:3, 3])
-    first, side_short, any_first = _shoulder(arm, centres, starts[:, 0])
-    back = arm.turn(0, -first, (centres - arm.shoulder)[:, np.newaxis]) + arm.shoulder - arm.upper_arm
-    planar = (back @ arm.plane)[..., np.newaxis, np.newaxis]  # (k, shoulder, elbow, wrist) from here on
+    """Compute all postures for poses of the tool.
+
+    Arrays of the shape (k, 2, 2, 2) have one value for each shoulder, elbow and wrist.
+
+    Args:
+        arm: the arm.
+        targets: the poses, shape (k, 4, 4).
+        starts: positions of axes 1 to 6, shape (k, 6) [rad]. Axes that may have any position get theirs from these.
+    """
+    rotations = targets[:, :3, :3] @ arm.home[:3, :3].T  # of the tool from zero
+    centres = targets[:, :3, 3] + rotations @ (arm.centre - arm.home[:3, 3])
+    first, out_of_side, is_any_first = _solve_shoulder(arm, centres, starts[:, 0])
+
+    # The wrist centre as seen from axis 2, in the plane across it, after axis 1 is turned back. Shape (k, 2, 1, 1).
+    turned_back = arm.turn(0, -first, (centres - arm.shoulder)[:, np.newaxis]) + arm.shoulder - arm.upper_arm
+    planar = (turned_back @ arm.plane)[..., np.newaxis, np.newaxis]
+
     third, fourth = arm.senses
     postures = np.empty((len(targets), 2, 2, 2, 6))
     postures[..., 0] = first[:, :, np.newaxis, np.newaxis]
     if arm.parallel:
-        angle = _closing(arm, planar, starts[:, 1] + third * starts[:, 2] + fourth * starts[:, 3])
-        wrist, any_wrist = _wrist(arm, turns, first, np.zeros((len(targets), 2, 1)), fourth * angle)
+        # First the wrist, whose "axis 4" is here the sum of the parallel axes 2, 3 and 4. Then the elbow, and axis 4 as
+        # what remains of the sum. If the pose leaves the sum free, it is as close to that of the start as possible.
+        total_of_start = starts[:, 1] + third * starts[:, 2] + fourth * starts[:, 3]
+        total_if_free = _closest_total(arm, planar, total_of_start)
+        no_forearm = np.zeros((len(targets), 2, 1))
+        wrist, is_any_wrist = _solve_wrist(arm, rotations, first, no_forearm, fourth * total_if_free)
         total = fourth * wrist[..., 0]
-        postures[..., 1], postures[..., 2], reach_short = _elbow(arm, planar - arm.hand * np.exp(1j * total))
+        postures[..., 1], postures[..., 2], out_of_arm = _solve_elbow(arm, planar - arm.hand * np.exp(1j * total))
         postures[..., 3] = fourth * (total - postures[..., 1] - third * postures[..., 2])
         postures[..., 4:] = wrist[..., 1:]
     else:
-        postures[..., 1], postures[..., 2], reach_short = _elbow(arm, planar)
-        bent = postures[..., 0, 1] + third * postures[..., 0, 2]
-        postures[..., 3:], any_wrist = _wrist(arm, turns, first, bent, _column(starts[:, 3]))
-    short = np.broadcast_to(np.hypot(_column(side_short), reach_short), postures.shape[:-1])
-    singular = any_first | any_wrist.any(axis=(1, 2))
-    return ClosedForm(postures.reshape(-1, BRANCHES, 6), short.reshape(-1, BRANCHES), singular)
+        # First the elbow, then the wrist. Axes 2 and 3 are the same for both wrists, so those of wrist 0 are taken.
+        postures[..., 1], postures[..., 2], out_of_arm = _solve_elbow(arm, planar)
+        angle_of_forearm = postures[..., 0, 1] + third * postures[..., 0, 2]
+        postures[..., 3:], is_any_wrist = _solve_wrist(arm, rotations, first, angle_of_forearm, _column(starts[:, 3]))
+
+    out_of_reach = np.broadcast_to(np.hypot(_column(out_of_side), out_of_arm), postures.shape[:-1])
+    return ClosedForm(
+        postures=postures.reshape(-1, BRANCHES, 6),
+        out_of_reach=out_of_reach.reshape(-1, BRANCHES),
+        is_singular=is_any_first | is_any_wrist.any(axis=(1, 2)),
+    )
 
 
-def _shoulder(arm: SixAxisArm, centres: Vector, starts: Vector) -> tuple[Vector, Vector, Flags]:
-    """Return axis 1 (k, 2) right and left, how far out of reach (k,), and where axis 1 may stand anywhere (k,).
+def _solve_shoulder(arm: SixAxisArm, centres: Vector, starts: Vector) -> tuple[Vector, Vector, Flags]:
+    """Solve for axis 1.
 
-    Turned back by axis 1, the wrist centre must lie as far along axis 2 as at zero: A cos q + B sin q = D.
+    Turned back by axis 1, the wrist centre is as far along axis 2 as at zero. This gives A cos q + B sin q = D.
+
+    Args:
+        arm: the arm.
+        centres: the wrist centres, shape (k, 3) [m].
+        starts: positions of axis 1 in the starts, shape (k,) [rad].
+
+    Returns:
+        axis 1 for the right and the left shoulder, shape (k, 2) [rad]; how far the wrist centre is out of reach, shape
+        (k,) [m]; and whether axis 1 may have any position, shape (k,).
     """
-    one, two = arm.axes[:2]
+    one = arm.axes[0]
+    two = arm.axes[1]
     away = centres - arm.shoulder
     height = away @ one
     a = away @ two - height * (one @ two)
     b = -(away @ (arm.spins[0].T @ two))
     d = arm.side - height * (one @ two)
+
     radius = np.hypot(a, b)
     spread = np.arccos(np.clip(d / np.maximum(radius, _SINGULAR), -1.0, 1.0))
-    ahead = np.arctan2(b, a)
-    free = radius < _SINGULAR
-    sign = _right(arm)
-    first = np.stack([ahead + sign * spread, ahead - sign * spread], axis=1)
-    first[free] = starts[free, np.newaxis]
-    return first, np.maximum(np.abs(d) - radius, 0.0), free
+    middle = np.arctan2(b, a)
+    sign = arm.sign_of_right
+    first = np.stack([middle + sign * spread, middle - sign * spread], axis=1)
 
-
-def _right(arm: SixAxisArm) -> float:
-    """Return the sign of the shoulder's answer in which the wrist is ahead and, if offset, the arm on the right."""
-    ahead = np.cross(arm.axes[1], arm.axes[0])
-    if abs(arm.side) > 1e-6:
-        return -float(np.sign(arm.side))
-    return -1.0 if ahead @ (arm.centre - arm.shoulder) < -1e-6 else 1.0
+    is_any = radius < _SINGULAR
+    first[is_any] = starts[is_any, np.newaxis]
+    return first, np.maximum(np.abs(d) - radius, 0.0), is_any
 
 
 def _column(values: Vector) -> Vector:
-    """Return values (k,) for all shoulders, elbows and wrists: (k, 1, 1, 1)."""
+    """Add dimensions for shoulders, elbows and wrists to values (k,). Returns shape (k, 1, 1, 1)."""
     return values[:, np.newaxis, np.newaxis, np.newaxis]
 
 
-def _closing(arm: SixAxisArm, target: Complex, total: Vector) -> Vector:
-    """Return the sum of the parallel angles nearest to a wanted one (k,) with which axes 2, 3 and 4 reach a target.
+def _closest_total(arm: SixAxisArm, target: Complex, total: Vector) -> Vector:
+    """Find the sum of the parallel angles, closest to a desired one, with which axes 2, 3 and 4 reach a target.
 
-    Where axis 6 lies along axis 4 the sum may be any, but not for each do the three close the way (k, 2, 1, 1).
+    If axis 6 is parallel to axis 4, the pose allows any sum. But not for each sum can upper arm, forearm and hand close
+    the way to the target: the end of the forearm must be in reach of the other two. The sum is then moved to the limit
+    of this range, by the law of cosines in the triangle of hand, reach and target.
+
+    Args:
+        arm: the arm.
+        target: wrist centres across axis 2, shape (k, 2, 1, 1) [m].
+        total: the desired sums, shape (k,) [rad].
+
+    Returns:
+        the sums, shape (k, 2, 1, 1) [rad].
     """
-    hand, away = max(abs(arm.hand), _SINGULAR), np.maximum(np.abs(target), _SINGULAR)
-    angle = np.broadcast_to(_column(total), target.shape)
-    distance = np.abs(target - arm.hand * np.exp(1j * angle))
-    reach = np.clip(distance, abs(abs(arm.upper) - abs(arm.fore)), abs(arm.upper) + abs(arm.fore))
+    desired = np.broadcast_to(_column(total), target.shape)
+    distance = np.abs(target - arm.hand * np.exp(1j * desired))  # from axis 2 to axis 4
+    least = abs(abs(arm.upper) - abs(arm.fore))
+    most = abs(arm.upper) + abs(arm.fore)
+    reach = np.clip(distance, least, most)
+
+    hand = max(abs(arm.hand), _SINGULAR)
+    away = np.maximum(np.abs(target), _SINGULAR)
     ahead = np.angle(target * np.conj(arm.hand))
     swing = np.arccos(np.clip((away**2 + hand**2 - reach**2) / (2.0 * away * hand), -1.0, 1.0))
-    return np.where(reach == distance, angle, ahead + np.copysign(swing, np.sin(angle - ahead)))
+    at_limit = ahead + np.copysign(swing, np.sin(desired - ahead))
+    return np.where(reach == distance, desired, at_limit)
 
 
-def _elbow(arm: SixAxisArm, target: Complex) -> tuple[Vector, Vector, Vector]:
-    """Return axes 2, 3 and what is out of reach (k, shoulder, 2, ...): exp(i·q2)·(upper + fore·exp(i·q3)) = target."""
-    upper, fore = abs(arm.upper), abs(arm.fore)
+def _solve_elbow(arm: SixAxisArm, target: Complex) -> tuple[Vector, Vector, Vector]:
+    """Solve exp(i q2) (upper + fore exp(i q3)) = target for axes 2 and 3, by the law of cosines.
+
+    In this equation, q3 is counted in the sense of axis 2. If the target is out of reach, the arm is stretched or
+    folded towards it.
+
+    Args:
+        arm: the arm.
+        target: where the end of the forearm is to be, across axis 2, shape (k, 2, 1, w) [m], for each shoulder. With a
+            parallel wrist, w is 2, for each wrist; otherwise 1.
+
+    Returns:
+        axis 2 and axis 3 for each shoulder and elbow, shape (k, 2, 2, w) [rad], and how far the target is out of reach,
+        shape (k, 2, 1, w) [m].
+    """
+    upper = abs(arm.upper)
+    fore = abs(arm.fore)
     distance = np.abs(target)
     cosine = (distance**2 - upper**2 - fore**2) / (2.0 * upper * fore)
     bend = np.arccos(np.clip(cosine, -1.0, 1.0))
-    up = _right(arm) * np.array([[[1.0], [-1.0]], [[-1.0], [1.0]]])  # facing the other way, up is the other answer
-    angle = up * bend - np.angle(arm.fore / arm.upper)
-    reached = arm.upper + arm.fore * np.exp(1j * angle)
-    second = np.angle(target * np.conj(reached))
-    short = np.maximum(np.maximum(distance - (upper + fore), abs(upper - fore) - distance), 0.0)
-    return second, angle * arm.senses[0], short
+
+    # The sense of the bend by shoulder and elbow, shape (2, 2, 1). If the wrist is in front, a positive turn about
+    # axis 2 bends the arm down. With the left shoulder the arm is turned round, so that the senses change.
+    sense_of_bend = arm.sign_of_right * np.array([[[1.0], [-1.0]], [[-1.0], [1.0]]])
+    angle = sense_of_bend * bend - np.angle(arm.fore / arm.upper)
+    end_of_forearm = arm.upper + arm.fore * np.exp(1j * angle)
+    second = np.angle(target * np.conj(end_of_forearm))
+    third = angle * arm.senses[0]
+    out_of_reach = np.maximum(np.maximum(distance - (upper + fore), abs(upper - fore) - distance), 0.0)
+    return second, third, out_of_reach
 
 
-def _wrist(arm: SixAxisArm, turns: Vector, first: Vector, bent: Vector, starts: Vector) -> tuple[Vector, Flags]:
-    """Return axes 4, 5, 6 (k, 2, e, 2, 3) and where axis 4 may stand anywhere (k, 2, e).
+def _solve_wrist(
+    arm: SixAxisArm, rotations: Vector, first: Vector, angle_of_forearm: Vector, starts: Vector
+) -> tuple[Vector, Flags]:
+    """Solve for axes 4, 5 and 6.
 
-    ``turns`` are those of the tool from zero, shape (k, 3, 3), ``first`` is axis 1 (k, 2), ``bent`` axes 2 and 3
-    together, about axis 2 (k, 2, e), or 0 to have all parallel axes in axis 4; ``starts`` are of axis 4 (k, 1 or 2, 1,
-    1). Axis 5 is an angle of the spherical triangle with sides (4, 5), (5, 6) and (4, turned 6), by the half-angle
-    form, which loses no digits where axes 4 and 6 line up; axis 6 is what is left of the orientation.
+    The directions of axis 4, axis 5 and the turned axis 6 are a spherical triangle. Its sides are the angles between
+    them, and axis 5 is one of its angles. The half-angle form is used for it, since it loses no digits if axes 4 and 6
+    are almost parallel. Axis 6 is what remains of the orientation.
+
+    Args:
+        arm: the arm.
+        rotations: rotations of the tool from zero, shape (k, 3, 3).
+        first: axis 1, shape (k, 2) [rad].
+        angle_of_forearm: turn of the forearm about axis 2, shape (k, 2, e) [rad]. It is 0 for a parallel wrist, so that
+            axis 4 gets the turns of all parallel axes.
+        starts: axis 4 in the starts, in case it may have any position, shape (k, 1 or 2, 1, 1) [rad].
+
+    Returns:
+        axes 4, 5 and 6, shape (k, 2, e, 2, 3) [rad], and whether axis 4 may have any position, shape (k, 2, e).
     """
     four, five, six = arm.axes[3:]
+    # A vector across axes 5 and 6 shows how far axis 6 is turned.
     probe = np.cross(five, six)
     probe /= np.linalg.norm(probe)
 
-    def forearm(vectors: Vector) -> Vector:
-        """Turn vectors (k, 3) of the base back by axes 1, 2 and 3: (k, 2, e, 3)."""
-        return arm.turn(1, -bent, arm.turn(0, -first, vectors[:, np.newaxis])[:, :, np.newaxis])
+    def in_forearm(vectors: Vector) -> Vector:
+        """Turn vectors (k, 3) of the base back by axes 1, 2 and 3. Returns shape (k, 2, e, 3)."""
+        turned_by_first = arm.turn(0, -first, vectors[:, np.newaxis])
+        return arm.turn(1, -angle_of_forearm, turned_by_first[:, :, np.newaxis])
 
-    sixth, probes = forearm(turns @ six), forearm(turns @ probe)
+    sixth = in_forearm(rotations @ six)
+    probes = in_forearm(rotations @ probe)
+
+    # Axis 5: tan²(bend / 2) = sin(s - a) sin(s - b) / (sin(s) sin(s - c)) with the sides a, b, c and their half sum s.
     across = np.linalg.norm(sixth @ arm.spins[3].T, axis=-1)
     opening = np.arctan2(across, sixth @ four)
-    front, rear = _angle(four, five), _angle(five, six)
-    away = np.sin((opening + front - rear) / 2) * np.sin((opening - front + rear) / 2)
-    near = np.sin((front + rear + opening) / 2) * np.sin((front + rear - opening) / 2)
-    bend = 2.0 * np.arctan2(np.sqrt(np.maximum(away, 0.0)), np.sqrt(np.maximum(near, 0.0)))[..., np.newaxis]
-    zero = _about(five, np.cross(np.cross(five, four), five), np.cross(np.cross(five, six), five))
-    fifth = np.concatenate([bend, -bend], axis=-1) - zero
-    free = across < _SINGULAR
+    front = _angle_between(four, five)
+    rear = _angle_between(five, six)
+    numerator = np.sin((opening + front - rear) / 2) * np.sin((opening - front + rear) / 2)
+    denominator = np.sin((front + rear + opening) / 2) * np.sin((front + rear - opening) / 2)
+    half_bend = np.arctan2(np.sqrt(np.maximum(numerator, 0.0)), np.sqrt(np.maximum(denominator, 0.0)))
+    bend = 2.0 * half_bend[..., np.newaxis]
+    four_across_five = np.cross(np.cross(five, four), five)
+    six_across_five = np.cross(np.cross(five, six), five)
+    bend_at_zero = _angle_about(five, four_across_five, six_across_five)
+    fifth = np.concatenate([bend, -bend], axis=-1) - bend_at_zero
+
+    # Axis 4 brings the turned axis 6 to its direction.
+    is_any = across < _SINGULAR
     tip = arm.turn(4, fifth, six)
-    fourth = _about(four, tip, sixth[..., np.newaxis, :])
-    fourth = np.where(free[..., np.newaxis], starts, fourth)
-    left = arm.turn(4, -fifth, arm.turn(3, -fourth, probes[..., np.newaxis, :]))
-    return np.stack([fourth, fifth, _about(six, probe, left)], axis=-1), free
+    fourth = _angle_about(four, tip, sixth[..., np.newaxis, :])
+    fourth = np.where(is_any[..., np.newaxis], starts, fourth)
+
+    # Axis 6 brings the probe to its direction.
+    remaining = arm.turn(4, -fifth, arm.turn(3, -fourth, probes[..., np.newaxis, :]))
+    return np.stack([fourth, fifth, _angle_about(six, probe, remaining)], axis=-1), is_any
 
 
-def _angle(one: Vector, other: Vector) -> float:
+def _angle_between(one: Vector, other: Vector) -> float:
+    """Compute the angle between two vectors (3,) [rad]."""
     return float(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other))
 
 
-def _about(axis: Vector, begin: Vector, end: Vector) -> Vector:
-    """Return the angle about an axis that leads from vectors (..., 3) to vectors (..., 3); they may lie near it."""
+def _angle_about(axis: Vector, begin: Vector, end: Vector) -> Vector:
+    """Compute the angle about an axis from vectors (..., 3) to vectors (..., 3) [rad]."""
     spin = skew(axis).T
-    begin, end = begin @ spin, end @ spin  # across the axis first: their own product would lose what is small
-    angle: Vector = np.arctan2(np.vecdot(begin @ spin, end), np.vecdot(begin, end))
+    # Vectors may be almost parallel to the axis. Their parts across the axis are compared, since the product of the
+    # vectors themselves would lose what is small.
+    begin_across = begin @ spin
+    end_across = end @ spin
+    angle: Vector = np.arctan2(np.vecdot(begin_across @ spin, end_across), np.vecdot(begin_across, end_across))
     return angle

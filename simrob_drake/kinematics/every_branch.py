@@ -1,11 +1,14 @@
-"""Every posture that brings the tool to a pose: in closed form where the arm has one, else searched from many starts.
+"""Every posture that brings the tool to a pose: in closed form if the arm has one, otherwise by a search.
 
-The search takes a generic pose of six axes as found out when each posture was met several times and their number is
-even, as that of the real roots of the polynomial of degree 16 behind them is (Raghavan & Roth, 1993).
+A pose of the tool has a finite number of postures if six axes move the tool. Each of them is a *branch*. The search
+starts from many random postures. It takes the postures of a target as complete if each of them was found several times
+and their number is even: they are the real roots of a polynomial of degree 16, whose complex roots come in pairs
+(Raghavan & Roth, 1993).
 """
 
 from collections.abc import Mapping
 from dataclasses import replace
+from math import ceil
 
 import numpy as np
 import numpy.typing as npt
@@ -19,69 +22,135 @@ from simrob_drake.kinematics.closed_form import NoClosedForm
 from simrob_drake.kinematics.numeric import COARSE, Flags, fit_postures, random_postures
 from simrob_drake.kinematics.solver import TURN, nearest_turns
 
-_SIX = 6  # axes reach a pose in a finite number of ways
-_AT_ONCE, _MOST = 100, 600  # starts for a target in one round, and in all
-_TOGETHER = 200  # targets that are searched for side by side
-_OFTEN = 6  # how often each posture must be met
-_STEPS = 25  # from one start
-_EXACT, _REACHED = np.array([1e-10, 1e-10]), np.array([1e-8, 1e-8])  # m and rad
-_SAME = 1e-3  # rad or m that one posture is met apart: where two roots meet, half of the digits go
-_FREE = 1e-6  # smallest singular value below which a posture moves on without moving the tool
-_SLIDES, _SLIDE = 40, 0.3  # steps to the start, and the longest of one axis [rad or m]
-_EVEN = np.ones(6)
+_MOST_MOVING_AXES = 6
+"""Largest count of axes with which a pose has a finite number of postures."""
+
+_STARTS_PER_ROUND = 100
+"""Count of random postures from which one round of the search starts, for each target."""
+
+_MOST_STARTS = 600
+"""Largest count of random postures from which the search starts, for each target."""
+
+_TARGETS_AT_ONCE = 200
+"""Count of targets that are searched side by side. More take more memory and are not faster."""
+
+_LEAST_HITS = 6
+"""How often the search must find each posture before it takes the postures as complete."""
+
+_STEPS = 25
+"""Largest count of steps from one start. Starts that need more seldom lead to a target at all."""
+
+_EXACT = np.array([1e-10, 1e-10])
+"""Errors of position [m] and rotation [rad] at which a search from one start ends."""
+
+_REACHED = np.array([1e-8, 1e-8])
+"""Errors of position [m] and rotation [rad] up to which a posture counts as one of the target."""
+
+_SAME = 1e-3
+"""Largest difference of axes between two results that are one posture [rad or m]. Where two roots meet, a search loses
+half of the digits."""
+
+_SINGULAR = 1e-6
+"""Singular value of the Jacobian below which a motion of the axes does not move the tool [m/rad or 1]."""
+
+_MOST_FAMILY_STEPS = 40
+"""Largest count of steps along a family of postures."""
+
+_SHORTEST_FAMILY_STEP = _SAME / 10
+"""Longest step of one axis at which a posture has come as close to the start as its family allows [rad or m]."""
+
+_LONGEST_FAMILY_STEP = 0.3
+"""Longest step of one axis along a family of postures [rad or m]."""
+
+_ALL_ERRORS = np.ones(6)
+"""Weights of the errors along and about x, y, z: all count."""
 
 
 def branches(
     chain: Chain, targets: Targets, start: npt.ArrayLike, held: Mapping[str, float] | None = None
 ) -> list[Vector]:
-    """Return all postures for each of k targets, whether or not within the joint limits.
+    """Find all postures for each of k targets, whether or not within the joint limits.
 
     Args:
         chain: the axes.
         targets: poses of the tool in the base.
-        start: posture (n,) near to which whole turns are chosen; where axes may turn against each other without
-            moving the tool, as those of a straight wrist, one posture near to it stands for the family.
-        held: axes that stay at a position [rad or m], by name. Of more than six axes that move the tool the others hold
-            those of the start: prismatic ones first, then the third, which turns the elbow of arms with seven.
+        start: posture, shape (n,) [rad or m]. Whole turns of revolute axes are chosen close to this posture. If axes
+            can turn against each other without moving the tool, as those of a straight wrist, the postures are a
+            family; one posture close to the start stands for the family.
+        held: positions [rad or m] of axes that do not move, by the name of the axis. If more than six axes move the
+            tool, the surplus ones stay as in the start: prismatic axes first, then the third axis, which turns the
+            elbow of arms with seven axes.
 
     Returns:
-        for each target shape (b, n); empty where nothing reaches it. Turned into the limits where whole turns do.
+        the postures of each target, shape (b, n); empty if no posture reaches it. Axes are turned into their limits if
+        whole turns can do that.
 
     Raises:
-        InvalidParameter: targets or a start of wrong shape; positions that are no numbers.
-        UnknownName: no such axis.
+        InvalidParameter: targets or a start of wrong shape, or positions that are not finite numbers.
+        UnknownName: there is no axis of a name in ``held``.
     """
-    matrices, begin = pose_matrices(targets), chain.postures(start, "start")[0]
-    freed, moving = _freed(chain, begin, {} if held is None else held)
+    matrices = pose_matrices(targets)
+    begin = chain.postures(start, "start")[0]
+    free_chain, moving = _with_held_axes(chain, begin, {} if held is None else held)
     try:
-        found = _reached(freed, matrices, _closed_form(chain, matrices, begin, moving))
+        starts = _closed_form_postures(chain, matrices, begin, moving)
     except NoClosedForm:
-        parts = np.array_split(matrices, -(-len(matrices) // _TOGETHER))
-        found = [rows for part in parts for rows in _search(freed, part, begin, moving)]
-    return [nearest_turns(chain, rows, np.broadcast_to(begin, rows.shape))[0] for rows in found]
+        parts = np.array_split(matrices, ceil(len(matrices) / _TARGETS_AT_ONCE))
+        found = [postures for part in parts for postures in _search(free_chain, part, begin, moving)]
+    else:
+        found = _refine(free_chain, matrices, starts)
+    return [nearest_turns(chain, postures, np.broadcast_to(begin, postures.shape))[0] for postures in found]
 
 
 def goal_postures(chain: Chain, targets: Vector, start: Vector, seed: int = 0) -> Vector:
-    """Return different postures (m, n) within limits that bring the tool to any of targets (k, 4, 4), for a planner.
+    """Find different postures within the limits that bring the tool to any of the targets, for a motion planner.
 
-    All of them of arms with a closed form; of others those to which a hundred searches lead, elbows turned at will.
-    Whole turns are chosen near to the start (n,).
+    For an arm with a closed form these are all postures. For other arms they are the postures that a hundred searches
+    in all find, one from the start and the others from random postures.
+
+    Args:
+        chain: the axes.
+        targets: poses of the tool, shape (k, 4, 4).
+        start: posture close to which whole turns of revolute axes are chosen, shape (n,) [rad or m].
+        seed: seed of the random postures.
+
+    Returns:
+        the postures, shape (m, n) [rad or m].
     """
     try:
-        found, good = AnalyticSolver(chain).postures(targets, start)
+        postures, is_good = AnalyticSolver(chain).postures(targets, start)
     except NoClosedForm:
-        each, still = -(-_AT_ONCE // len(targets)), np.setdiff1d(np.arange(chain.size), chain.order)
-        seeds = random_postures(chain, each * len(targets), seed)
-        seeds[0], seeds[:, still] = start, start[still]
-        found, good = _led(chain, targets, seeds.reshape(len(targets), each, -1))
-    rows, beyond = nearest_turns(chain, found[good], np.broadcast_to(start, found[good].shape))
-    within_limits = (beyond <= chain.limits.tolerances).all(axis=-1)
-    return _merged(chain, np.clip(rows[within_limits], chain.lower, chain.upper))[0]
+        starts_per_target = ceil(_STARTS_PER_ROUND / len(targets))
+        starts = random_postures(chain, starts_per_target * len(targets), seed)
+        starts[0] = start  # for the first target
+        # Axes that do not move the tool stay as they are.
+        idle_axes = np.setdiff1d(np.arange(chain.size), chain.order)
+        starts[:, idle_axes] = start[idle_axes]
+        postures, is_good = _fit_from(chain, targets, starts.reshape(len(targets), starts_per_target, -1))
+    good_postures = postures[is_good]
+    turned, beyond = nearest_turns(chain, good_postures, np.broadcast_to(start, good_postures.shape))
+    is_within_limits = (beyond <= chain.limits.tolerances).all(axis=-1)
+    clipped = np.clip(turned[is_within_limits], chain.lower, chain.upper)
+    return _distinct(chain, clipped)[0]
 
 
-def _freed(chain: Chain, start: Vector, held: Mapping[str, float]) -> tuple[Chain, Indices]:
-    """Return the chain without the limits of revolute axes, fixed where axes are held, and the axes that are not."""
-    values, fixed = start.copy(), set(range(chain.size)) - set(chain.order)
+def _with_held_axes(chain: Chain, start: Vector, held: Mapping[str, float]) -> tuple[Chain, Indices]:
+    """Fix the axes of a chain that do not move, and remove the limits of the revolute axes that do.
+
+    Args:
+        chain: the axes.
+        start: posture of the axes that stay without being named, shape (n,) [rad or m].
+        held: positions of the named axes that stay, by name [rad or m].
+
+    Returns:
+        the chain with the new limits, and the indices of at most six axes that move the tool.
+
+    Raises:
+        InvalidParameter: a position that is not a finite number.
+        UnknownName: there is no axis of such a name.
+    """
+    values = start.copy()
+    fixed = set(range(chain.size)) - set(chain.order)
     for name, value in held.items():
         axis = chain.axis_index(name)
         if np.shape(finite(value)):
@@ -92,97 +161,195 @@ def _freed(chain: Chain, start: Vector, held: Mapping[str, float]) -> tuple[Chai
             )
         values[axis] = value
         fixed.add(axis)
+
     moving = [axis for axis in chain.order if axis not in fixed]
-    while len(moving) > _SIX:
-        moving.remove(next((axis for axis in moving if not chain.revolute[axis]), moving[2]))
-    lower, upper = (
-        np.where(chain.revolute, far, limit) for far, limit in ((-np.inf, chain.lower), (np.inf, chain.upper))
-    )
+    while len(moving) > _MOST_MOVING_AXES:
+        prismatic = [axis for axis in moving if not chain.revolute[axis]]
+        third = moving[2]
+        moving.remove(prismatic[0] if prismatic else third)
+
+    lower = np.where(chain.revolute, -np.inf, chain.lower)
+    upper = np.where(chain.revolute, np.inf, chain.upper)
     still = np.setdiff1d(np.arange(chain.size), moving)
-    lower[still] = upper[still] = values[still]
+    lower[still] = values[still]
+    upper[still] = values[still]
     return replace(chain, lower=lower, upper=upper), np.array(moving, dtype=np.intp)
 
 
-def _closed_form(chain: Chain, targets: Vector, start: Vector, moving: Indices) -> Vector:
+def _closed_form_postures(chain: Chain, targets: Vector, start: Vector, moving: Indices) -> Vector:
+    """Compute the postures of targets (k, 4, 4) in closed form, shape (k, 8, n); raises NoClosedForm."""
     if len(moving) < chain.size:
         raise NoClosedForm(message("kinematics.axes_are_held", "axes of it are held"))
     return AnalyticSolver(chain).postures(targets, start)[0]
 
 
-def _reached(chain: Chain, targets: Vector, starts: Vector) -> list[Vector]:
-    """Return the different postures (b, n) for each of k targets to which starts (k, s, n) lead."""
-    return [_merged(chain, rows[good])[0] for rows, good in zip(*_led(chain, targets, starts), strict=True)]
+def _refine(chain: Chain, targets: Vector, starts: Vector) -> list[Vector]:
+    """Refine postures that are close to those of their targets.
+
+    The closed form ignores small deviations of an arm from its ideal geometry.
+
+    Args:
+        chain: the axes.
+        targets: poses of the tool, shape (k, 4, 4).
+        starts: postures for each target, shape (k, s, n) [rad or m].
+
+    Returns:
+        for each target the different postures that reach it, shape (b, n).
+    """
+    postures, is_good = _fit_from(chain, targets, starts)
+    return [_distinct(chain, own[good])[0] for own, good in zip(postures, is_good, strict=True)]
 
 
-def _led(chain: Chain, targets: Vector, starts: Vector) -> tuple[Vector, Flags]:
-    """Return where starts (k, s, n) lead, (k, s, n), and which of them to their target, (k, s)."""
+def _fit_from(chain: Chain, targets: Vector, starts: Vector) -> tuple[Vector, Flags]:
+    """Search a posture for each target from each of its starts.
+
+    Args:
+        chain: the axes.
+        targets: poses of the tool, shape (k, 4, 4).
+        starts: postures from which the searches of each target start, shape (k, s, n) [rad or m].
+
+    Returns:
+        the postures at which the searches end, shape (k, s, n), and whether each of them reaches its target, shape
+        (k, s).
+    """
+    starts_per_target = starts.shape[1]
     fit = fit_postures(
         chain,
-        np.repeat(targets, starts.shape[1], axis=0),
+        np.repeat(targets, starts_per_target, axis=0),
         starts.reshape(-1, chain.size),
-        weights=_EVEN,
+        weights=_ALL_ERRORS,
         tolerance=_EXACT,
         iterations=_STEPS,
         flat=COARSE,
     )
-    good = within(fit.errors, _EVEN, _REACHED)
-    return fit.postures.reshape(starts.shape), good.reshape(starts.shape[:2])
+    is_good = within(fit.errors, _ALL_ERRORS, _REACHED)
+    return fit.postures.reshape(starts.shape), is_good.reshape(starts.shape[:2])
 
 
 def _search(chain: Chain, targets: Vector, start: Vector, moving: Indices) -> list[Vector]:
-    seeds = random_postures(chain, _MOST, 0)
+    """Search all postures of targets from random postures.
+
+    Args:
+        chain: the axes, without limits of the revolute ones.
+        targets: poses of the tool, shape (k, 4, 4).
+        start: posture to which a family of postures is followed, shape (n,) [rad or m].
+        moving: indices of the axes that move.
+
+    Returns:
+        for each target the different postures that were found, shape (b, n).
+    """
+    seeds = random_postures(chain, _MOST_STARTS, 0)
     found = [np.empty((0, chain.size))] * len(targets)
-    met = [np.empty(0)] * len(targets)
-    left = list(range(len(targets)))
-    for first in range(0, _MOST, _AT_ONCE):
-        batch = np.broadcast_to(seeds[first : first + _AT_ONCE], (len(left), _AT_ONCE, chain.size))
-        for place, rows, good in zip(left, *_led(chain, targets[left], batch), strict=True):
-            new = _slid(chain, targets[place], rows[good], start, moving)
-            both = np.vstack([found[place], new]), np.append(met[place], np.ones(len(new)))
-            found[place], met[place] = _merged(chain, *both)
-        left = [place for place in left if len(met[place]) % 2 or met[place].min(initial=np.inf) < _OFTEN]
-        if not left:
+    hits = [np.empty(0)] * len(targets)  # how often each of the postures was found
+    open_targets = list(range(len(targets)))  # indices of the targets whose postures are not complete
+    for first in range(0, _MOST_STARTS, _STARTS_PER_ROUND):
+        seeds_of_round = seeds[first : first + _STARTS_PER_ROUND]
+        starts = np.broadcast_to(seeds_of_round, (len(open_targets), _STARTS_PER_ROUND, chain.size))
+        postures, is_good = _fit_from(chain, targets[open_targets], starts)
+        for target, own, good in zip(open_targets, postures, is_good, strict=True):
+            new = _follow_families(chain, targets[target], own[good], start, moving)
+            all_found = np.vstack([found[target], new])
+            all_hits = np.append(hits[target], np.ones(len(new)))
+            found[target], hits[target] = _distinct(chain, all_found, all_hits)
+        open_targets = [target for target in open_targets if not _is_complete(hits[target])]
+        if not open_targets:
             break
     return found
 
 
-def _slid(chain: Chain, target: Vector, postures: Vector, start: Vector, moving: Indices) -> Vector:
-    """Return postures (b, n), those that are not isolated moved along their families to the nearest to the start."""
-    rows = np.arange(len(postures))
-    for _ in range(_SLIDES if len(rows) else 0):
-        _, values, ways = np.linalg.svd(chain.jacobian(postures[rows])[..., moving])
-        loose = np.zeros(ways.shape[:2], dtype=bool)
-        loose[:, : values.shape[1]] = values < _FREE
-        ways *= loose[..., np.newaxis]
-        back = np.where(chain.revolute, np.sin(start - postures[rows]), start - postures[rows])[:, moving, np.newaxis]
-        steps = (ways.transpose(0, 2, 1) @ (ways @ back))[..., 0]
-        longest = np.abs(steps).max(axis=1, keepdims=True)
-        going = longest[:, 0] > _SAME / 10
-        if not going.any():
-            break
-        rows, moved = rows[going], postures[rows[going]]
-        moved[:, moving] += (steps * np.minimum(1.0, _SLIDE / np.maximum(longest, _SLIDE)))[going]
-        led, good = _led(chain, target[np.newaxis], moved[np.newaxis])
-        rows = rows[good[0]]
-        postures[rows] = led[0, good[0]]
+def _is_complete(hits: Vector) -> bool:
+    """Whether postures that were found so often, shape (b,), are probably all of a target. See the module."""
+    has_even_number = len(hits) % 2 == 0
+    return has_even_number and bool(hits.min(initial=np.inf) >= _LEAST_HITS)
+
+
+def _follow_families(chain: Chain, target: Vector, postures: Vector, start: Vector, moving: Indices) -> Vector:
+    """Move postures that belong to a family along it, to the member closest to the start.
+
+    At a singular posture some motions of the axes do not move the tool. Steps go along these motions only, towards the
+    start, and a fit corrects what the curvature of the family adds.
+
+    Args:
+        chain: the axes.
+        target: pose of the tool, shape (4, 4).
+        postures: postures that reach the target, shape (b, n) [rad or m]. They are changed in place.
+        start: the start, shape (n,) [rad or m].
+        moving: indices of the axes that move.
+
+    Returns:
+        the postures. Isolated ones stay as they are.
+    """
+    rows = np.arange(len(postures))  # indices of the postures that still move
+    for _ in range(_MOST_FAMILY_STEPS):
         if not rows.size:
             break
+        steps = _steps_in_null_space(chain, postures[rows], start, moving)
+        longest = np.abs(steps).max(axis=1, keepdims=True)
+        is_moving = longest[:, 0] > _SHORTEST_FAMILY_STEP
+        if not is_moving.any():
+            break
+
+        limited_steps = steps * (_LONGEST_FAMILY_STEP / np.maximum(longest, _LONGEST_FAMILY_STEP))
+        rows = rows[is_moving]
+        moved = postures[rows]
+        moved[:, moving] += limited_steps[is_moving]
+        corrected, is_good = _fit_from(chain, target[np.newaxis], moved[np.newaxis])
+        # A posture whose correction fails stays where it is.
+        rows = rows[is_good[0]]
+        postures[rows] = corrected[0, is_good[0]]
     return postures
 
 
-def _merged(chain: Chain, postures: Vector, met: Vector | None = None) -> tuple[Vector, Vector]:
-    """Return each of postures (b, n) once, and how often they were met, from how often each row was."""
-    met = np.ones(len(postures)) if met is None else met
-    kept, counts = [], []
+def _steps_in_null_space(chain: Chain, postures: Vector, start: Vector, moving: Indices) -> Vector:
+    """Project the differences to the start on the motions that do not move the tool.
+
+    With the singular value decomposition J = U S V', the rows of V' whose singular value is 0 are an orthonormal basis
+    N of these motions. The step is N' N (start - posture).
+
+    Args:
+        chain: the axes.
+        postures: postures, shape (b, n) [rad or m].
+        start: the start, shape (n,) [rad or m].
+        moving: indices of the m axes that move.
+
+    Returns:
+        the steps of the moving axes, shape (b, m) [rad or m].
+    """
+    _, values, directions = np.linalg.svd(chain.jacobian(postures)[..., moving])
+    is_null = np.zeros(directions.shape[:2], dtype=bool)
+    is_null[:, : values.shape[1]] = values < _SINGULAR
+    directions *= is_null[..., np.newaxis]
+    # The sine of the difference has the same sense, and whole turns do not count.
+    difference = start - postures
+    towards_start = np.where(chain.revolute, np.sin(difference), difference)[:, moving, np.newaxis]
+    steps: Vector = (directions.transpose(0, 2, 1) @ (directions @ towards_start))[..., 0]
+    return steps
+
+
+def _distinct(chain: Chain, postures: Vector, hits: Vector | None = None) -> tuple[Vector, Vector]:
+    """Remove repeated postures.
+
+    Args:
+        chain: the axes.
+        postures: postures, shape (r, n) [rad or m].
+        hits: how often each posture was found, shape (r,); once unless given.
+
+    Returns:
+        the different postures, shape (b, n), and how often each was found, shape (b,).
+    """
+    hits = np.ones(len(postures)) if hits is None else hits
+    kept = []
+    counts = []
     while len(postures):
-        same = (np.abs(_way(chain, postures, postures[0])) < _SAME).all(axis=1)
+        is_same = (np.abs(_shortest_difference(chain, postures, postures[0])) < _SAME).all(axis=1)
         kept.append(postures[0])
-        counts.append(met[same].sum())
-        postures, met = postures[~same], met[~same]
+        counts.append(hits[is_same].sum())
+        postures = postures[~is_same]
+        hits = hits[~is_same]
     return np.reshape(kept, (-1, chain.size)), np.array(counts)
 
 
-def _way(chain: Chain, ends: Vector, begins: Vector) -> Vector:
-    """Return the shortest way from postures to others; whole turns of revolute axes do not count."""
-    way = ends - begins
-    return way - np.where(chain.revolute, TURN * np.rint(way / TURN), 0.0)
+def _shortest_difference(chain: Chain, ends: Vector, begins: Vector) -> Vector:
+    """Subtract postures (b, n); whole turns of revolute axes do not count."""
+    difference = ends - begins
+    return difference - np.where(chain.revolute, TURN * np.rint(difference / TURN), 0.0)

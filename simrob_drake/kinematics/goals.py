@@ -1,8 +1,8 @@
-"""What the constrained solver can be asked for besides, or instead of, a pose (SimRob's constraints of GIK).
+"""Goals of the constrained solver, in addition to a pose or in its place (SimRob's constraints of GIK).
 
-Each goal is a constraint unless it has a ``weight``: then it is a wish, which costs weight · (distance outside its
-bounds)² and gives way to constraints and weighs against other wishes. Frames are named as in the URDF; ``"tool"`` is
-the chain's tool centre point and ``"base"`` its base frame.
+A goal without a ``weight`` is a constraint. A goal with a weight is a cost of weight · (distance outside its
+bounds)²: constraints come first, and the sum of the costs is minimised. Frames have their names of the URDF; ``"tool"``
+is the chain's tool centre point and ``"base"`` its base frame.
 """
 
 from abc import ABC, abstractmethod
@@ -34,39 +34,53 @@ Triple = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Setting:
-    """A chain and the context of its plant that constraints are evaluated in."""
+    """A chain, and the context of its plant in which constraints are evaluated."""
 
     chain: Chain
     context: Context
 
     def frame(self, name: str) -> tuple[Frame, RigidTransform]:
-        """Return a frame of the plant, and the pose of what is meant in it."""
-        place = self.chain.in_plant
+        """Find a frame by its name.
+
+        Args:
+            name: a frame of the URDF, ``"tool"`` or ``"base"``.
+
+        Returns:
+            a frame of the plant, and the pose of the named frame in it.
+
+        Raises:
+            UnknownName: there is no such frame.
+        """
+        in_plant = self.chain.in_plant
         if name == "tool":
-            return place.tool, RigidTransform(place.tcp)
+            return in_plant.tool, RigidTransform(in_plant.tcp)
         if name == "base":
-            return place.base, RigidTransform()
-        instance = place.base.model_instance()
-        if not place.plant.HasFrameNamed(name, instance):
-            frames = [place.plant.get_frame(index) for index in place.plant.GetFrameIndices(instance)]
+            return in_plant.base, RigidTransform()
+        instance = in_plant.base.model_instance()
+        if not in_plant.plant.HasFrameNamed(name, instance):
+            frames = [in_plant.plant.get_frame(index) for index in in_plant.plant.GetFrameIndices(instance)]
             raise UnknownName(
                 message("base.frame", "frame"), name, ["tool", "base", *(frame.name() for frame in frames)]
             )
-        return place.plant.GetFrameByName(name, instance), RigidTransform()
+        return in_plant.plant.GetFrameByName(name, instance), RigidTransform()
 
 
 @dataclass(frozen=True, kw_only=True)
 class Goal(ABC):
-    """One thing asked of a posture."""
+    """A condition on postures.
+
+    Attributes:
+        weight: weight of the cost, one number or one for each value of the condition; None makes it a constraint.
+    """
 
     weight: float | Triple | None = None
 
     @abstractmethod
     def constraint(self, setting: Setting) -> Constraint:
-        """Return it as a constraint on the positions of the whole plant."""
+        """Make the constraint on the positions of the whole plant."""
 
     def weights(self, size: int) -> Vector | None:
-        """Return the weight of each of the constraint's ``size`` numbers, or None for a constraint."""
+        """Weights of the cost, shape (size,), one for each value of the condition. None if the goal is a constraint."""
         if self.weight is None:
             return None
         weights = np.asarray(self.weight, dtype=float)
@@ -87,10 +101,10 @@ class PositionBounds(Goal):
     """The tool centre point stays in a box (SimRob's CartesianBounds; with lower = upper its PositionTarget).
 
     Attributes:
-        lower: of x, y, z [m] in ``frame``; -inf where there is no bound.
-        upper: likewise.
-        frame: the box' axes, as a pose in the base.
-        weight: None, a number, or one each for x, y, z.
+        lower: lower bounds of x, y, z in ``frame`` [m]; -inf without a bound.
+        upper: upper bounds of x, y, z in ``frame`` [m]; inf without a bound.
+        frame: frame of the box, as a pose in the base.
+        weight: weight of the cost, one number or one each for x, y, z; None makes it a constraint.
     """
 
     lower: Triple = (-np.inf, -np.inf, -np.inf)
@@ -98,7 +112,7 @@ class PositionBounds(Goal):
     frame: Targets = HERE
 
     def constraint(self, setting: Setting) -> Constraint:
-        """Return it as a constraint on the positions of the whole plant."""
+        """Make the constraint on the positions of the whole plant."""
         lower, upper = _bounds("PositionBounds", self.lower, self.upper, 3)
         return point_in_box(setting, ORIGIN, RigidTransform(one_pose(self.frame, "frame")), lower, upper)
 
@@ -108,10 +122,10 @@ class OrientationCone(Goal):
     """An axis of the tool stays within an angle of a direction (SimRob's OrientationTarget, free about that axis).
 
     Attributes:
-        direction: in the base.
-        angle: half the cone's opening [rad], 0 ... π.
-        axis: of the tool.
-        weight: None, or of the violation of the cosine.
+        direction: direction in the base, of any length.
+        angle: largest angle between axis and direction, 0 to π [rad].
+        axis: axis of the tool.
+        weight: weight of the squared violation of the cosine; None makes it a constraint.
     """
 
     direction: Triple
@@ -119,7 +133,7 @@ class OrientationCone(Goal):
     axis: Triple = (0.0, 0.0, 1.0)
 
     def constraint(self, setting: Setting) -> Constraint:
-        """Return it as a constraint on the positions of the whole plant."""
+        """Make the constraint on the positions of the whole plant."""
         if not 0 <= self.angle <= np.pi:
             raise InvalidParameter(
                 message("kinematics.angle_of_cone", "angle of OrientationCone"),
@@ -127,11 +141,11 @@ class OrientationCone(Goal):
                 message("kinematics.zero_to_pi", "0 ... π rad"),
             )
         tool, tcp = setting.frame("tool")
-        place = setting.chain.in_plant
+        in_plant = setting.chain.in_plant
         axis = tcp.rotation() @ _direction("axis", self.axis)
         direction = _direction("direction", self.direction)
         return AngleBetweenVectorsConstraint(
-            place.plant, place.base, direction, tool, axis, 0.0, self.angle, setting.context
+            in_plant.plant, in_plant.base, direction, tool, axis, 0.0, self.angle, setting.context
         )
 
 
@@ -141,9 +155,9 @@ class Aiming(Goal):
 
     Attributes:
         target: point in the base [m].
-        angle: by which the axis may miss it [rad], 0 ... π/2.
-        axis: of the tool.
-        weight: None, or of Drake's two figures of the cone [m, m²].
+        angle: largest angle between the axis and the direction to the target, 0 to π/2 [rad].
+        axis: axis of the tool.
+        weight: weight of the squared violations of Drake's two values of the cone [m, m²]; None makes it a constraint.
     """
 
     target: Triple
@@ -151,19 +165,19 @@ class Aiming(Goal):
     axis: Triple = (0.0, 0.0, 1.0)
 
     def constraint(self, setting: Setting) -> Constraint:
-        """Return it as a constraint on the positions of the whole plant."""
+        """Make the constraint on the positions of the whole plant."""
         if not 0 <= self.angle <= np.pi / 2:
             raise InvalidParameter(
                 message("kinematics.angle_of_aiming", "angle of Aiming"),
                 self.angle,
                 message("kinematics.zero_to_half_pi", "0 ... π/2 rad"),
             )
-        place = setting.chain.in_plant
+        in_plant = setting.chain.in_plant
         tool, tcp = setting.frame("tool")
         axis = tcp.rotation() @ _direction("axis", self.axis)
         target = _triple("target", self.target)
         return GazeTargetConstraint(
-            place.plant, tool, tcp.translation(), axis, place.base, target, self.angle, setting.context
+            in_plant.plant, tool, tcp.translation(), axis, in_plant.base, target, self.angle, setting.context
         )
 
 
@@ -172,10 +186,10 @@ class JointBounds(Goal):
     """An axis stays between bounds; with lower = upper it is fixed (SimRob's JointBounds, RevoluteJoint, Prismatic).
 
     Attributes:
-        axis: its name.
-        lower: [rad or m].
-        upper: [rad or m].
-        weight: None, or of the distance outside.
+        axis: name of the axis.
+        lower: lower bound [rad or m].
+        upper: upper bound [rad or m].
+        weight: weight of the squared distance outside the bounds; None makes it a constraint.
     """
 
     axis: str
@@ -184,13 +198,13 @@ class JointBounds(Goal):
 
     @classmethod
     def fixed(cls, axis: str, value: float, weight: float | None = None) -> "JointBounds":
-        """Return the goal that an axis stands at a value [rad or m]."""
+        """Make the goal that an axis has a position [rad or m]."""
         return cls(axis=axis, lower=value, upper=value, weight=weight)
 
     def constraint(self, setting: Setting) -> Constraint:
-        """Return it as a constraint on the position of that axis alone."""
-        place = setting.chain.in_plant
-        sign = place.axes.signs[setting.chain.axis_index(self.axis)]
+        """Make the constraint on the position of this axis alone."""
+        in_plant = setting.chain.in_plant
+        sign = in_plant.axes.signs[setting.chain.axis_index(self.axis)]
         lower, upper = _bounds(
             message("kinematics.bounds_of_joint", "JointBounds of {axis}", axis=self.axis),
             [self.lower],
@@ -206,11 +220,11 @@ class DistanceBounds(Goal):
     """The distance between two points stays between bounds (SimRob's DistanceBounds).
 
     Attributes:
-        frames: of the two points: names of the URDF, ``"tool"`` or ``"base"``.
-        lower: [m].
-        upper: [m].
-        points: in those frames [m].
-        weight: None, or of the violation of the squared distance.
+        frames: frames of the two points: names of the URDF, ``"tool"`` or ``"base"``.
+        lower: lower bound of the distance [m].
+        upper: upper bound of the distance [m].
+        points: the two points in these frames [m].
+        weight: weight of the squared violation of the squared distance; None makes it a constraint.
     """
 
     frames: tuple[str, str]
@@ -219,7 +233,7 @@ class DistanceBounds(Goal):
     points: tuple[Triple, Triple] = (ORIGIN, ORIGIN)
 
     def constraint(self, setting: Setting) -> Constraint:
-        """Return it as a constraint on the positions of the whole plant."""
+        """Make the constraint on the positions of the whole plant."""
         lower, upper = _bounds("DistanceBounds", [self.lower], [self.upper], 1)
         if lower[0] < 0:
             raise InvalidParameter(
@@ -227,17 +241,15 @@ class DistanceBounds(Goal):
                 self.lower,
                 message("kinematics.zero_or_more_metres", "0 or more [m]"),
             )
-        (one, at_one), (other, at_other) = (setting.frame(name) for name in self.frames)
-        begin, end = (
-            _triple(message("kinematics.points_of_distance", "points of DistanceBounds"), point)
-            for point in self.points
-        )
+        name = message("kinematics.points_of_distance", "points of DistanceBounds")
+        first_frame, first_pose = setting.frame(self.frames[0])
+        second_frame, second_pose = setting.frame(self.frames[1])
         return PointToPointDistanceConstraint(
             setting.chain.in_plant.plant,
-            one,
-            at_one @ begin,
-            other,
-            at_other @ end,
+            first_frame,
+            first_pose @ _triple(name, self.points[0]),
+            second_frame,
+            second_pose @ _triple(name, self.points[1]),
             lower[0],
             upper[0],
             setting.context,
@@ -247,16 +259,26 @@ class DistanceBounds(Goal):
 def point_in_box(
     setting: Setting, point: npt.ArrayLike, box: RigidTransform, lower: Vector, upper: Vector
 ) -> Constraint:
-    """Return the constraint that a point of the tool [m] lies in a box whose axes have a pose in the base."""
+    """Make the constraint that a point of the tool lies in a box.
+
+    Args:
+        setting: chain and context.
+        point: the point in the tool, shape (3,) [m].
+        box: pose of the box's frame in the base.
+        lower: lower bounds in the frame of the box, shape (3,) [m].
+        upper: upper bounds in the frame of the box, shape (3,) [m].
+    """
     tool, tcp = setting.frame("tool")
-    place = setting.chain.in_plant
+    in_plant = setting.chain.in_plant
     return PositionConstraint(
-        place.plant, place.base, box, lower, upper, tool, tcp @ np.asarray(point, dtype=float), setting.context
+        in_plant.plant, in_plant.base, box, lower, upper, tool, tcp @ np.asarray(point, dtype=float), setting.context
     )
 
 
 def _bounds(owner: str, lower: npt.ArrayLike, upper: npt.ArrayLike, size: int) -> tuple[Vector, Vector]:
-    low, high = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
+    """Convert bounds to arrays (size,); raises InvalidParameter: another size, NaN, or a lower bound above an upper."""
+    low = np.asarray(lower, dtype=float)
+    high = np.asarray(upper, dtype=float)
     if low.shape != (size,) or high.shape != (size,) or np.isnan(low).any() or np.isnan(high).any():
         raise InvalidParameter(
             message("kinematics.bounds_of", "bounds of {owner}", owner=owner),
@@ -273,6 +295,7 @@ def _bounds(owner: str, lower: npt.ArrayLike, upper: npt.ArrayLike, size: int) -
 
 
 def _triple(name: str, values: npt.ArrayLike) -> Vector:
+    """Convert values to an array (3,); raises InvalidParameter: these are not three finite numbers."""
     triple = np.asarray(values, dtype=float)
     if triple.shape != (3,) or not np.isfinite(triple).all():
         raise InvalidParameter(name, values, message("kinematics.three_numbers_xyz", "three finite numbers x, y, z"))
@@ -280,6 +303,7 @@ def _triple(name: str, values: npt.ArrayLike) -> Vector:
 
 
 def _direction(name: str, values: npt.ArrayLike) -> Vector:
+    """Convert values to a unit vector (3,); raises InvalidParameter: these are not three numbers, or all are zero."""
     direction = _triple(name, values)
     if not direction.any():
         raise InvalidParameter(name, values, message("kinematics.a_direction", "a direction, not zero"))

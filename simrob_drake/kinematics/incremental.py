@@ -6,26 +6,36 @@ from simrob_drake.base.errors import InvalidParameter, angle
 from simrob_drake.base.frames import Vector, pose_errors, within
 from simrob_drake.base.messages import message
 from simrob_drake.kinematics.chain import Chain
-from simrob_drake.kinematics.numeric import Flags, settle_at_limits
+from simrob_drake.kinematics.numeric import Counts, Flags, settle_at_limits
 from simrob_drake.kinematics.solver import Solutions, Solver, check_search, why_unreached
 
-_NEAR_SINGULAR = 0.02  # smallest singular value [m, rad] below which damping begins
-_MOST_DAMPING = 0.04  # at a singular posture
-_LONGEST_STEP = 0.5  # rad or m of one axis, where damping alone does not hold it back
+_NEAR_SINGULAR = 0.02
+"""Smallest singular value of the Jacobian below which damping begins [m or 1]."""
+
+_LARGEST_DAMPING = 0.04
+"""Damping λ at a singular posture [m or 1]."""
+
+_LEAST_DENOMINATOR = 1e-12
+"""Least denominator of a gain, so that nothing is divided by 0."""
+
+_LONGEST_STEP = 0.5
+"""Longest step of one axis, in case that damping alone does not limit it [rad or m]."""
 
 
 class IncrementalSolver(Solver):
-    """Follows a path from point to point: dq = Jᵀ(JJᵀ + λ²I)⁻¹·e, with the error e to the next point (SimRob's JacIK).
+    """Follows a path from point to point with the damped Jacobian (SimRob's JacIK).
 
-    e is the way to the point and the rotation vector to it, so that no angle jumps at ±π, and the positions grow
-    steadily from those of the start. λ is 0 away from singular postures and grows as the smallest singular value of the
-    Jacobian falls under 0.02 (Nakamura & Hanafusa, 1986), so that the arm passes them. Joints stop at their limits.
+    With the error e to the next point, a step is dq = Jᵀ(JJᵀ + λ²I)⁻¹·e. The error has the distance to the point and
+    the rotation vector to it, so that no angle jumps at ±π, and the positions change steadily from those of the start.
+    The damping λ is 0 away from singular postures. It grows as the smallest singular value of the Jacobian falls below
+    0.02 (Nakamura & Hanafusa, 1986), so that the arm passes singular postures. Joints stop at their limits.
+
+    As in SimRob, the rotation to a point is followed only up to a limit. If a point would turn the tool by more, the
+    arm goes to the point without turning the tool. (SimRob compares with the sine of the angle, so that a half turn
+    passes there.)
 
     Attributes:
-        stray: how far the points of a move may be from its line or arc [m].
-
-    As in SimRob the rotation of a step counts only up to a limit: a point that turns the tool by more is gone to
-    with the tool kept as it is. (SimRob compares with the sine of that angle, so a half turn passed there.)
+        stray: distance by which points of a move may miss its line or arc [m].
     """
 
     def __init__(
@@ -41,17 +51,18 @@ class IncrementalSolver(Solver):
         """Make the solver.
 
         Args:
-            chain: whose axes it moves.
-            rotation_limit: largest turn of the tool from one point to the next that is followed [rad]. 0 follows
-                positions only and never turns the tool; a negative number sets no limit. (In SimRob a negative number
-                turned JacIK off altogether: choose another solver for that.)
-            iterations: most steps for a point; 1 is SimRob's.
+            chain: the axes.
+            rotation_limit: largest turn of the tool from one point to the next that is followed [rad]. With 0 the
+                solver follows positions only and never turns the tool. A negative number sets no limit. (In SimRob a
+                negative number switches JacIK off; choose another solver for that.)
+            iterations: largest count of steps for a point. SimRob does 1.
             position_tolerance: distance at which a point counts as reached [m].
-            rotation_tolerance: angle at which it does [rad].
-            stray: how far the points of a move may be from its line or arc, past singular postures [m].
+            rotation_tolerance: angle at which a point counts as reached [rad].
+            stray: distance by which points of a move may miss its line or arc near singular postures [m].
 
         Raises:
-            InvalidParameter: a setting that makes no sense.
+            InvalidParameter: a limit that is not a number, no iterations, a tolerance that is not positive, or a
+                negative distance.
         """
         super().__init__(chain)
         if np.isnan(rotation_limit):
@@ -59,20 +70,66 @@ class IncrementalSolver(Solver):
                 "rotation_limit", rotation_limit, message("kinematics.an_angle", "an angle [rad]; 0 for positions only")
             )
         tolerances = {"position_tolerance": position_tolerance, "rotation_tolerance": rotation_tolerance}
-        self._iterations, self._tolerance = iterations, check_search(iterations, tolerances)
+        self._iterations = iterations
+        self._tolerance = check_search(iterations, tolerances)
         if not 0.0 <= stray < np.inf:
             raise InvalidParameter("stray", stray, message("kinematics.a_distance", "a distance [m], 0 or more"))
         self.stray = stray
         self._limit = np.inf if rotation_limit < 0 else rotation_limit
 
     def _solve_each(self, targets: Vector, starts: Vector) -> Solutions:
+        """Follow each of k targets from its own start.
+
+        Args:
+            targets: poses of the tool, shape (k, 4, 4).
+            starts: postures, shape (k, n) [rad or m].
+        """
         positions = np.clip(starts, self.chain.lower, self.chain.upper)
-        errors = pose_errors(targets, self.chain.forward(positions))
-        turned = np.linalg.norm(errors[:, 3:], axis=1) <= self._limit
-        turned &= self._limit > 0
+        poses_at_start = self.chain.forward(positions)
+
+        # Rotations beyond the limit are not followed.
+        rotations = np.linalg.norm(pose_errors(targets, poses_at_start)[:, 3:], axis=1)
+        is_rotation_followed = (rotations <= self._limit) & (self._limit > 0)
         goals = targets.copy()
-        goals[~turned, :3, :3] = self.chain.forward(positions)[~turned, :3, :3]
-        steps = np.zeros(len(targets), dtype=np.int64)
+        goals[~is_rotation_followed, :3, :3] = poses_at_start[~is_rotation_followed, :3, :3]
+        steps = self._follow(goals, positions)
+
+        # Targets that are out of reach only because limits are rounded. Indexing by rows copies, so the changed
+        # postures and errors are written back.
+        errors = pose_errors(targets, self.chain.forward(positions))
+        is_accepted = np.zeros(len(targets), dtype=bool)
+        is_at_limit = (positions <= self.chain.lower) | (positions >= self.chain.upper)
+        rows = np.flatnonzero(~self._within(errors) & is_rotation_followed & is_at_limit.any(axis=1))
+        if rows.size:
+            own_positions = positions[rows]
+            own_errors = errors[rows]
+            is_accepted[rows] = settle_at_limits(
+                self.chain, targets[rows], own_positions, own_errors, weights=np.ones(6), tolerance=self._tolerance
+            )
+            positions[rows] = own_positions
+            errors[rows] = own_errors
+        if self._limit == 0:  # rotations do not count
+            errors[:, 3:] = 0.0
+
+        def why(row: int) -> str:
+            """Reason why a target is not reached, in words."""
+            return self._reason(
+                targets[row], positions[row], errors[row], is_rotation_followed=bool(is_rotation_followed[row])
+            )
+
+        return Solutions.found(positions, errors, self._within(errors) | is_accepted, steps, why)
+
+    def _follow(self, goals: Vector, positions: Vector) -> Counts:
+        """Do damped steps until the goals are reached or the iterations are used up.
+
+        Args:
+            goals: poses of the tool, shape (k, 4, 4).
+            positions: postures, shape (k, n) [rad or m]. They are changed in place.
+
+        Returns:
+            counts of the steps, shape (k,).
+        """
+        steps = np.zeros(len(goals), dtype=np.int64)
         for _ in range(self._iterations):
             frames = self.chain.frames(positions)
             poses = self.chain.tool_poses(frames)
@@ -84,30 +141,22 @@ class IncrementalSolver(Solver):
             moved = positions[rows] + _damped_steps(jacobians, errors[rows])
             positions[rows] = np.clip(moved, self.chain.lower, self.chain.upper)
             steps[rows] += 1
-        errors = pose_errors(targets, self.chain.forward(positions))
-        rows = np.flatnonzero(~self._within(errors) & turned)
-        accepted = np.zeros(len(targets), dtype=bool)
-        at_limit = (positions <= self.chain.lower) | (positions >= self.chain.upper)
-        rows = rows[at_limit[rows].any(axis=1)]
-        if rows.size:
-            postures, left = positions[rows], errors[rows]
-            accepted[rows] = settle_at_limits(
-                self.chain, targets[rows], postures, left, weights=np.ones(6), tolerance=self._tolerance
-            )
-            positions[rows], errors[rows] = postures, left
-        if self._limit == 0:
-            errors[:, 3:] = 0.0
-
-        def why(row: int) -> str:
-            return self._reason(targets[row], positions[row], errors[row], bool(turned[row]))
-
-        return Solutions.found(positions, errors, self._within(errors) | accepted, steps, why)
+        return steps
 
     def _within(self, errors: Vector) -> Flags:
+        """Whether errors (k, 6) are within the tolerances, shape (k,)."""
         return within(errors, np.ones(6), self._tolerance)
 
-    def _reason(self, target: Vector, positions: Vector, error: Vector, turned: bool) -> str:
-        if not turned and np.linalg.norm(error[:3]) <= self._tolerance[0]:
+    def _reason(self, target: Vector, positions: Vector, error: Vector, *, is_rotation_followed: bool) -> str:
+        """Write why a target is not reached.
+
+        Args:
+            target: pose of the tool, shape (4, 4).
+            positions: the posture, shape (n,) [rad or m].
+            error: error of the posture, shape (6,) [m, rad].
+            is_rotation_followed: whether the rotation was followed.
+        """
+        if not is_rotation_followed and np.linalg.norm(error[:3]) <= self._tolerance[0]:
             turn = angle(float(np.linalg.norm(error[3:])))
             return message(
                 "kinematics.rotation_limit",
@@ -115,18 +164,28 @@ class IncrementalSolver(Solver):
                 turn=turn,
                 limit=angle(self._limit),
             )
-        weights = np.array([1.0, 1.0, 1.0, *[float(turned)] * 3])
+        weights = np.array([1.0, 1.0, 1.0, *[float(is_rotation_followed)] * 3])
         return why_unreached(self.chain, target, positions, error * weights, weights)
 
 
 def _damped_steps(jacobians: Vector, errors: Vector) -> Vector:
-    """Return the steps (k, n) by singular values: each direction is damped by the same λ."""
+    """Compute the damped steps, limited in length.
+
+    With the singular value decomposition J = U S V', the step Jᵀ(JJᵀ + λ²I)⁻¹·e is V diag(s / (s² + λ²)) U' e.
+
+    Args:
+        jacobians: Jacobians, shape (k, 6, n).
+        errors: errors, shape (k, 6) [m, rad].
+
+    Returns:
+        the steps, shape (k, n) [rad or m].
+    """
     left, values, right = np.linalg.svd(jacobians, full_matrices=False)
-    lowest = values[:, -1:]
-    damping = np.where(lowest < _NEAR_SINGULAR, _MOST_DAMPING**2 * (1.0 - (lowest / _NEAR_SINGULAR) ** 2), 0.0)
-    along = (left.transpose(0, 2, 1) @ errors[..., np.newaxis])[..., 0]
-    gains = values / np.maximum(values**2 + damping, 1e-12)
-    steps = (right.transpose(0, 2, 1) @ (gains * along)[..., np.newaxis])[..., 0]
+    least = values[:, -1:]
+    damping_squared = np.where(least < _NEAR_SINGULAR, _LARGEST_DAMPING**2 * (1.0 - (least / _NEAR_SINGULAR) ** 2), 0.0)
+    projected = (left.transpose(0, 2, 1) @ errors[..., np.newaxis])[..., 0]
+    gains = values / np.maximum(values**2 + damping_squared, _LEAST_DENOMINATOR)
+    steps = (right.transpose(0, 2, 1) @ (gains * projected)[..., np.newaxis])[..., 0]
     longest = np.abs(steps).max(axis=1, keepdims=True)
-    limited: Vector = steps * np.minimum(1.0, _LONGEST_STEP / np.maximum(longest, _LONGEST_STEP))
+    limited: Vector = steps * (_LONGEST_STEP / np.maximum(longest, _LONGEST_STEP))
     return limited

@@ -25,12 +25,30 @@ from simrob_drake.kinematics.solver import (
     why_unreached,
 )
 
-_FIRST_DAMPING = 0.01  # times the cost, so that it fades near the target, where the plain Newton step is best
-_EASED, _RAISED = 0.5, 8.0  # damping after a step that helped, and after one that did not
+_FIRST_DAMPING = 0.01
+"""Damping of the first step, as a share of the cost. So it vanishes close to the target, where Newton's own step is
+best."""
+
+_DAMPING_AFTER_SUCCESS = 0.5
+"""Factor of the damping after a step that lowers the cost."""
+
+_DAMPING_AFTER_FAILURE = 8.0
+"""Factor of the damping after a step that does not."""
+
 _LEAST_DAMPING = 1e-12
-_SMALLEST_STEP = 1e-12  # rad or m: below it nothing changes any more
-COARSE = 1e-2  # share of the cost that a step must take away, to look for a posture where another one can be tried
-FINE = 1e-12  # likewise, to find the best compromise: below, a step only chases rounding
+"""Damping that is always added, so that the equations of a singular posture can be solved."""
+
+_SMALLEST_STEP = 1e-12
+"""Largest step at which a search has stopped moving [rad or m]."""
+
+COARSE = 1e-2
+"""Share of the cost that a step must take away, for a search whose failure is followed by another one."""
+
+FINE = 1e-12
+"""Share of the cost that a step must take away, for the best compromise. Smaller steps only follow rounding errors."""
+
+_SMALLEST_ANGLE_SQUARED = 1e-6
+"""Square of the angle up to which a factor is taken at 1e-3 rad, where it is its limit 1/12 to seven digits [rad²]."""
 
 
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
@@ -39,24 +57,95 @@ Counts = np.ndarray[Any, np.dtype[np.int64]]
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Postures (k, n), the errors left (k, 6), the sums of weighted squares (k,) and the steps taken (k,)."""
+    """Results of k searches.
+
+    Attributes:
+        postures: the postures, shape (k, n) [rad or m].
+        errors: errors that are left along and about x, y, z, shape (k, 6) [m, rad].
+        costs: sums of the weighted squares of the errors, shape (k,).
+        iterations: counts of the steps, shape (k,).
+    """
 
     postures: Vector
     errors: Vector
     costs: Vector
     iterations: Counts
 
-    def rows(self, places: Indices) -> "Fit":
-        """Return some of the rows."""
-        return Fit(self.postures[places], self.errors[places], self.costs[places], self.iterations[places])
+    def rows(self, indices: Indices) -> "Fit":
+        """Return the results of some of the searches."""
+        return Fit(self.postures[indices], self.errors[indices], self.costs[indices], self.iterations[indices])
 
-    def replace(self, places: Indices, other: "Fit", iterations: Counts | None = None) -> None:
-        """Put the rows of another fit in these places where they cost less; count its steps."""
-        self.iterations[places] += other.iterations if iterations is None else iterations
-        better = other.costs < self.costs[places]
-        rows = places[better]
-        self.postures[rows], self.errors[rows] = other.postures[better], other.errors[better]
-        self.costs[rows] = other.costs[better]
+    def replace(self, indices: Indices, other: "Fit", iterations: Counts | None = None) -> None:
+        """Replace results by those of other searches of the same targets, where these cost less.
+
+        Args:
+            indices: indices of the results, one for each search of ``other``.
+            other: the other searches.
+            iterations: counts of steps that are added, whether or not a result is replaced; those of ``other`` unless
+                given.
+        """
+        self.iterations[indices] += other.iterations if iterations is None else iterations
+        is_better = other.costs < self.costs[indices]
+        replaced = indices[is_better]
+        self.postures[replaced] = other.postures[is_better]
+        self.errors[replaced] = other.errors[is_better]
+        self.costs[replaced] = other.costs[is_better]
+
+
+@dataclass(eq=False)
+class _Searches:
+    """Searches that go on, k rows.
+
+    Attributes:
+        numbers: number of each search among all, shape (k,).
+        targets: poses of the tool, shape (k, 4, 4).
+        base: poses of the base, shape (k, 4, 4), or (1, 4, 4) if it is the same for all.
+        lower: lower bounds of the axes, shape (k, n) [rad or m].
+        upper: upper bounds of the axes, shape (k, n).
+        postures: the present postures, shape (k, n).
+        errors: their errors, shape (k, 6) [m, rad].
+        jacobians: minus the derivatives of the errors by the positions, shape (k, 6, n).
+        costs: their costs, shape (k,).
+        damping: damping of the next steps, as shares of the costs, shape (k,).
+    """
+
+    numbers: Indices
+    targets: Vector
+    base: Vector
+    lower: Vector
+    upper: Vector
+    postures: Vector
+    errors: Vector
+    jacobians: Vector
+    costs: Vector
+    damping: Vector
+
+    def keep(self, is_kept: Flags) -> None:
+        """End all searches but some of them."""
+        self.numbers = self.numbers[is_kept]
+        self.targets = self.targets[is_kept]
+        if len(self.base) > 1:
+            self.base = self.base[is_kept]
+        self.lower = self.lower[is_kept]
+        self.upper = self.upper[is_kept]
+        self.postures = self.postures[is_kept]
+        self.errors = self.errors[is_kept]
+        self.jacobians = self.jacobians[is_kept]
+        self.costs = self.costs[is_kept]
+        self.damping = self.damping[is_kept]
+
+    def accept(self, is_better: Flags, postures: Vector, errors: Vector, jacobians: Vector, costs: Vector) -> None:
+        """Take the new postures, and what belongs to them, of the searches in which they are better."""
+        if is_better.all():  # the usual case, which needs no copies
+            self.postures = postures
+            self.errors = errors
+            self.jacobians = jacobians
+            self.costs = costs
+            return
+        self.postures[is_better] = postures[is_better]
+        self.errors[is_better] = errors[is_better]
+        self.jacobians[is_better] = jacobians[is_better]
+        self.costs[is_better] = costs[is_better]
 
 
 def fit_postures(
@@ -72,103 +161,153 @@ def fit_postures(
     base: Vector = IDENTITY[np.newaxis],
     room: float = 0.0,
 ) -> Fit:
-    """Minimise the sum of w·e² over postures within the joint limits, by Levenberg and Marquardt's damped steps.
+    r"""Minimise the weighted errors of postures within the joint limits, for many targets at once.
 
-    A joint that stands at a limit and is pressed against it takes no part in the step; all others move freely and are
-    clipped to their limits (projected Newton step, Bertsekas 1982).
+    The cost of a posture with the errors e (6) is
+
+    .. math:: c = \sum_i w_i e_i^2
+
+    and a step is that of Levenberg and Marquardt. An axis that is at a limit and is pressed against it takes no part in
+    the step; all other axes move freely and are clipped to their limits (projected Newton step, Bertsekas 1982).
 
     Args:
-        chain: whose limits are kept.
-        targets: shape (k, 4, 4).
-        starts: shape (k, n), clipped to the limits.
-        weights: of the errors [x y z] and about [x y z], shape (6,), not negative.
-        tolerance: a target is done when every weighted position and rotation error is below (2,) [m, rad].
-        iterations: most steps for a target.
-        flat: share of the cost that a step must take away; a target that gets less ends there.
-        rivals: how many rows in turn are of one target; all of them end when one reaches it.
-        base: poses of the base (1, 4, 4) or (k, 4, 4), where targets are given in another frame, whose axes then count.
-        room: to be kept to the joint limits [rad or m], by joints that have it at the start and four times the range.
+        chain: the axes, with the limits that are kept.
+        targets: poses of the tool, shape (k, 4, 4).
+        starts: postures from which the searches start, clipped to the limits, shape (k, n) [rad or m].
+        weights: weights of the errors along x, y, z and about x, y, z, not negative, shape (6,).
+        tolerance: a search ends if all errors with a weight are below this, shape (2,) [m, rad].
+        iterations: largest count of steps of each search.
+        flat: a search ends if a step takes away less than this share of the cost.
+        rivals: count of searches in a row that have the same target. All of them end if one reaches it.
+        base: poses of the base in the frame of the targets, shape (1, 4, 4) or (k, 4, 4). The errors are along and
+            about the axes of that frame.
+        room: distance that axes keep to their limits [rad or m]. Only axes keep it whose range is more than four times
+            this distance, and which have it at the start.
     """
-    kept = np.where(chain.upper - chain.lower > 4 * room, room, 0.0)
+    kept_distance = np.where(chain.upper - chain.lower > 4 * room, room, 0.0)
     starts = np.clip(starts, chain.lower, chain.upper)
-    lower, upper = np.minimum(chain.lower + kept, starts), np.maximum(chain.upper - kept, starts)
+    count = len(starts)
     result = Fit(
-        starts.copy(), np.empty((len(starts), 6)), np.empty(len(starts)), np.zeros(len(starts), dtype=np.int64)
+        postures=starts.copy(),
+        errors=np.empty((count, 6)),
+        costs=np.empty(count),
+        iterations=np.zeros(count, dtype=np.int64),
     )
-    rows = np.arange(len(starts))
-    unit = np.eye(chain.size)
-    postures = starts
-    errors, jacobians = _linearised(chain, postures, targets, base)
-    costs = errors**2 @ weights
-    damping = np.full(len(rows), _FIRST_DAMPING)
-    answered = np.zeros(len(rows) // rivals, dtype=bool)
-    done = within(errors, weights, tolerance)
+    errors, jacobians = _linearise(chain, starts, targets, base)
+    searches = _Searches(
+        numbers=np.arange(count),
+        targets=targets,
+        base=base,
+        lower=np.minimum(chain.lower + kept_distance, starts),
+        upper=np.maximum(chain.upper - kept_distance, starts),
+        postures=starts,
+        errors=errors,
+        jacobians=jacobians,
+        costs=errors**2 @ weights,
+        damping=np.full(count, _FIRST_DAMPING),
+    )
+    is_target_reached = np.zeros(count // rivals, dtype=bool)
+    is_done = within(errors, weights, tolerance)
     for step in range(iterations + 1):
         if step == iterations:
-            done[:] = True
-        if done.any():
-            finished = rows[done]
-            result.postures[finished], result.errors[finished] = postures[done], errors[done]
-            result.costs[finished], result.iterations[finished] = costs[done], step
-            if done.all():
+            is_done[:] = True
+        if is_done.any():
+            finished = searches.numbers[is_done]
+            result.postures[finished] = searches.postures[is_done]
+            result.errors[finished] = searches.errors[is_done]
+            result.costs[finished] = searches.costs[is_done]
+            result.iterations[finished] = step
+            if is_done.all():
                 break
-            left = ~done
-            rows, postures, errors, jacobians = rows[left], postures[left], errors[left], jacobians[left]
-            costs, damping, targets = costs[left], damping[left], targets[left]
-            lower, upper = lower[left], upper[left]
-            base = base[left] if len(base) > 1 else base
-        damped = (damping * costs + _LEAST_DAMPING)[:, np.newaxis, np.newaxis] * unit
-        moves = _steps((postures <= lower, postures >= upper), jacobians, errors, weights, damped)
-        trial = np.clip(postures + moves, lower, upper)
-        trial_errors, trial_jacobians = _linearised(chain, trial, targets, base)
-        trial_costs = trial_errors**2 @ weights
-        gain = costs - trial_costs
-        better = gain > 0.0
-        still = better & (gain < flat * costs)
-        damping *= np.where(better, _EASED, _RAISED)
-        if better.all():
-            postures, errors, jacobians, costs = trial, trial_errors, trial_jacobians, trial_costs
-        else:
-            still |= ~better & (np.abs(trial - postures) < _SMALLEST_STEP).all(axis=1)
-            postures[better], errors[better] = trial[better], trial_errors[better]
-            jacobians[better], costs[better] = trial_jacobians[better], trial_costs[better]
-        near = within(errors, weights, tolerance)
-        answered[rows[near] // rivals] = True
-        done = still | answered[rows // rivals]
+            searches.keep(~is_done)
+
+        has_stopped = _do_step(chain, searches, weights=weights, flat=flat)
+
+        # A search ends with the first of its rivals that reaches the target.
+        is_near = within(searches.errors, weights, tolerance)
+        target_numbers = searches.numbers // rivals
+        is_target_reached[target_numbers[is_near]] = True
+        is_done = has_stopped | is_target_reached[target_numbers]
     return result
 
 
-def _steps(
-    at_limits: tuple[Flags, Flags], jacobians: Vector, errors: Vector, weights: Vector, damped: Vector
-) -> Vector:
-    weighted = jacobians.transpose(0, 2, 1) * weights
-    push = (weighted @ errors[..., np.newaxis])[..., 0]
-    hessian: Vector = weighted @ jacobians
-    low, high = at_limits
-    if low.any() or high.any():
-        held = (low & (push < 0)) | (high & (push > 0))
-        push[held] = 0.0
-        hessian *= (~held)[:, :, np.newaxis] & ~held[:, np.newaxis, :]
-    moves = np.linalg.solve(hessian + damped, push[..., np.newaxis])[..., 0]
-    return np.asarray(moves, dtype=float)
+def _do_step(chain: Chain, searches: _Searches, *, weights: Vector, flat: float) -> Flags:
+    """Do a step of each search, and accept it if it lowers the cost.
+
+    Args:
+        chain: the axes.
+        searches: the searches, which are changed.
+        weights: weights of the errors, shape (6,).
+        flat: share of the cost that a step must take away.
+
+    Returns:
+        whether each search has stopped: its accepted step takes away too little, or its rejected step moves nothing.
+        After any other rejected step it goes on with more damping.
+    """
+    trial = np.clip(searches.postures + _steps(searches, weights), searches.lower, searches.upper)
+    errors, jacobians = _linearise(chain, trial, searches.targets, searches.base)
+    costs = errors**2 @ weights
+    gain = searches.costs - costs
+    is_better = gain > 0.0
+    has_stopped: Flags = is_better & (gain < flat * searches.costs)
+    if not is_better.all():
+        has_moved = (np.abs(trial - searches.postures) >= _SMALLEST_STEP).any(axis=1)
+        has_stopped |= ~is_better & ~has_moved
+    searches.damping *= np.where(is_better, _DAMPING_AFTER_SUCCESS, _DAMPING_AFTER_FAILURE)
+    searches.accept(is_better, trial, errors, jacobians, costs)
+    return has_stopped
 
 
-def _linearised(chain: Chain, postures: Vector, targets: Vector, base: Vector) -> tuple[Vector, Vector]:
-    """Return the errors (k, 6) and minus their derivative by the positions (k, 6, n).
+def _steps(searches: _Searches, weights: Vector) -> Vector:
+    r"""Compute the damped steps of searches, shape (k, n) [rad or m].
+
+    With the derivative -J of the errors by the positions, the step d solves
+
+    .. math:: (J^T W J + \lambda I) \, d = J^T W e
+
+    in which the damping is a share of the cost. Rows and columns of axes that are pressed against a limit are removed.
+    """
+    weighted = searches.jacobians.transpose(0, 2, 1) * weights
+    push = (weighted @ searches.errors[..., np.newaxis])[..., 0]
+    hessian: Vector = weighted @ searches.jacobians
+    is_at_lower = searches.postures <= searches.lower
+    is_at_upper = searches.postures >= searches.upper
+    if is_at_lower.any() or is_at_upper.any():
+        is_held = (is_at_lower & (push < 0)) | (is_at_upper & (push > 0))
+        push[is_held] = 0.0
+        hessian *= (~is_held)[:, :, np.newaxis] & ~is_held[:, np.newaxis, :]
+    damping = searches.damping * searches.costs + _LEAST_DAMPING
+    damped_hessian = hessian + damping[:, np.newaxis, np.newaxis] * np.eye(push.shape[1])
+    steps = np.linalg.solve(damped_hessian, push[..., np.newaxis])[..., 0]
+    return np.asarray(steps, dtype=float)
+
+
+def _linearise(chain: Chain, postures: Vector, targets: Vector, base: Vector) -> tuple[Vector, Vector]:
+    """Compute the errors of postures, and how they change.
 
     The rotation vector e of a rotation error changes by -Jr⁻¹(e)·ω as the tool turns with ω, where Jr⁻¹(e) is
     I + [e]/2 + (1/θ² - (1 + cos θ)/(2θ sin θ))·[e]² (Solà et al., A micro Lie theory, 2018, eq. 144).
+
+    Args:
+        chain: the axes.
+        postures: the postures, shape (k, n) [rad or m].
+        targets: poses of the tool, shape (k, 4, 4).
+        base: poses of the base, shape (1, 4, 4) or (k, 4, 4).
+
+    Returns:
+        the errors, shape (k, 6) [m, rad], and minus their derivatives by the positions, shape (k, 6, n).
     """
     frames = chain.frames(postures, base)
     poses = chain.tool_poses(frames)
     errors = pose_errors(targets, poses)
     jacobians = chain.jacobian_at(frames, poses[:, :3, 3])
-    turn = errors[:, 3:]
-    square = (turn * turn).sum(axis=1)
-    half = np.sqrt(0.25 * np.maximum(square, 1e-6))  # below 1e-3 rad the factor is 1/12 to seven digits
-    factor = (0.25 - 0.25 * half / np.tan(half)) / (half * half)
-    spin = skew(turn)
-    change = IDENTITY[:3, :3] + 0.5 * spin + factor[:, np.newaxis, np.newaxis] * (spin @ spin)
+    rotation_errors = errors[:, 3:]
+    angle_squared = (rotation_errors * rotation_errors).sum(axis=1)
+    # With the half angle h: 1/θ² - (1 + cos θ)/(2θ sin θ) = (1/4 - h/(4 tan h)) / h²
+    half_angle = np.sqrt(0.25 * np.maximum(angle_squared, _SMALLEST_ANGLE_SQUARED))
+    factor = (0.25 - 0.25 * half_angle / np.tan(half_angle)) / (half_angle * half_angle)
+    cross = skew(rotation_errors)
+    change = IDENTITY[:3, :3] + 0.5 * cross + factor[:, np.newaxis, np.newaxis] * (cross @ cross)
     jacobians[:, 3:] = change @ jacobians[:, 3:]
     return errors, jacobians
 
@@ -229,19 +368,29 @@ def settle_at_limits(
     return is_accepted
 
 
-_AT_ONCE = 8  # postures that one round of restarts tries side by side
-_FAR = 1e6  # ranks every posture that reaches the target before all that do not
-_ROOM = 0.05  # rad or m
+_SEEDS_PER_ROUND = 8
+"""Count of random postures from which one round of restarts searches side by side."""
+
+_RANK_OF_UNREACHED = 1e6
+"""Rank that is added to postures that do not reach the target, so that all others come first. The square of a distance
+between postures [rad² or m²] is never as large."""
+
+_ROOM = 0.05
+"""Distance that redundant arms keep to their limits if they can [rad or m]."""
+
 _FROM_POSE_ORDER = [0, 1, 2, 5, 4, 3]
+"""Indices in the pose order [x y z Rz Ry Rx] of the errors along and about x, y, z."""
 
 
 class NumericSolver(Solver):
     """Minimises Σ w·e² over the postures within the joint limits (SimRob's W, the default there).
 
-    e is the way to the target along x, y, z of the base [m] and the rotation vector to it about x, y, z of the base
-    [rad]. Where the search from the start ends away from the target, it begins again from random postures, always the
-    same; of those that reach the target first the nearest to the start is taken. An arm of more axes than a pose has
-    keeps some room to its joint limits where it can, so that it can go on from there.
+    The errors e are the distances to the target along x, y, z of the base [m] and the rotation vector to the target
+    about x, y, z of the base [rad]. If the search from the start does not reach the target, searches from random
+    postures follow, which are the same in every call. Of the first round with postures that reach the target, the
+    posture closest to the start is taken.
+
+    An arm with more than six axes keeps some distance to its joint limits if it can, so that it can move on.
     """
 
     def __init__(
@@ -258,24 +407,25 @@ class NumericSolver(Solver):
         """Make the solver.
 
         Args:
-            chain: whose axes it moves.
-            weights: of the errors in pose order [x y z Rz Ry Rx], not negative; [1 1 1 0 0 0] asks for the position
-                only. A target is reached when the errors with weight are within the tolerances.
-            restarts: how many random postures are tried where the start does not lead to the target.
-            iterations: most steps from one posture.
-            seed: of the random postures.
+            chain: the axes.
+            weights: weights of the errors in pose order [x y z Rz Ry Rx], not negative, shape (6,). With [1 1 1 0 0 0]
+                only the position counts. A target is reached if the errors with a weight are within the tolerances.
+            restarts: count of random postures that are tried if the start does not lead to the target.
+            iterations: largest count of steps from one posture.
+            seed: seed of the random postures.
             position_tolerance: distance at which a target counts as reached [m].
-            rotation_tolerance: angle at which it does [rad].
+            rotation_tolerance: angle at which a target counts as reached [rad].
 
         Raises:
-            InvalidParameter: a setting that makes no sense.
+            InvalidParameter: weights of wrong shape or sign, a negative count, or a tolerance that is not positive.
         """
         super().__init__(chain)
-        self._weights = _checked_weights(weights)
+        self._weights = _read_weights(weights)
         if restarts < 0:
             raise InvalidParameter("restarts", restarts, message("kinematics.zero_or_more", "0 or more"))
         tolerances = {"position_tolerance": position_tolerance, "rotation_tolerance": rotation_tolerance}
-        self._iterations, self._tolerance = iterations, check_search(iterations, tolerances)
+        self._iterations = iterations
+        self._tolerance = check_search(iterations, tolerances)
         self._seeds = random_postures(chain, restarts, seed)
 
     def _solve_each(self, targets: Vector, starts: Vector) -> Solutions:
@@ -296,10 +446,10 @@ class NumericSolver(Solver):
         # Then from random postures, some at a time, for targets that are not out of reach by rounded limits alone.
         is_accepted = self._accept_at_limits(fit, missing, targets)
         missing = np.flatnonzero(~(self._within(fit) | is_accepted))
-        for first in range(0, len(self._seeds), _AT_ONCE):
+        for first in range(0, len(self._seeds), _SEEDS_PER_ROUND):
             if not missing.size:
                 break
-            self._restart(fit, missing, self._seeds[first : first + _AT_ONCE], targets, starts)
+            self._restart(fit, missing, self._seeds[first : first + _SEEDS_PER_ROUND], targets, starts)
             missing = np.flatnonzero(~(self._within(fit) | is_accepted))
 
         # The others get the best compromise.
@@ -342,6 +492,7 @@ class NumericSolver(Solver):
         return is_accepted
 
     def _fit(self, targets: Vector, starts: Vector, *, flat: float, rivals: int = 1, room: float = 0.0) -> Fit:
+        """Search with the weights, tolerance and count of steps of this solver, see :func:`fit_postures`."""
         return fit_postures(
             self.chain,
             targets,
@@ -355,23 +506,41 @@ class NumericSolver(Solver):
         )
 
     def _within(self, fit: Fit) -> Flags:
+        """Whether each posture reaches its target, shape (k,)."""
         return within(fit.errors, self._weights, self._tolerance)
 
     def _restart(self, fit: Fit, missing: Indices, seeds: Vector, targets: Vector, starts: Vector) -> None:
-        """Try every missing target from every seed, and put the best into ``fit`` where it is better."""
-        count = len(seeds)
-        targets = np.repeat(targets[missing], count, axis=0)
-        again = self._fit(targets, np.tile(seeds, (len(missing), 1)), flat=COARSE, rivals=count)
-        origins = np.repeat(starts[missing], count, axis=0)
+        """Search each missing target from each of some random postures, and take the best result if it costs less.
+
+        Args:
+            fit: the best postures so far. Those of missing targets are replaced if a search finds a cheaper one.
+            missing: indices of the targets that are not reached.
+            seeds: the random postures, shape (r, n) [rad or m].
+            targets: all targets, shape (k, 4, 4).
+            starts: the starts of all targets, shape (k, n) [rad or m].
+        """
+        seed_count = len(seeds)
+        repeated_targets = np.repeat(targets[missing], seed_count, axis=0)
+        repeated_seeds = np.tile(seeds, (len(missing), 1))
+        again = self._fit(repeated_targets, repeated_seeds, flat=COARSE, rivals=seed_count)
+
+        # Of the postures that reach a target the closest to its start is the best; of the others the cheapest.
+        origins = np.repeat(starts[missing], seed_count, axis=0)
         again.postures[:], _ = nearest_turns(self.chain, again.postures, origins)
-        away = np.square(again.postures - origins).sum(axis=1)
-        rank = np.where(self._within(again), away, _FAR + again.costs).reshape(-1, count)
-        best = np.arange(len(missing)) * count + np.argmin(rank, axis=1)
-        fit.replace(missing, again.rows(best), again.iterations.reshape(-1, count).sum(axis=1))
+        squared_distance = np.square(again.postures - origins).sum(axis=1)
+        rank = np.where(self._within(again), squared_distance, _RANK_OF_UNREACHED + again.costs)
+        best_seed = np.argmin(rank.reshape(-1, seed_count), axis=1)
+        best = np.arange(len(missing)) * seed_count + best_seed
+        steps_of_target = again.iterations.reshape(-1, seed_count).sum(axis=1)
+        fit.replace(missing, again.rows(best), steps_of_target)
 
 
-def _checked_weights(weights: npt.ArrayLike) -> Vector:
-    """Return six weights of errors along and about x, y, z from weights in pose order [x y z Rz Ry Rx]."""
+def _read_weights(weights: npt.ArrayLike) -> Vector:
+    """Convert weights in pose order [x y z Rz Ry Rx] to weights of the errors along and about x, y, z.
+
+    Raises:
+        InvalidParameter: these are not six numbers, one is negative, or all are zero.
+    """
     expected = message(
         "kinematics.six_weights", "six numbers in pose order [x y z Rz Ry Rx], none negative and not all zero"
     )
@@ -382,10 +551,23 @@ def _checked_weights(weights: npt.ArrayLike) -> Vector:
 
 
 def random_postures(chain: Chain, count: int, seed: int) -> Vector:
-    """Return postures (count, n) spread over the limits; joints without limits over a turn, or a metre each way."""
-    free = np.where(chain.revolute, TURN / 2, 1.0)
-    lower = np.where(np.isfinite(chain.lower), chain.lower, -free)
-    upper = np.where(np.isfinite(chain.upper), chain.upper, free)
-    lower, upper = np.minimum(lower, upper), np.maximum(lower, upper)
-    postures: Vector = np.random.default_rng(seed).uniform(lower, upper, (count, chain.size))
+    """Draw postures that are evenly distributed between the limits of a chain.
+
+    An axis without a limit is drawn up to half a turn, or a metre, to that side of zero.
+
+    Args:
+        chain: the axes.
+        count: count of the postures.
+        seed: seed of the random numbers.
+
+    Returns:
+        the postures, shape (count, n) [rad or m].
+    """
+    range_without_limit = np.where(chain.revolute, TURN / 2, 1.0)
+    lower = np.where(np.isfinite(chain.lower), chain.lower, -range_without_limit)
+    upper = np.where(np.isfinite(chain.upper), chain.upper, range_without_limit)
+    # With one limit alone, the other end may be on the wrong side of it.
+    least = np.minimum(lower, upper)
+    most = np.maximum(lower, upper)
+    postures: Vector = np.random.default_rng(seed).uniform(least, most, (count, chain.size))
     return postures

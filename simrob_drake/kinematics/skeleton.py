@@ -1,17 +1,22 @@
 r"""The bodies of a robot as arrays: poses and mass points of many postures at once.
 
-Every rigid body is held as six mass points that have its mass, its centre of mass and its tensor of inertia, so that
-sums over points give the exact momentum. With the second moments :math:`s_k = (\mathrm{tr} J / 2 - J_k) / m` along the
-principal axes the points lie at :math:`\pm\sqrt{3 s_k}` on them, each with a sixth of the mass.
+Each rigid body is represented by six mass points that have its mass, its centre of mass and its inertia tensor. So sums
+over points give the exact momentum. With the principal moments of inertia :math:`J_k` about the centre of mass, the
+points lie on the principal axes, at the distances
+
+.. math:: \pm\sqrt{3 s_k}, \qquad s_k = (\mathrm{tr} J / 2 - J_k) / m
+
+and each has a sixth of the mass m.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from xml.etree.ElementTree import Element
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import RevoluteJoint, RigidBody
+from pydrake.multibody.tree import Frame, Joint, RevoluteJoint, RigidBody
 from pydrake.systems.framework import Context
 
 from simrob_drake.base.errors import InvalidParameter
@@ -22,56 +27,80 @@ from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.catalog import RobotModel, load_robot
 from simrob_drake.robots.parse import held_robot
 
+_LEAST_MASS = 1e-12
+"""Mass that bodies without mass get, so that nothing is divided by 0 [kg]."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Skeleton(Screws):
-    """A robot whose n joints are all axes and revolute; its n + 1 bodies are those of :meth:`frames`."""
+    """A robot whose n joints are all axes and revolute. Its n + 1 bodies are in the order of :meth:`frames`.
 
-    model: RobotModel  # the robot
-    masses: Vector  # of the bodies, shape (n + 1,) [kg]
-    mass_points_at_zero: Vector  # homogeneous, shape (n + 1, 4, 6) [m]
-    links: dict[str, tuple[int, Vector]]  # body and pose at zero (4, 4) of every named frame
-    plant: MultibodyPlant  # the robot alone
+    Attributes:
+        model: the robot.
+        masses: masses of the bodies, shape (n + 1,) [kg].
+        mass_points_at_zero: homogeneous coordinates of the mass points of each body at zero, shape (n + 1, 4, 6) [m].
+        links: for each named frame, the index of its body and its pose at zero, shape (4, 4).
+        plant: a plant of the robot alone.
+    """
+
+    model: RobotModel
+    masses: Vector
+    mass_points_at_zero: Vector
+    links: dict[str, tuple[int, Vector]]
+    plant: MultibodyPlant
 
     @property
     def mass(self) -> float:
-        """Of the whole robot [kg]."""
+        """Mass of the robot [kg]."""
         return float(self.masses.sum())
 
     @property
     def point_masses(self) -> Vector:
-        """Of the mass points, shape (6 (n + 1),) [kg]."""
+        """Masses of the mass points, shape (6 (n + 1),) [kg]."""
         return np.repeat(self.masses / 6, 6)
 
     def mass_points(self, frames: Vector) -> Vector:
-        """Return where the mass points are, shape (k, 6 (n + 1), 3) [m], from :meth:`frames`."""
+        """Positions of the mass points, shape (k, 6 (n + 1), 3) [m], from :meth:`frames`."""
         points = frames[..., :3, :] @ self.mass_points_at_zero[:, np.newaxis]  # (n + 1, k, 3, 6)
         return np.asarray(points.transpose(1, 0, 3, 2).reshape(frames.shape[1], -1, 3))
 
     def link_poses(self, link: str, frames: Vector) -> Vector:
-        """Return the poses of a named frame, shape (k, 4, 4), from :meth:`frames`."""
+        """Poses of a named frame, shape (k, 4, 4), from :meth:`frames`."""
         body, pose = self.links[link]
         return np.asarray(frames[body] @ pose)
 
     def limb(self, link: str, tool: Vector) -> tuple[tuple[int, ...], Chain]:
-        """Return the axes from the root to a named frame, and their chain to a pose (4, 4) in it, without limits."""
-        root, end = (self.plant.GetFrameByName(name) for name in (self.model.root, link))
+        """Extract the chain from the root to a tool in a named frame.
+
+        Args:
+            link: name of the frame.
+            tool: pose of the tool in the frame, shape (4, 4).
+
+        Returns:
+            the indices of the axes from the root to the frame, and their chain, without joint limits.
+        """
+        root = self.plant.GetFrameByName(self.model.root)
+        end = self.plant.GetFrameByName(link)
         joints = [joint for joint, _ in joints_between(self.plant, root, end)]
-        places = {axis.joint: place for place, axis in enumerate(self.model.axes.values())}
-        axes = tuple(places[joint.name()] for joint in joints)
-        signs = [list(self.model.axes.values())[place].sign for place in axes]
+        own_axes = list(self.model.axes.values())
+        index_of_joint = {axis.joint: index for index, axis in enumerate(own_axes)}
+        indices = tuple(index_of_joint[joint.name()] for joint in joints)
+        signs = [own_axes[index].sign for index in indices]
         chain = Chain.of_plant(self.plant, joints=joints, base=root, tool=end, signs=signs).with_tool(tool)
-        free = np.full(len(axes), np.inf)
-        return axes, replace(chain, lower=-free, upper=free)
+        unlimited = np.full(len(indices), np.inf)
+        return indices, replace(chain, lower=-unlimited, upper=unlimited)
 
 
 def skeleton_of(robot: str | RobotModel, element: Element | None = None) -> Skeleton:
-    """Return the skeleton of a robot of the package by its name, or of any other's model.
+    """Make the skeleton of a robot.
 
-    ``element`` is its URDF with what it carries, mesh names absolute; its own unless given.
+    Args:
+        robot: name of a robot of the package, or the model of any robot.
+        element: URDF of the robot with the pieces that it carries, with absolute names of meshes; the robot's own URDF
+            unless given.
 
     Raises:
-        InvalidParameter: a robot with a joint that is no axis, or prismatic.
+        InvalidParameter: the robot has a joint that is not an axis, or a prismatic joint.
     """
     return _of_package(robot) if isinstance(robot, str) else _of_model(robot, element)
 
@@ -82,52 +111,87 @@ def _of_package(robot: str) -> Skeleton:
 
 
 def _of_model(model: RobotModel, element: Element | None = None) -> Skeleton:
+    """Make the skeleton of a model, see :func:`skeleton_of`."""
     plant, root = held_robot(model, element)
     joints = [plant.GetJointByName(axis.joint) for axis in model.axes.values()]
-    names = [joint.name() for joint in joints]
-    moving = [joint for joint in map(plant.get_joint, plant.GetJointIndices()) if joint.num_velocities()]
-    odd = [joint.name() for joint in moving if not isinstance(joint, RevoluteJoint) or joint.name() not in names]
-    if odd:
-        expected = message("kinematics.robot_of_revolute_axes", "one whose joints are all axes and revolute")
-        raise InvalidParameter(
-            message("base.robot_called", "robot {name}", name=model.name),
-            message("kinematics.with_joints", "with the joints {joints}", joints=", ".join(odd)),
-            expected,
-        )
-    paths = [[names.index(on.name()) for on, _ in joints_between(plant, root, j.frame_on_child())] for j in joints]
-    order = sorted(range(len(joints)), key=lambda axis: len(paths[axis]))
-    own = AxisMap.of_joints(plant, joints, [axis.sign for axis in model.axes.values()])
+    _check_joints(model, plant, joints)
+
+    # The axes from the root to the body that each axis carries, this axis included.
+    axis_of_joint = {joint.name(): axis for axis, joint in enumerate(joints)}
+    paths = [
+        [axis_of_joint[other.name()] for other, _ in joints_between(plant, root, joint.frame_on_child())]
+        for joint in joints
+    ]
+    outward = sorted(range(len(joints)), key=lambda axis: len(paths[axis]))
+    # The body on which each axis stands: 0 is the root, i is carried by the i-th axis.
+    carriers = [outward.index(paths[axis][-2]) + 1 if len(paths[axis]) > 1 else 0 for axis in outward]
+
+    axis_map = AxisMap.of_joints(plant, joints, [axis.sign for axis in model.axes.values()])
     context = plant.CreateDefaultContext()
-    own.set_positions(plant, context, np.zeros(len(joints)))
+    axis_map.set_positions(plant, context, np.zeros(len(joints)))
     axes, points = axes_and_points(context, joints, root)
-    bodies = [root.body(), *(joints[axis].child_body() for axis in order)]
-    place = {body.index(): number for number, body in enumerate(bodies)}
-    frames = [plant.get_frame(index) for index in plant.GetFrameIndices(root.model_instance())]
+    bodies = [root.body(), *(joints[axis].child_body() for axis in outward)]
     return Skeleton(
         model=model,
-        axes=own.signs[:, np.newaxis] * axes,
+        axes=axis_map.signs[:, np.newaxis] * axes,
         points=points,
         revolute=np.ones(len(joints), dtype=bool),
-        order=tuple(order),
-        after=tuple(order.index(paths[axis][-2]) + 1 if len(paths[axis]) > 1 else 0 for axis in order),
+        order=tuple(outward),
+        after=tuple(carriers),
         masses=np.array([body.default_mass() for body in bodies]),
-        mass_points_at_zero=np.array([_at_zero(body, context) for body in bodies]),
-        links={
-            frame.name(): (place[frame.body().index()], frame.CalcPoseInWorld(context).GetAsMatrix4())
-            for frame in frames
-            if frame.body().index() in place
-        },
+        mass_points_at_zero=np.array([_mass_points(body, context) for body in bodies]),
+        links=_links(plant, root, bodies, context),
         plant=plant,
     )
 
 
-def _at_zero(body: RigidBody, context: Context) -> Vector:
-    """Return the six homogeneous points, shape (4, 6) [m], that stand for a body, where it is in a context."""
+def _check_joints(model: RobotModel, plant: MultibodyPlant, joints: Sequence[Joint]) -> None:
+    """Check that all joints of a plant that move are axes and revolute; raises InvalidParameter: others are."""
+    axis_joints = [joint.name() for joint in joints]
+    moving = [joint for joint in map(plant.get_joint, plant.GetJointIndices()) if joint.num_velocities()]
+    unsuitable = [
+        joint.name() for joint in moving if not isinstance(joint, RevoluteJoint) or joint.name() not in axis_joints
+    ]
+    if unsuitable:
+        raise InvalidParameter(
+            message("base.robot_called", "robot {name}", name=model.name),
+            message("kinematics.with_joints", "with the joints {joints}", joints=", ".join(unsuitable)),
+            message("kinematics.robot_of_revolute_axes", "one whose joints are all axes and revolute"),
+        )
+
+
+def _links(
+    plant: MultibodyPlant, root: Frame, bodies: Sequence[RigidBody], context: Context
+) -> dict[str, tuple[int, Vector]]:
+    """Find the body and the pose at zero of each named frame of a robot.
+
+    Args:
+        plant: the plant of the robot, whose root is welded to the world's origin.
+        root: frame of the root link.
+        bodies: bodies of the skeleton, in its order.
+        context: a context in which all axes are at zero.
+
+    Returns:
+        for each name of a frame, the index of its body in ``bodies`` and its pose in the world, shape (4, 4). Frames on
+        other bodies are left out.
+    """
+    index_of_body = {body.index(): index for index, body in enumerate(bodies)}
+    frames = [plant.get_frame(index) for index in plant.GetFrameIndices(root.model_instance())]
+    return {
+        frame.name(): (index_of_body[frame.body().index()], frame.CalcPoseInWorld(context).GetAsMatrix4())
+        for frame in frames
+        if frame.body().index() in index_of_body
+    }
+
+
+def _mass_points(body: RigidBody, context: Context) -> Vector:
+    """Compute the six mass points of a body in a context, as homogeneous coordinates, shape (4, 6) [m]."""
     inertia = body.default_spatial_inertia()
     centre = inertia.get_com()
     about_centre = inertia.Shift(centre).CalcRotationalInertia().CopyToFullMatrix3()
     moments, axes = np.linalg.eigh(about_centre)
-    spread = np.maximum(moments.sum() / 2 - moments, 0.0) / max(inertia.get_mass(), 1e-12)
+    mass = max(inertia.get_mass(), _LEAST_MASS)
+    spread = np.maximum(moments.sum() / 2 - moments, 0.0) / mass
     arms = axes * np.sqrt(3.0 * spread)
     points = np.vstack([centre[:, np.newaxis] + np.hstack([arms, -arms]), np.ones(6)])
     return np.asarray(body.body_frame().CalcPoseInWorld(context).GetAsMatrix4() @ points)

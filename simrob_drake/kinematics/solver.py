@@ -1,4 +1,4 @@
-"""What solvers of inverse kinematics have in common: how they are asked, what they give back, and why there is none."""
+"""Base class and results of the solvers of inverse kinematics, and the reasons why a target is not reached."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
@@ -13,31 +13,45 @@ from simrob_drake.base.frames import Targets, Vector, pose_matrices
 from simrob_drake.base.messages import compound, message
 from simrob_drake.kinematics.chain import Chain
 
-POSITION_TOLERANCE = 1e-6  # m: a tenth of the repeatability of a small arm, and fine enough for smooth paths
-ROTATION_TOLERANCE = 1e-5  # rad
+POSITION_TOLERANCE = 1e-6
+"""Distance up to which a target counts as reached [m]. It is a tenth of the repeatability of a small arm."""
+
+ROTATION_TOLERANCE = 1e-5
+"""Angle up to which a target counts as reached [rad]."""
+
 TURN = 2.0 * np.pi
-_SLACK = 1e-9  # rad beyond a limit that is rounding, and clipped
-_AT_LIMIT = 1e-9  # rad or m
-_SINGULAR = 0.02  # smallest singular value of the Jacobian [m, rad], as where damping begins
-_PUSH = 1e-3  # share of the error that must press a joint against its limit to count
+"""A whole turn [rad]."""
+
+_ROUNDING_BEYOND_LIMIT = 1e-9
+"""Distance beyond a limit that is rounding, and is clipped [rad or m]."""
+
+_AT_LIMIT = 1e-9
+"""Distance from a limit at which a joint counts as being there [rad or m]."""
+
+_SINGULAR = 0.02
+"""Smallest singular value of the Jacobian below which a posture counts as singular [m or 1]. The incremental solver
+begins its damping there."""
+
+_PUSH = 1e-3
+"""Share of the error that must press a joint against its limit, so that the limit counts as the reason."""
 
 
 class Unreachable(SimrobError):
-    """A target pose that no posture of the robot reaches, as far as the solver found.
+    """Raised if the solver finds no posture that reaches a target pose.
 
     Attributes:
-        index: which target of the batch, counted from 0.
-        reason: why, in words.
-        positions: the best posture found, shape (n,) [rad or m].
-        position_error: how near it comes [m].
-        rotation_error: how near it comes [rad].
+        index: index of the target in its batch, counted from 0.
+        reason: why the target is not reached, in words.
+        positions: the best posture that was found, shape (n,) [rad or m].
+        position_error: distance of this posture's tool from the target [m].
+        rotation_error: angle of this posture's tool from the target [rad].
     """
 
     def __init__(
         self, target: str, reason: str, *, index: int, positions: Vector, position_error: float, rotation_error: float
     ) -> None:
-        """Say that ``target`` (such as "targets[3]") cannot be reached, why, and how near the best posture comes."""
-        near = message(
+        """Write the message: the target (such as ``targets[3]``), the reason, and the errors of the best posture."""
+        errors = message(
             "kinematics.best_solution",
             "the best solution comes within {distance:.3g} m and {angle}",
             distance=position_error,
@@ -49,7 +63,7 @@ class Unreachable(SimrobError):
                 "{target} cannot be reached: {reason}; {near}",
                 target=target,
                 reason=reason,
-                near=near,
+                near=errors,
             )
         )
         self.index = index
@@ -61,15 +75,17 @@ class Unreachable(SimrobError):
 
 @dataclass(frozen=True, eq=False)
 class Solutions:
-    """Postures for a batch of k targets, and how near they come.
+    """Postures for a batch of k targets, and their errors.
 
     Attributes:
-        positions: of the axes, shape (k, n) [rad or m]; the best found where the target is not reached.
+        positions: positions of the axes, shape (k, n) [rad or m]. If a target is not reached, these are the best that
+            were found.
         reached: whether each target is reached, shape (k,).
-        position_error: distance from each target [m], shape (k,), over what the solver was asked for.
-        rotation_error: angle from each target [rad], shape (k,), likewise.
-        iterations: steps that each target took, shape (k,); 0 for closed forms.
-        reasons: why each target is not reached; empty where it is.
+        position_error: distance from each target, shape (k,) [m]. Directions that do not count for the solver are
+            left out.
+        rotation_error: angle from each target, shape (k,) [rad], likewise.
+        iterations: count of steps for each target, shape (k,); 0 for closed forms.
+        reasons: why each target is not reached, in words; empty if the target is reached.
     """
 
     positions: Vector
@@ -88,7 +104,15 @@ class Solutions:
         iterations: np.ndarray[Any, np.dtype[np.int64]],
         why: Callable[[int], str],
     ) -> "Solutions":
-        """Return solutions with these errors (k, 6); ``why`` tells of a row that is not reached what is in the way."""
+        """Make solutions from the errors of postures.
+
+        Args:
+            positions: the postures, shape (k, n) [rad or m].
+            errors: their errors along and about x, y, z, shape (k, 6) [m, rad].
+            reached: whether each target is reached, shape (k,).
+            iterations: counts of the steps, shape (k,).
+            why: function that writes, for the index of a target that is not reached, the reason.
+        """
         return cls(
             positions=positions,
             reached=reached,
@@ -100,20 +124,23 @@ class Solutions:
 
     @classmethod
     def joined(cls, parts: "Sequence[Solutions]") -> "Solutions":
-        """Return the solutions of one batch from those of its pieces, in order."""
+        """Join the solutions of parts of a batch, in order."""
         arrays = [field.name for field in fields(cls)[:-1]]
         whole: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in arrays}
         return cls(**whole, reasons=tuple(reason for part in parts for reason in part.reasons))
 
     @property
     def first_missed(self) -> int:
-        """The place of the first target that is not reached; there is one."""
+        """Index of the first target that is not reached. There must be one."""
         return int(np.argmin(self.reached))
 
     def unreachable(self, row: int, target: str, *, index: int | None = None) -> Unreachable:
-        """Return the error that says why the target of a row is not reached.
+        """Make the error of a target that is not reached.
 
-        ``target`` is what the user calls it, ``index`` its number there, if that is not ``row``.
+        Args:
+            row: index of the target in this batch.
+            target: name of the target in the message.
+            index: index of the target for the user; ``row`` unless given.
         """
         return Unreachable(
             target,
@@ -126,15 +153,15 @@ class Solutions:
 
 
 def require(solutions: Solutions, name: str = "targets") -> Vector:
-    """Return the positions (k, n) of a batch in which every target is reached.
+    """Return the positions (k, n) of solutions, if every target is reached.
 
     Args:
-        solutions: what a solver gave.
-        name: what the user calls the targets; the message names the first bad one as ``name[index]``,
-            and a single one without the s.
+        solutions: solutions of a solver.
+        name: name of the targets in the message, in the plural. The message names the first target that is not reached
+            as ``name[index]``. A single target is named without the s.
 
     Raises:
-        Unreachable: the first target that is not reached, why, and how near the best solution comes.
+        Unreachable: a target is not reached; the error is about the first one.
     """
     if solutions.reached.all():
         return solutions.positions
@@ -145,7 +172,18 @@ def require(solutions: Solutions, name: str = "targets") -> Vector:
 
 
 def check_search(iterations: int, tolerances: dict[str, float]) -> Vector:
-    """Check a search's settings, return its tolerances; raises InvalidParameter: no step, or none that is positive."""
+    """Check the settings of a search.
+
+    Args:
+        iterations: count of steps.
+        tolerances: tolerances by their names.
+
+    Returns:
+        the tolerances as an array, in order.
+
+    Raises:
+        InvalidParameter: there is no step, or a tolerance is not positive.
+    """
     if iterations < 1:
         raise InvalidParameter("iterations", iterations, message("kinematics.one_or_more", "1 or more"))
     for name, value in tolerances.items():
@@ -155,10 +193,10 @@ def check_search(iterations: int, tolerances: dict[str, float]) -> Vector:
 
 
 class Solver(ABC):
-    """Finds postures of a chain whose tool has given poses.
+    """Finds postures of a chain in which the tool has given poses.
 
     Attributes:
-        chain: whose axes it moves.
+        chain: the axes.
     """
 
     def __init__(self, chain: Chain) -> None:
@@ -169,12 +207,13 @@ class Solver(ABC):
 
         Args:
             targets: poses of the tool in the base: vectors [x y z Rz Ry Rx], matrices, or RigidTransforms.
-            start: one posture (n,): the targets are solved in order, each from the last solution. Or k postures
-                (k, n): each target from its own, all at once where the solver can.
+            start: one posture (n,) or k postures (k, n) [rad or m]. With one posture, the targets are solved in order,
+                each from the solution before. With k postures, each target is solved from its own, all at once if the
+                solver can do that.
 
         Returns:
-            the postures within the joint limits, reached or as near as found; :func:`require` raises where one is
-            not reached.
+            the postures within the joint limits: those that reach the targets, or the best that were found.
+            :func:`require` raises an error if a target is not reached.
 
         Raises:
             InvalidParameter: targets or a start of wrong shape, or not finite.
@@ -207,59 +246,85 @@ class Solver(ABC):
 
 
 def nearest_turns(chain: Chain, positions: Vector, reference: Vector) -> tuple[Vector, Vector]:
-    """Turn revolute joints (..., n) by whole turns, into limits and as near to a reference (..., n) as these allow.
+    """Turn revolute joints by whole turns into their limits, as close to a reference as the limits allow.
 
-    Returns the positions, within the limits or as near to them as whole turns come, and how far each then lies beyond a
-    limit (0 within), both of shape (..., n).
+    Args:
+        chain: the axes.
+        positions: positions, shape (..., n) [rad or m].
+        reference: positions of the reference, shape (..., n) [rad or m].
+
+    Returns:
+        the positions, within the limits or as close to them as whole turns come, and the distance of each beyond its
+        limits (0 if it is within them), both of shape (..., n).
     """
-    lower, upper = chain.lower - _SLACK, chain.upper + _SLACK
+    lower = chain.lower - _ROUNDING_BEYOND_LIMIT
+    upper = chain.upper + _ROUNDING_BEYOND_LIMIT
     turns = np.where(chain.revolute, TURN, 0.0)
-    near = positions - turns * np.round((positions - reference) / TURN)
-    down = near - turns * np.ceil(np.maximum(near - upper, 0.0) / TURN)
-    up = near + turns * np.ceil(np.maximum(lower - near, 0.0) / TURN)
-    best = np.where(near > upper, down, up)
-    other = np.where(near > upper, near, down)  # the last turn on the far side, for limits less than a turn apart
-    beyond, other_beyond = _beyond(chain, best), _beyond(chain, other)
-    swap = other_beyond < beyond
-    best = np.where(swap, other, best)
-    beyond = np.where(swap, other_beyond, beyond)
-    # Of two turns a little beyond opposite limits, as half a turn is for limits of pi - 1e-5 rad, the nearer one.
-    near_beyond = _beyond(chain, near)
-    is_rounded = (beyond > 0.0) & (near_beyond <= chain.limits.tolerances)
-    best = np.where(is_rounded, near, best)
-    beyond = np.where(is_rounded, near_beyond, beyond)
+    closest = positions - turns * np.round((positions - reference) / TURN)
+    turned_down = closest - turns * np.ceil(np.maximum(closest - upper, 0.0) / TURN)
+    turned_up = closest + turns * np.ceil(np.maximum(lower - closest, 0.0) / TURN)
+
+    # If the limits are less than a turn apart, a whole turn may lead past the opposite limit. Then the turn that stays
+    # on the first side may be closer.
+    is_above = closest > upper
+    best = np.where(is_above, turned_down, turned_up)
+    other = np.where(is_above, closest, turned_down)
+    beyond = _distance_beyond(chain, best)
+    other_beyond = _distance_beyond(chain, other)
+    is_other_closer = other_beyond < beyond
+    best = np.where(is_other_closer, other, best)
+    beyond = np.where(is_other_closer, other_beyond, beyond)
+
+    # Two turns may both be a little beyond opposite limits, as half a turn is for limits of pi - 1e-5 rad. The one
+    # closest to the reference is taken.
+    closest_beyond = _distance_beyond(chain, closest)
+    is_rounded = (beyond > 0.0) & (closest_beyond <= chain.limits.tolerances)
+    best = np.where(is_rounded, closest, best)
+    beyond = np.where(is_rounded, closest_beyond, beyond)
     return np.where(beyond > 0.0, best, np.clip(best, chain.lower, chain.upper)), beyond
 
 
-def _beyond(chain: Chain, positions: Vector) -> Vector:
-    over = np.maximum(positions - chain.upper, chain.lower - positions)
-    return np.where(over > _SLACK, over, 0.0)
+def _distance_beyond(chain: Chain, positions: Vector) -> Vector:
+    """Distance of positions (..., n) beyond the limits of a chain, shape (..., n) [rad or m]; 0 within them."""
+    distance = np.maximum(positions - chain.upper, chain.lower - positions)
+    return np.where(distance > _ROUNDING_BEYOND_LIMIT, distance, 0.0)
 
 
 def why_unreached(chain: Chain, target: Vector, posture: Vector, error: Vector, weights: Vector) -> str:
-    """Tell in words why no step from the best posture (n,) leads nearer to a target (4, 4).
+    """Write why no step from the best posture leads closer to a target.
 
-    The error from there is (6,) [m, rad] about x, y, z of the base, 0 where nothing is asked, and has weights (6,).
+    Args:
+        chain: the axes.
+        target: pose of the tool, shape (4, 4).
+        posture: the best posture, shape (n,) [rad or m].
+        error: error of the posture along and about x, y, z of the base, shape (6,) [m, rad]; 0 for directions that do
+            not count.
+        weights: weights of the errors, shape (6,).
     """
     if chain.order and error[:3].any():
         first = chain.order[0]
-        away = float(np.linalg.norm(target[:3, 3] - chain.points[first]))
-        if away > chain.reach:
+        distance = float(np.linalg.norm(target[:3, 3] - chain.points[first]))
+        if distance > chain.reach:
             return message(
                 "kinematics.out_of_reach",
                 "out of reach: it lies {distance:.3g} m from {axis}, and the arm is {reach:.3g} m long",
-                distance=away,
+                distance=distance,
                 axis=chain.names[first],
                 reach=chain.reach,
             )
+
+    # The gradient of the cost presses joints against their limits.
     jacobian = chain.jacobian(posture)[0]
     push = jacobian.T @ (weights * error)
-    strong = np.abs(push) > _PUSH * np.linalg.norm(weights * error)
-    for held, limits, side in (
-        ((posture <= chain.lower + _AT_LIMIT) & (push < 0) & strong, chain.lower, message("base.lower", "lower")),
-        ((posture >= chain.upper - _AT_LIMIT) & (push > 0) & strong, chain.upper, message("base.upper", "upper")),
+    is_strong = np.abs(push) > _PUSH * np.linalg.norm(weights * error)
+    is_held_below = (posture <= chain.lower + _AT_LIMIT) & (push < 0) & is_strong
+    is_held_above = (posture >= chain.upper - _AT_LIMIT) & (push > 0) & is_strong
+    for is_held, limits, side in (
+        (is_held_below, chain.lower, message("base.lower", "lower")),
+        (is_held_above, chain.upper, message("base.upper", "upper")),
     ):
-        for axis in np.flatnonzero(held):
+        if is_held.any():
+            axis = int(np.argmax(is_held))
             limit = angle(limits[axis]) if chain.revolute[axis] else compound("{limits:.4g} m", limits=limits[axis])
             return message(
                 "kinematics.at_joint_limit",
@@ -268,6 +333,7 @@ def why_unreached(chain: Chain, target: Vector, posture: Vector, error: Vector, 
                 side=side,
                 limit=limit,
             )
+
     rows = jacobian[weights > 0][:, list(chain.order)]
     if rows.size and np.linalg.svd(rows, compute_uv=False)[-1] < _SINGULAR:
         return message(

@@ -465,7 +465,9 @@ class Gear(CouplingSection):
         site.generalized_forces.append(forces)
         # In the picture of the diagram the first two blocks are only wires.
         site.picture.draw_nothing(f"{key}.one", f"{key}.bus")
-        site.picture.draw(f"{key}.force", "force", f"What couples\n{', '.join(self.ratios)}")
+        site.picture.draw(
+            f"{key}.force", "force", message("parts.block_couples", "What couples\n{axes}", axes=", ".join(self.ratios))
+        )
 
     def caption(self) -> str:
         """Describe the gear in words."""

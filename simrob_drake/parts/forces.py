@@ -99,12 +99,14 @@ def add_force(
     force = section.shaped(builder, site, f"force.{name}", frame, point, output_port)
     block = add_external_force(builder, site.plant.stepped, frame, name=f"force.{name}", point=point)
     builder.Connect(force, block.get_command_input_port())
-    label = f"Force '{name}'\n{caption}\nat {place}"
+    label = message(
+        "parts.block_force", "Force '{name}'\n{caption}\nat {place}", name=name, caption=caption, place=place
+    )
     for system in (f"force.{name}", f"force.{name}.source"):
         site.picture.draw(system, "force", label, key=f"force.{name}")
     site.spatial_forces.append(block.get_spatial_forces_output_port())
     output = f"applied_force.{name}"
-    title = f"applied force '{name}' at {place}, in its axes"
+    title = message("parts.applied_force", "applied force '{name}' at {place}, in its axes", name=name, place=place)
     site.outputs.add(output, force, applied_signal(output, "N", title, part=name))
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
+from simrob_drake.base.messages import translate
 from simrob_drake.parts.captions import BlockRole, Drawn, InnerBlock
 from simrob_drake.parts.station_plant import StationRobot
 
@@ -40,7 +41,8 @@ class PictureLabels:
         Args:
             name: name of the system.
             role: what the block is for. It determines the column and the colour.
-            label: text in the block; lines are separated by line feeds.
+            label: text in the block, with line feeds between its lines. A message is shown in the language of the
+                output.
             robot: robot to which the block belongs; None if it belongs to none.
             key: key of the block. Systems with the same key share a block. If it is empty, it is the system's name.
             inside: texts of the steps in the block, in the order in which they are done.
@@ -49,7 +51,8 @@ class PictureLabels:
         """
         # If the station has one robot only, blocks do not name it.
         owner = robot.name if robot is not None and robot.prefix else ""
-        self.drawn[name] = Drawn(key or name, role, label, owner, tuple(inside), within, net or {})
+        steps = tuple(translate(step) for step in inside)
+        self.drawn[name] = Drawn(key or name, role, translate(label), owner, steps, within, net or {})
 
     def draw_nothing(self, *names: str) -> None:
         """Declare systems as wiring, which is drawn as a part of the arrows."""

@@ -104,6 +104,7 @@ class Arm(ArmGeometry):
         tool: str | PoseLike | None = None,
         *,
         solver: SolverLike = "auto",
+        overrides: Mapping[str, Any] | None = None,
     ) -> None:
         """Take a robot of a station.
 
@@ -112,13 +113,14 @@ class Arm(ArmGeometry):
             robot: its name in the station; needed where there are several.
             tool: see :meth:`tool`.
             solver: ``auto``, ``numeric``, ``analytic``, ``incremental``, ``constrained``, or one made for ``chain``.
+            overrides: new values of the station, as :func:`simrob_drake.load_station` takes them.
 
         Raises:
             UnknownName: no such station, robot or tool.
             InvalidParameter: a robot without a tool, or on a base that moves.
         """
         self.cell: Workcell
-        super().__init__(station if isinstance(station, Workcell) else Workcell(station), robot)
+        super().__init__(workcell_of(station, overrides), robot)
         self.solver = solver
         self.references: list[JointMove] = []
         model = self.cell.model.robots[self.name].model
@@ -290,6 +292,28 @@ class Arm(ArmGeometry):
         if q is not None:
             self.cell.draw({self.name: self.chain.postures(q, "q")[0]})
         return self.cell.show()
+
+
+def workcell_of(station: "Workcell | StationLike", overrides: Mapping[str, Any] | None) -> "Workcell":
+    """Find the workcell that a user means by a station.
+
+    Args:
+        station: a workcell, or a station from which one is made.
+        overrides: new values of the station; None if there are none.
+
+    Raises:
+        Unsuitable: there are overrides for a workcell, whose station is in use already.
+        SimrobError: there is no such station.
+    """
+    if not isinstance(station, Workcell):
+        return Workcell(station, overrides)
+    if overrides:
+        raise Unsuitable(
+            "overrides",
+            message("programs.given_with_workcell", "given with a workcell"),
+            message("programs.overrides_of_workcell", "given to the workcell: Workcell(station, overrides)"),
+        )
+    return station
 
 
 class Workcell(RecordedStation):

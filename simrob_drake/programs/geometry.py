@@ -190,7 +190,9 @@ class ArmGeometry(CellRobot):
                 message("programs.count_of_poses", "{count} poses", count=len(target)),
                 message("base.one_pose", "one pose"),
             )
-        limit, model = self.cell.robot(self.name).gains.limit_at_rest, self.cell.collision_model
+        gains = self.cell.robot(self.name).gains
+        limit = np.where(gains.passive, np.inf, gains.limit_at_rest)  # a passive axis has no motor to overload
+        model = self.cell.collision_model
         gap = gaps(model, self.name, chain)
 
         def meant(q: Vector) -> Branch:

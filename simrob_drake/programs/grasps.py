@@ -136,7 +136,9 @@ def _gap(first: _Box, second: _Box) -> float:
 
 def with_efforts(config: StationConfig, robot: StationRobot, efforts: Mapping[str, float]) -> StationConfig:
     """Return a station in which motors of a robot give at most so much [N·m or N], by axis; the others as before."""
-    limits = {**dict(zip(robot.axes, robot.gains.torque_limit.tolist(), strict=True)), **efforts}
+    own = dict(zip(robot.axes, robot.gains.torque_limit.tolist(), strict=True))
+    driven = {axis: limit for axis, limit in own.items() if limit > 0}  # passive axes have no limit
+    limits = {**driven, **efforts}
     servo = config.servo_of(robot.name).model_copy(update={"torque_limit": limits})
     entry = config.robots[robot.name].model_copy(update={"servo": servo})
     return config.model_copy(update={"robots": {**config.robots, robot.name: entry}})

@@ -9,7 +9,7 @@ from simrob_drake.base.errors import InvalidParameter, counted
 from simrob_drake.base.frames import PoseLike, as_transform, pose_from_transform
 from simrob_drake.base.messages import message
 from simrob_drake.parts.resolved import WORLD
-from simrob_drake.programs.arm import Workcell
+from simrob_drake.programs.arm import Workcell, workcell_of
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.moves.get_up import GetUpMove
 from simrob_drake.programs.moves.joints import move_of, targets_on
@@ -54,18 +54,25 @@ class LeggedRobot(LeggedGeometry):
         move_spans: when each move of it began and ended, since the start of the first run.
     """
 
-    def __init__(self, station: "Workcell | StationLike", robot: str | None = None) -> None:
+    def __init__(
+        self,
+        station: "Workcell | StationLike",
+        robot: str | None = None,
+        *,
+        overrides: Mapping[str, Any] | None = None,
+    ) -> None:
         """Take a robot of a station.
 
         Args:
             station: a workcell, or what makes one: a station's name, file or configuration.
             robot: its name in the station; needed where there are several.
+            overrides: new values of the station, as :func:`simrob_drake.load_station` takes them.
 
         Raises:
             UnknownName: no such station or robot.
             InvalidParameter: a station without a robot, or no robot named where there are several.
         """
-        super().__init__(station if isinstance(station, Workcell) else Workcell(station), robot)
+        super().__init__(workcell_of(station, overrides), robot)
         self.program = Program()
         self._start = self.cell.config
         self.runs: list[SimulationResult] = []

@@ -25,6 +25,7 @@ from simrob_drake.programs.program import Program, run_cells
 from simrob_drake.results.record.run import MoveSpan, move_title
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult
+from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.simulation import ReferenceLike
 from simrob_drake.stations.config import StationConfig
@@ -208,13 +209,18 @@ def _moves_of(model: RobotModel, own: Posing, move_time: float | None) -> list[M
     times = np.diff([0.0, *(target.time for target in own.targets)])
     return [
         move_of(
-            target.target_deg
-            if isinstance(target.target_deg, dict)
-            else dict(zip(model.axes, model.axis_vector(target.target_deg, SEQUENCE).tolist(), strict=True)),
+            target.target_deg if isinstance(target.target_deg, dict) else _targets_of_driven(model, target.target_deg),
             float(time) if move_time is None else move_time,
         )
         for target, time in zip(own.targets, times, strict=True)
     ]
+
+
+def _targets_of_driven(model: RobotModel, target_deg: AxisValues) -> dict[str, float]:
+    """Spread one number or a list over the axes that have a motor, by name [deg, or m of a prismatic axis]."""
+    values = model.axis_vector(target_deg, SEQUENCE).tolist()
+    by_axis = dict(zip(model.axes, values, strict=True))
+    return {axis: value for axis, value in by_axis.items() if axis not in model.passive_axes}
 
 
 def _check_references(robot: LeggedGeometry, program: Program, file: str) -> None:

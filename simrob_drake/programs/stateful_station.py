@@ -3,14 +3,13 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pydrake.math import RigidTransform
 
 from simrob_drake.base.arguments import instance, seconds
-from simrob_drake.base.errors import InvalidParameter, Unsuitable, one_of
+from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.frames import PoseLike, Vector, as_transform, pose_from_transform
 from simrob_drake.base.messages import message
 from simrob_drake.parts.resolved import WORLD
@@ -29,7 +28,6 @@ from simrob_drake.results.record.state import State, free_joint
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation import OnStep, ReferenceLike, Runner
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.load import load_station
 from simrob_drake.stations.station import StationLike, config_of
 
 GOES_ON = ("completed", "monitor")  # endings of a run after which the next one begins where it ended
@@ -52,26 +50,17 @@ class StatefulStation(ABC):
         watcher: is told of each step of a run, as ``on_step`` of :func:`simrob_drake.simulate`, in the window's place.
     """
 
-    def __init__(self, station: StationLike, overrides: dict[str, Any] | None = None) -> None:
+    def __init__(self, station: StationLike, overrides: Mapping[str, Any] | None = None) -> None:
         """Take a station.
 
         Args:
             station: a name of :func:`simrob_drake.station_names`, a YAML file, a configuration, or a built station.
-            overrides: what to change in it, as :func:`simrob_drake.load_station` takes it; for names and files.
+            overrides: what to change in it, as :func:`simrob_drake.load_station` takes it.
 
         Raises:
             SimrobError: as :func:`simrob_drake.load_station`.
         """
-        if overrides is None or (isinstance(overrides, dict) and not overrides):
-            config = config_of(station)
-        elif isinstance(station, (str, Path)):
-            config = load_station(station, overrides)
-        else:
-            raise Unsuitable(
-                "overrides",
-                message("programs.complete_already", "the configuration is complete already"),
-                message("programs.change_by_copy", "change it with model_copy(), or give the name of a station"),
-            )
+        config = config_of(station, overrides)
         self.config = config.model_copy(update={"program": None})  # who has the station at hand says what is done
         self.state = State.at_start_of(self.config)
         self.tape = Tape()

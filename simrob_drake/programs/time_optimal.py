@@ -67,7 +67,8 @@ class Motors:
             control = robot.axis_map.spread_positions(way.c[:, axes], control)
             speeds[places] = _FULL * robot.speed_limits
             pushes[places] = np.minimum(_FULL * robot.model.accelerations, _NONE)
-            torques[places] = np.minimum(_FULL * (robot.gains.limit_at_rest - robot.model.friction), _NONE)
+            most = np.minimum(_FULL * (robot.gains.limit_at_rest - robot.model.friction), _NONE)
+            torques[places] = np.where(robot.gains.passive, _NONE, most)
             begin = axes.stop
         path = BsplineTrajectory(BsplineBasis(way.k + 1, way.t.tolist()), list(control[:, :, np.newaxis]))
         problem = Toppra(path, plant, np.linspace(0.0, 1.0, int(np.clip(points, *_GRID)) + 1))

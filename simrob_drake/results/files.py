@@ -6,6 +6,7 @@ import json
 import os
 import signal
 import sys
+import textwrap
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import datetime
@@ -16,7 +17,8 @@ import numpy as np
 
 from simrob_drake.base.folders import filled_at_once
 from simrob_drake.base.frames import Vector
-from simrob_drake.blocks.references import as_reference
+from simrob_drake.base.messages import message
+from simrob_drake.blocks.references import Samples, as_reference
 from simrob_drake.parts.references import TIME_COLUMN, Interpolation, Table, speed_columns
 from simrob_drake.results.plots.formats import PlotFormat, plot_format
 from simrob_drake.results.record.run import RecordedRun, all_events
@@ -25,6 +27,7 @@ from simrob_drake.results.verdict.verdict import Verdict
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.load import station_yaml
 
+_COMMENT_WIDTH = 100  # characters of a line of a comment in YAML
 RUNS = Path("runs")
 SUMMARY = "summary.json"
 SIGNALS = "signals.csv"
@@ -96,7 +99,8 @@ def save_result(
             config = config.model_copy(update={"start": Path(START)})
         from simrob_drake.stations.located import carried  # the importer, which a run alone does not need
 
-        (work / "station.yaml").write_text(station_yaml(carried(config, work)), encoding="utf-8")
+        text = _station_remarks(result) + station_yaml(carried(config, work))
+        (work / "station.yaml").write_text(text, encoding="utf-8")
         with in_background(lambda: _save_plots(result, work / "plots", plots)):
             if recording:
                 save_recording(result, work / "recording.html")
@@ -131,6 +135,30 @@ def write_table(file: Path, names: list[str], times: Vector, values: Vector) -> 
         writer.writerows(np.column_stack([times, values]).tolist())
 
 
+def _station_remarks(result: RecordedRun) -> str:
+    """Comments for the head of ``station.yaml``, on what a run of the file repeats; empty if it repeats everything."""
+    remarks = []
+    if result.in_own_diagram:
+        remarks.append(
+            message(
+                "results.station_alone",
+                "This is the station alone, without the diagram in which it was run. Its reference is the recorded one "
+                "(reference.csv); what else the diagram gave it, such as feedforward, is not repeated.",
+            )
+        )
+    if result.start_time > 0:
+        remarks.append(
+            message(
+                "results.station_began_late",
+                "The run began at {begin:g} s, in the state of start.json. A run of this file begins at 0 s in that "
+                'state; simulate(..., start=state, start_time="keep") begins at the time of the state.',
+                begin=result.start_time,
+            )
+        )
+    lines = [line for remark in remarks for line in textwrap.wrap(remark, _COMMENT_WIDTH)]
+    return "".join(f"# {line}\n" for line in lines)
+
+
 def with_tables(result: RecordedRun, folder: Path) -> StationConfig:
     """Write the references that are no part of the configuration as tables, and return one that names them."""
     config = (result.begun or result.config).model_copy(update={"duration": result.config.duration})
@@ -138,7 +166,11 @@ def with_tables(result: RecordedRun, folder: Path) -> StationConfig:
         reference, played = config.reference_of(robot), result.references.get(robot)
         axes = result.plant.robots[robot].axes
         way: Interpolation = "cubic" if config.follows_speed(robot) else "linear"  # as simulate() joins samples
-        if isinstance(played, tuple):
+        samples: Samples
+        if result.in_own_diagram:
+            # Sources of the diagram gave the reference. Times of a run of the file count from zero.
+            samples = result.times - result.start_time, result.axes("q_ref", robot)
+        elif isinstance(played, tuple):
             samples = played
         elif played is not None:
             made = as_reference(played).table(config.duration)

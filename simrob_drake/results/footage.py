@@ -34,7 +34,7 @@ class Footage:
         config = result.config.model_copy(update={"contact": None, "sensors": {}})
         self._scene = PosedStation(config, lambda _, station: let_render(station.scene_graph))
         self._mount = camera.mount(self._scene.station)
-        self.times, self.rate = frame_times(result.stop_time, camera.rate), camera.rate
+        self.times, self.rate = frame_times(result.stop_time, camera.rate, begin=result.start_time), camera.rate
         plant, prefixes = self._scene.plant, {r.instance: r.prefix for r in self._scene.station.robots.values()}
         bodies = (plant.get_body(index) for index in map(BodyIndex, range(plant.num_bodies())))
         self.names = {int(b.index()): f"{prefixes.get(b.model_instance(), '')}{b.name()}" for b in bodies}

@@ -36,7 +36,8 @@ def html_of_remarks(sentence: str, remarks: Sequence[Remark], rows: Sequence[Seq
         text = f"{warning.severity}: {warning.text}"
         if warning.remedy is not None:
             text += f". {capitalised(warning.remedy.text)}"
-            text += f" ({warning.remedy.setting})" if warning.remedy.setting else ""
+            settings = ", ".join(warning.remedy.settings)
+            text += f" ({settings})" if settings else ""
         lines.append(_coloured(text, warning.severity))
     page = f"<p>{'<br>'.join(line for line in lines if line)}</p>"
     return page + html_table(rows) if warnings else page

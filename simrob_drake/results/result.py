@@ -6,7 +6,7 @@ piece. Nothing is simulated again.
 """
 
 from base64 import b64encode
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
@@ -22,7 +22,7 @@ from simrob_drake.base.remarks import Remark
 from simrob_drake.results.files import default_folder, save_result
 from simrob_drake.results.html import html_of_remarks, html_table
 from simrob_drake.results.plots.formats import PlotFormat
-from simrob_drake.results.record.run import DIVERGED, FAILED, RecordedRun
+from simrob_drake.results.record.run import DIVERGED, FAILED, ContactsAt, RecordedRun
 from simrob_drake.results.record.summary import summary_of
 from simrob_drake.results.verdict.judge import verdict_of
 from simrob_drake.results.verdict.moves import judge_move
@@ -54,13 +54,17 @@ FILM_ENDINGS = (".html", ".png", ".mp4")  # of files with the motion of a run
 
 
 def table_of(result: RecordedRun) -> list[list[str]]:
-    """Return headings, and where every joint ended and its torques; without robots, where the free pieces ended."""
+    """Rows of the table of ends: the headings, then position and torques of each joint at the end of a run.
+
+    A station without robots has the position and the speed of each free piece instead.
+    """
     if not result.plant.robots:
         speed = message("results.heading_speed", "speed [m/s]")
         table = [[message("results.heading_piece", "piece"), "x [m]", "y [m]", "z [m]", speed]]
         for piece in result.config.free_pieces:
             place, velocity = result.piece_pose(piece)[-1, :3], result.piece_velocity(piece)[-1, :3]
-            table.append([piece, *(f"{value:.4f}" for value in place), f"{np.linalg.norm(velocity):.4f}"])
+            ends = [compound("{value:.4f}", value=value) for value in (*place, np.linalg.norm(velocity))]
+            table.append([piece, *ends])
         return table
     kinematic = not result.config.engine.moves_by_forces
     unit_heading = message("results.heading_unit", "unit")
@@ -79,11 +83,16 @@ def table_of(result: RecordedRun) -> list[list[str]]:
     for robot in result.plant.robots.values():
         for index, (axis, limit) in enumerate(zip(robot.axes, robot.gains.torque_limit, strict=True)):
             reference, position, torque = (result[f"{robot.prefix}{s}.{axis}"] for s in ("q_ref", "q", "tau"))
-            ends = [f"{values[-1] / robot.model.user_units[index]:z.3f}" for values in (reference, position)]
+            ends = [
+                compound("{value:z.3f}", value=values[-1] / robot.model.user_units[index])
+                for values in (reference, position)
+            ]
             unit, effort = robot.model.unit_names[index], robot.model.effort_units[index]
             peak = torque[np.argmax(np.abs(torque))]
-            shown_limit = "–" if kinematic else f"{limit:g}"
-            efforts = f"{torque[-1]:z.3f}", f"{peak:z.3f}", shown_limit, effort
+            has_no_limit = kinematic or robot.gains.passive[index]
+            shown_limit = "–" if has_no_limit else compound("{limit:g}", limit=limit)
+            last_torque = compound("{value:z.3f}", value=torque[-1])
+            efforts = (last_torque, compound("{value:z.3f}", value=peak), shown_limit, effort)
             table.append([f"{robot.prefix}{axis}", *ends, unit, *efforts])
     return table
 
@@ -94,6 +103,27 @@ class SimulationResult(RecordedRun):
 
     Attributes: those of :class:`RecordedRun`.
     """
+
+    def _pickled_content(self) -> dict[str, Any]:
+        """Fields of the pickled result, with the verdict if it was evaluated, and those about its moves."""
+        moves = tuple(replace(move, verdict=judge_move(self, move)) for move in self.moves)
+        content = super()._pickled_content() | {"moves": moves}
+        # The contacts that a verdict needs cannot be evaluated again if there is a recorded motion only.
+        if "verdict" in self.__dict__ or content["motion"] is not None:
+            content["verdict"] = self.verdict
+        return content
+
+    def _rebuilt_fields(self) -> dict[str, Any]:
+        """Fields of a pickled result that are computed from its plant, by name."""
+        if not self.runs:
+            return super()._rebuilt_fields()
+        motion = _ProgramMotion(self.runs, self.config, self.wandering)
+        return {
+            "plant": motion.plant,
+            "positions_at": motion.positions_at,
+            "contacts_at": _program_contacts(self.runs, self.wandering),
+            "context": self.runs[-1].context,
+        }
 
     @cached_property
     def verdict(self) -> Verdict:
@@ -248,22 +278,11 @@ def joined(
     begins = begins_of(*runs).round(12)  # so that sums of decimals are decimals
     wandering = [name for name in stations[0].pieces if len({_hung(station, name) for station in stations}) > 1]
     config = last.config.model_copy(update={"duration": float(begins[-1])})
-    plant, positions_of = last.plant, [run.positions_at for run in runs]
     if wandering:
         config = _unbound(config, wandering)
-        plant = PosedStation(config.model_copy(update={"contact": None})).station
-        tools = {name: ", ".join(dict.fromkeys(run.plant.robots[name].tcp for run in runs)) for name in plant.robots}
-        plant = replace(plant, robots={name: replace(robot, tcp=tools[name]) for name, robot in plant.robots.items()})
-        positions_of = [partial(_positions_at, run, plant, wandering) for run in runs]
-
-    def positions_at(times: Vector) -> Vector:
-        number = np.clip(np.searchsorted(begins, times, side="right") - 1, 0, len(runs) - 1)
-        rows = np.empty((len(times), plant.plant.num_positions()))
-        for index in set(number.tolist()):
-            own = number == index
-            rows[own] = positions_of[index](np.clip(times[own] - begins[index], 0.0, runs[index].stop_time))
-        return rows
-
+    motion = _ProgramMotion(runs, config, wandering)
+    # The first run begins at zero, and each of the others where the one before it ends.
+    shifts = [float(begin) - run.start_time for run, begin in zip(runs, begins, strict=False)]
     kept = [slice(None, -1)] * (len(runs) - 1) + [slice(None)]
     marks, ends = list[Event](), begins[1:].tolist()
     for run, end, before, after in zip(runs, ends, stations[:-1], stations[1:], strict=False):
@@ -274,18 +293,21 @@ def joined(
     whole = replace(
         last,
         config=config,
-        plant=plant,
+        plant=motion.plant,
         message=_message(last, len(runs), float(begins[-2])),
-        times=np.concatenate([run.times[own] + begin for run, own, begin in zip(runs, kept, begins, strict=False)]),
-        step_times=np.concatenate([[0.0], *(run.step_times[1:] + b for run, b in zip(runs, begins, strict=False))]),
-        positions_at=positions_at,
+        times=np.concatenate([run.times[own] + shift for run, own, shift in zip(runs, kept, shifts, strict=True)]),
+        step_times=np.concatenate(
+            [[0.0], *(run.step_times[1:] + shift for run, shift in zip(runs, shifts, strict=True))]
+        ),
+        positions_at=motion.positions_at,
         stepping_time=sum(run.stepping_time for run in runs),
         signal_time=sum(run.signal_time for run in runs),
         notes={name: note for run in runs for name, note in run.notes.items()},
         start=start,
         references={},
         solver_warnings=list(dict.fromkeys(warning for run in runs for warning in run.solver_warnings)),
-        contacts_at=last.contacts_at if len(runs) == 1 and not wandering else None,
+        contacts_at=_program_contacts(runs, wandering),
+        wandering=tuple(wandering),
         did="",
         place="",
         moves=(),
@@ -294,8 +316,54 @@ def joined(
         marks=tuple(marks),
         move_spans=tuple(move_spans),
         program=program,
+        trace=None,
     )
     return _with_signals(whole, kept, wandering)
+
+
+class _ProgramMotion:
+    """Positions of the plant in a program, whose runs follow each other.
+
+    Attributes:
+        plant: the plant of the runs; with pieces that change hands, one in which these stand free.
+    """
+
+    def __init__(self, runs: Sequence[RecordedRun], config: StationConfig, wandering: Sequence[str]) -> None:
+        """Join the motions of runs.
+
+        Args:
+            runs: the runs, in order.
+            config: configuration of the program, in which the pieces that change hands stand free.
+            wandering: names of these pieces.
+        """
+        self._runs = runs
+        self._begins = begins_of(*runs).round(12)  # so that sums of decimals are decimals
+        self.plant = runs[-1].plant
+        self._positions_of: list[Callable[[Vector], Vector]] = [run.positions_at for run in runs]
+        if wandering:
+            free = PosedStation(config.model_copy(update={"contact": None})).station
+            robots = {}
+            for name, robot in free.robots.items():
+                tools = dict.fromkeys(run.plant.robots[name].tcp for run in runs)
+                robots[name] = replace(robot, tcp=", ".join(tools))
+            self.plant = replace(free, robots=robots)
+            self._positions_of = [partial(_positions_at, run, self.plant, wandering) for run in runs]
+
+    def positions_at(self, times: Vector) -> Vector:
+        """Positions of the plant (k, nq) at times (k,) [s] since the start of the program."""
+        number = np.clip(np.searchsorted(self._begins, times, side="right") - 1, 0, len(self._runs) - 1)
+        rows = np.empty((len(times), self.plant.plant.num_positions()))
+        for index in set(number.tolist()):
+            run = self._runs[index]
+            own = number == index
+            since_begin = np.clip(times[own] - self._begins[index], 0.0, run.simulated_time)
+            rows[own] = self._positions_of[index](run.start_time + since_begin)
+        return rows
+
+
+def _program_contacts(runs: Sequence[RecordedRun], wandering: Sequence[str]) -> ContactsAt | None:
+    """Function that yields contact results of a program; None if it has several runs, or a plant of its own."""
+    return runs[0].contacts_at if len(runs) == 1 and not wandering else None
 
 
 def _with_signals(whole: Run, kept: Sequence[slice], wandering: Sequence[str]) -> Run:
@@ -363,11 +431,11 @@ def _message(last: RecordedRun, count: int, begin: float) -> str:
         return message(
             "results.ran_to_its_end",
             "ran to its end at {time:.6g} s, in {count} {count:run|runs}",
-            time=begin + last.stop_time,
+            time=begin + last.simulated_time,
             count=count,
         )
     if last.runs:  # it was cut where something happened
-        return _message(last.runs[-1], count, begin + last.stop_time - last.runs[-1].stop_time)
+        return _message(last.runs[-1], count, begin + last.simulated_time - last.runs[-1].simulated_time)
     return (
         message(
             "results.ending_of_last_run",

@@ -12,7 +12,7 @@ from pydrake.multibody.tree import Joint, ModelInstanceIndex
 from pydrake.systems.framework import Context
 
 from simrob_drake.base.errors import InvalidParameter
-from simrob_drake.base.frames import Vector
+from simrob_drake.base.frames import Flags, Vector
 from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.sections import Number
 
@@ -119,15 +119,25 @@ class AxisMap:
         matrix[count:, self.num_positions :] = self.velocity_matrix
         return matrix
 
-    def actuation_matrix(self, plant: MultibodyPlant, instance: ModelInstanceIndex) -> Vector:
-        """Return the matrix (nu, n) from efforts of the axes to the actuators of a model instance of the plant.
+    def actuation_matrix(
+        self, plant: MultibodyPlant, instance: ModelInstanceIndex, passive: Flags | None = None
+    ) -> Vector:
+        """Compute the matrix (nu, n) from efforts of the axes to the actuators of a model instance of the plant.
 
         A joint's first actuator is its motor; others, such as its friction, take nothing.
+
+        Args:
+            plant: the finalized plant.
+            instance: model instance of the robot.
+            passive: whether each axis is without a motor, shape (n,); None if all axes have one. The only actuator that
+                the joint of such an axis can have is its friction.
         """
         actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices(instance)]
         matrix = (self.velocity_matrix @ plant.MakeActuationMatrix()[:, [a.input_start() for a in actuators]]).T
         joints = [actuator.joint().index() for actuator in actuators]
         matrix[[row for row, joint in enumerate(joints) if joint in joints[:row]]] = 0.0
+        if passive is not None:
+            matrix[:, passive] = 0.0
         return np.asarray(matrix)
 
     def _matrix(self, places: np.ndarray[tuple[int], np.dtype[np.intp]], columns: int) -> Vector:

@@ -15,10 +15,10 @@ import numpy as np
 from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from simrob_drake.base.arguments import as_path
-from simrob_drake.base.errors import InvalidParameter, UnknownName, one_of
+from simrob_drake.base.errors import InvalidParameter, UnknownName, Unsuitable, one_of
 from simrob_drake.base.file_cache import file_state
 from simrob_drake.base.files import ROBOT_FILE, model_file, robot_files
-from simrob_drake.base.frames import Vector
+from simrob_drake.base.frames import Flags, Vector
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import FileName, Number, Positive, Strict, default_of, is_file_name, validated
 from simrob_drake.base.yaml_files import read_yaml
@@ -30,10 +30,27 @@ from simrob_drake.robots.dh import DhTable, described_by_table, dh_robot
 from simrob_drake.robots.feet import Feet
 from simrob_drake.robots.fingers import FingerHand, Gripper, fingers_of
 from simrob_drake.robots.followers import MimicFollower, followers_among, with_followers
-from simrob_drake.robots.limits import AxisLimits, Flags, middles
+from simrob_drake.robots.limits import AxisLimits, middles
 from simrob_drake.robots.motors import Drives, Gains, set_drives
-from simrob_drake.robots.urdf import DRAKE, joint_figure, joint_limits, movable_joints, name_of, root_link
+from simrob_drake.robots.urdf import (
+    DRAKE,
+    add_motor,
+    child_of,
+    driven_joints,
+    joint_figure,
+    joint_limits,
+    movable_joints,
+    name_of,
+    remove_motors,
+    root_link,
+    transmissions_of,
+    written,
+)
 from simrob_drake.robots.urdf_check import check_urdf, checked_urdf
+
+PASSIVE = "servo.passive"
+LIMIT = "servo.torque_limit"
+"""Keys of a station and of a ``robot.yaml``, for messages."""
 
 
 class RobotModel(Strict):
@@ -153,6 +170,7 @@ class RobotModel(Strict):
                     "robots.root_link_of", "{link}, the root link of {file}", link=root_link(root), file=self.urdf_path
                 ),
             )
+        self._apply_passive_axes(root)
         # Values of the description take the place of those in the URDF.
         joints = [axis.joint for axis in self.axes.values()]
         for key in ("rotor_inertia", "gear_ratio", "damping", "friction"):
@@ -160,6 +178,49 @@ class RobotModel(Strict):
             if values is not None:
                 set_drives(root, key, self._by_joint(joints, values, f"drives.{key}"))
         return root
+
+    def _apply_passive_axes(self, root: Element) -> None:
+        """Take the motors of the axes that the description calls passive out of the URDF, and give all others one.
+
+        Nothing changes if the description has no key ``servo.passive``.
+
+        Raises:
+            UnknownName: the key names an axis that the robot does not have.
+            Unsuitable: an axis gets a motor whose largest torque is not given.
+        """
+        if self.servo.passive is None:
+            return
+        joints = [axis.joint for axis in self.axes.values()]
+        passive = {joints[self.axis_index(axis, PASSIVE)] for axis in self.servo.passive}
+        remove_motors(root, passive)
+        # NaN stands for axes without a value.
+        limits = self.axis_vector({} if self.servo.torque_limit is None else self.servo.torque_limit, LIMIT, np.nan)
+        driven = driven_joints(root)
+        elements = {name_of(joint): joint for joint in root.iterfind("joint")}
+        for axis, joint, limit in zip(self.axes, joints, limits.tolist(), strict=True):
+            if joint in passive or joint in driven:
+                continue
+            if not limit > 0:
+                raise Unsuitable(
+                    LIMIT,
+                    message("robots.motor_without_limit", "{key} gives {axis} a motor", key=PASSIVE, axis=axis),
+                    message("robots.give_its_limit", "give {axis} a torque limit, too [N·m or N]", axis=axis),
+                )
+            child_of(elements[joint], "limit").set("effort", written(limit))
+            # A transmission is there already if the URDF has one with the effort 0.
+            if joint not in transmissions_of(root):
+                add_motor(root, joint, drive=f"{joint}_drive")
+
+    def with_passive_axes(self, passive: list[str], torque_limits: Mapping[str, float]) -> "RobotModel":
+        """Copy the robot with other passive axes.
+
+        Args:
+            passive: names of the axes without a motor. All other axes have one.
+            torque_limits: largest torque or force of motors, by the name of the axis [N·m or N]. Axes whose joints have
+                a motor in the URDF need none.
+        """
+        servo = self.servo.model_copy(update={"passive": passive, "torque_limit": dict(torque_limits)})
+        return self.model_copy(update={"servo": servo})
 
     def _by_joint(self, joints: list[str], values: AxisValues, key: str) -> dict[str, float]:
         """Spread the values of a key over the joints, by name; joints of axes without a value are left out."""
@@ -232,10 +293,22 @@ class RobotModel(Strict):
         revolute = ~np.array(self.prismatic, dtype=bool)
         return AxisLimits(names=tuple(self.axes), lower=lower, upper=upper, revolute=revolute)
 
+    @cached_property
+    def passive(self) -> Flags:
+        """Whether each axis is passive, shape (n,): it has no motor, and moves freely."""
+        driven = driven_joints(self.element)
+        return np.array([name_of(joint) not in driven for joint in self.joints], dtype=bool)
+
+    @property
+    def passive_axes(self) -> list[str]:
+        """Names of the axes without a motor."""
+        return [axis for axis, is_passive in zip(self.axes, self.passive.tolist(), strict=True) if is_passive]
+
     @property
     def efforts(self) -> Vector:
-        """Largest effort of every axis' motor in the URDF, shape (n,) [N·m or N]."""
-        return np.array([joint_figure(joint, "effort") for joint in self.joints])
+        """Largest effort of every axis' motor in the URDF, shape (n,) [N·m or N]; 0 of a passive axis."""
+        limits = np.array([joint_figure(joint, "effort") for joint in self.joints])
+        return np.where(self.passive, 0.0, limits)
 
     @property
     def friction(self) -> Vector:
@@ -244,13 +317,21 @@ class RobotModel(Strict):
 
     @property
     def play(self) -> Vector:
-        """Backlash of every axis: the motion of its link while its motor stands still, shape (n,) [rad or m]."""
-        return self.user_units * self.axis_vector(self.drives.backlash_deg or 0.0, "drives.backlash_deg")
+        """Backlash of every axis: the motion of its link while its motor stands still, shape (n,) [rad or m].
+
+        It is 0 for a passive axis, which has no motor and no gear.
+        """
+        play = self.user_units * self.axis_vector(self.drives.backlash_deg or 0.0, "drives.backlash_deg")
+        return np.where(self.passive, 0.0, play)
 
     @cached_property
     def speed_limits(self) -> Vector:
-        """Largest speed of every axis by the URDF, shape (n,) [rad/s or m/s]; infinite if the URDF has none."""
-        return np.array([joint_figure(joint, "velocity") or np.inf for joint in self.joints])
+        """Largest speed of every axis by the URDF, shape (n,) [rad/s or m/s].
+
+        It is infinite if the URDF has none, and for passive axes, whose speed no motor limits.
+        """
+        limits = np.array([joint_figure(joint, "velocity") or np.inf for joint in self.joints])
+        return np.where(self.passive, np.inf, limits)
 
     @property
     def accelerations(self) -> Vector:

@@ -292,7 +292,10 @@ def _joints_that_slide(root: ET.Element, joints: Mapping[str, ET.Element]) -> _H
 
 
 def _is_hand(root: ET.Element, joints: Mapping[str, ET.Element], hand: _HandCandidate) -> bool:
-    """Whether some joint moves the palm, and the fingers are the only moving joints beyond it, in two branches or more.
+    """Whether the fingers are the only moving joints beyond the palm, in two branches or more.
+
+    Some joint has to move the palm, as the wrist of an arm does. In the file of a gripper alone nothing moves it. There
+    a joint or a link has to be named as a finger: the axes of a machine that slide from its frame are no fingers.
 
     Args:
         root: the ``robot`` element.
@@ -308,7 +311,9 @@ def _is_hand(root: ET.Element, joints: Mapping[str, ET.Element], hand: _HandCand
         if beyond & names:
             moving_branches += 1
     has_moving_palm = len(beyond) < len(joints)
-    return beyond == hand.travels.keys() and moving_branches > 1 and has_moving_palm
+    finger_names = [name for finger in hand.travels for name in (finger, link_of(joints[finger], "child"))]
+    is_named = any(_JAW_NAME.search(name) for name in finger_names)
+    return beyond == hand.travels.keys() and moving_branches > 1 and (has_moving_palm or is_named)
 
 
 def _joints_beyond(starts: Mapping[str, list[ET.Element]], joint: ET.Element) -> list[ET.Element]:

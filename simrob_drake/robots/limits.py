@@ -8,15 +8,12 @@ so once.
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from simrob_drake.base.frames import Vector
+from simrob_drake.base.frames import Flags, Vector
 from simrob_drake.base.messages import compound, message
-
-Flags = np.ndarray[Any, np.dtype[np.bool_]]
-"""An array of booleans; the shape is in the docstrings."""
 
 ANGLE_TOLERANCE = 1e-4
 """Distance beyond a limit that counts as rounding [rad]; 0.1 mm at the end of an arm of one metre."""

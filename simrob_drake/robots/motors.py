@@ -225,5 +225,7 @@ class Gains(Strict):
     """Derivative gain [N·m·s/rad or N·s/m]."""
     motor: Motors | None = None
     """Its motors, as in a station's `servo`."""
+    passive: list[str] | None = None
+    """Axes without a motor, which move freely; those whose joints have no motor in the URDF unless given."""
     torque_limit: AxisValues | None = None
     """Largest torque or force of the motor [N·m or N]; the effort limit of the URDF unless given."""

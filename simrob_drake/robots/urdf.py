@@ -6,7 +6,7 @@ Lengths are in metres, masses in kg, angles in radians; numbers are written with
 import math
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -81,6 +81,13 @@ def add_motor(robot: ET.Element, joint: str, *, drive: str, motor: str = "") -> 
     ET.SubElement(transmission, "type").text = "transmission_interface/SimpleTransmission"
     ET.SubElement(transmission, "joint", name=joint)
     return ET.SubElement(transmission, "actuator", name=motor or f"{joint}_motor")
+
+
+def remove_motors(robot: ET.Element, joints: Collection[str]) -> None:
+    """Remove the transmissions that drive some joints, by their names, in place: the joints become passive."""
+    for transmission in robot.findall("transmission"):
+        if any(name_of(joint) in joints for joint in transmission.iterfind("joint")):
+            robot.remove(transmission)
 
 
 @dataclass(frozen=True)
@@ -221,6 +228,30 @@ def read_urdf(path: Path) -> ET.Element:
 def movable_joints(root: ET.Element) -> list[str]:
     """Return the names of the joints that move, in file order."""
     return [name_of(j) for j in root.iterfind("joint") if j.get("type") in MOVABLE_JOINTS]
+
+
+def transmissions_of(root: ET.Element) -> dict[str, list[ET.Element]]:
+    """Find the transmissions that drive each joint, by the joint's name, in file order."""
+    transmissions: dict[str, list[ET.Element]] = {}
+    for transmission in root.iterfind("transmission"):
+        for joint in transmission.iterfind("joint"):
+            transmissions.setdefault(name_of(joint), []).append(transmission)
+    return transmissions
+
+
+def driven_joints(root: ET.Element) -> set[str]:
+    """Names of the moving joints of a checked robot that have a motor. The other moving joints are passive.
+
+    As in Drake, a joint has a motor if a transmission drives it and its effort limit is positive.
+    """
+    with_transmission = transmissions_of(root)
+    return {
+        name_of(joint)
+        for joint in root.iterfind("joint")
+        if joint.get("type") in MOVABLE_JOINTS
+        and name_of(joint) in with_transmission
+        and joint_figure(joint, "effort") > 0
+    }
 
 
 def joint_limits(joint: ET.Element) -> tuple[float, float]:

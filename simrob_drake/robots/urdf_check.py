@@ -18,6 +18,7 @@ from simrob_drake.robots.urdf import (
     MOMENTS,
     MOVABLE_JOINTS,
     copied,
+    driven_joints,
     impossible,
     joint_figure,
     link_of,
@@ -25,6 +26,7 @@ from simrob_drake.robots.urdf import (
     moments_of,
     name_of,
     read_urdf,
+    transmissions_of,
 )
 
 NUMBER_COUNTS = {
@@ -343,27 +345,34 @@ def _check_materials(root: ET.Element, refuse: Refuse) -> None:
 
 
 def _check_actuators(root: ET.Element, refuse: Refuse) -> None:
-    drives: dict[str, list[ET.Element]] = {}
-    for drive in root.iterfind("transmission"):
-        for joint in drive.iterfind("joint"):
-            drives.setdefault(name_of(joint), []).append(drive)
-    for joint in root.iterfind("joint"):
-        if joint.get("type") not in MOVABLE_JOINTS:
-            continue
-        where, own = (
-            message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)),
-            drives.get(name_of(joint), []),
-        )
-        if len(own) != 1:
+    """Check that every joint that moves has one motor that Drake reads, or is passive.
+
+    A joint is passive if other joints have motors and no transmission drives it, or its effort is 0. In a file without
+    any motor, no joint is taken for passive: the file does not describe motors at all.
+    """
+    transmissions = transmissions_of(root)
+    joints = [joint for joint in root.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS]
+    has_motors = bool(driven_joints(root))
+    for joint in joints:
+        own = transmissions.get(name_of(joint), [])
+        where = message("robots.joint_called", "joint '{joint}'", joint=name_of(joint))
+        if not own and not has_motors:
             missing = message("robots.no_transmission", "has no <transmission>, so no motor can move it; add one")
-            raise refuse(where, message("robots.two_transmissions", "has two transmissions") if own else missing)
+            raise refuse(where, missing)
+        if not own:
+            continue
+        if len(own) > 1:
+            raise refuse(where, message("robots.two_transmissions", "has two transmissions"))
         if not (own[0].findtext("type") or "").strip().endswith("SimpleTransmission"):
             expected = message(
                 "robots.simple_transmission",
                 "Drake makes motors of a SimpleTransmission only; change the <type> of its transmission",
             )
             raise refuse(where, expected)
-        if joint_figure(joint, "effort") <= 0:
+        limit = joint.find("limit")
+        is_stated = limit is not None and "effort" in limit.attrib
+        is_passive = is_stated and has_motors  # its effort of 0 is meant: others have more
+        if joint_figure(joint, "effort") <= 0 and not is_passive:
             raise refuse(
                 compound("{where} <limit>", where=where),
                 message("robots.effort_not_positive", "effort is not positive [N·m], so its motor could not move it"),

@@ -2,7 +2,7 @@
 
 from simrob_drake.simulation.built import Hands
 from simrob_drake.simulation.run import OnStep, ReferenceLike
-from simrob_drake.simulation.runner import Runner, simulate, simulate_diagram
+from simrob_drake.simulation.runner import RunBranch, Runner, simulate, simulate_diagram
 from simrob_drake.simulation.stepping import Moment, Ticks
 
-__all__ = ["Hands", "Moment", "OnStep", "ReferenceLike", "Runner", "Ticks", "simulate", "simulate_diagram"]
+__all__ = ["Hands", "Moment", "OnStep", "ReferenceLike", "RunBranch", "Runner", "Ticks", "simulate", "simulate_diagram"]

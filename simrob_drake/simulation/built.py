@@ -138,17 +138,19 @@ class TakesCommands(Protocol):
 class ByHand:
     """Passes commands to controllers during a run, after each accepted step. They act from the next sample on."""
 
-    def __init__(self, config: StationConfig, hands: Hands | None) -> None:
+    def __init__(self, config: StationConfig, hands: Hands | None, *, begin: float = 0.0) -> None:
         """Take the functions that command the controllers of a station.
 
         Args:
             config: the station.
             hands: the functions by the name of the controller; None if there are none.
+            begin: start of the run [s].
 
         Raises:
             InvalidParameter: `hands` is no mapping of names to functions.
             UnknownName: no controller of this name takes commands.
         """
+        self._begin = begin
         self._hands = (
             {}
             if hands is None
@@ -172,7 +174,8 @@ class ByHand:
     def look(self, diagram: Diagram, context: Context) -> None:
         """Call the functions for commands, and pass on the commands that have changed.
 
-        At time 0 no function is called: the first sample of a controller is not yet taken, and would drop the command.
+        At the start of the run no function is called: the first sample of a controller is not yet taken, and would
+        drop the command.
 
         Args:
             diagram: the diagram that is stepped.
@@ -182,7 +185,7 @@ class ByHand:
             InvalidParameter: a function returns something that is no command.
         """
         time = context.get_time()
-        if time == 0.0:
+        if time <= self._begin:
             return
         for name, ask in self._hands.items():
             answer = ask(time)

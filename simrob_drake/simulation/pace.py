@@ -30,12 +30,13 @@ from simrob_drake.base.messages import join_texts, message
 from simrob_drake.base.progress import Advance
 from simrob_drake.blocks.sampled import SampledBlock
 from simrob_drake.parts.targets import owner_of_shape
+from simrob_drake.results.record.history import FlightCheck
 from simrob_drake.results.record.state import State
 from simrob_drake.stations.closed import ClosedStation, closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver
-from simrob_drake.stations.steps import DISCRETE, apply_solver, bound_steps, controlled_by, stiffest
+from simrob_drake.stations.steps import DISCRETE, bound_steps, controlled_by, set_solver, stiffest
 
 _TRIAL = 0.3  # duration of a trial, by a clock [s]
 _GAIN = 3.0  # a suspect is to blame if a trial without it gets at least so many times as far
@@ -259,7 +260,7 @@ def _time_reached(
         step: length of the first step [s], if the solver chooses the length of its steps.
         look: callback after each step.
     """
-    apply_solver(simulator, config)
+    set_solver(simulator, config)
     begin = simulator.get_context().get_time()
     if controlled_by(config) is not None:
         simulator.get_mutable_integrator().request_initial_step_size_target(step)
@@ -334,19 +335,20 @@ class SlowRunWarning(RuntimeWarning):
     """Warning about a slow run, with the cause."""
 
 
-def creeping(config: StationConfig, times: Sequence[float]) -> str:
+def creeping(config: StationConfig, times: Sequence[float], end: float) -> str:
     """Describe that a run creeps, in words. Returns an empty text if it does not.
 
     Args:
         config: configuration of the station.
         times: ends of the steps so far, or at least of the last hundred [s].
+        end: planned end of the run [s].
     """
     if controlled_by(config) is None or len(times) <= _OVER:
         return ""
     step = (times[-1] - times[-1 - _OVER]) / _OVER
     if step >= _CREEPING:
         return ""
-    left = config.duration - times[-1]
+    left = end - times[-1]
     return message(
         "simulation.creeping_steps",
         "it creeps in steps of {step:.2g} s with {left:.3g} s left; {remedy}",
@@ -370,7 +372,14 @@ class PaceWatch:
     """
 
     def __init__(
-        self, config: StationConfig, built: Callable[[], ClosedStation], *, own_blocks: bool, show: Advance | None
+        self,
+        config: StationConfig,
+        built: Callable[[], ClosedStation],
+        *,
+        own_blocks: bool,
+        show: Advance | None,
+        begin: float = 0.0,
+        end: float | None = None,
     ) -> None:
         """Prepare to watch a run.
 
@@ -378,9 +387,13 @@ class PaceWatch:
             config: configuration of the station.
             built: returns the diagram that is stepped now.
             own_blocks: whether there are blocks of the user's own.
-            show: shows the progress: it is called with the time [s] and a remark. None to show nothing.
+            show: shows the progress: it is called with the time since ``begin`` [s] and a remark. None to show nothing.
+            begin: start of the run [s].
+            end: planned end of the run [s]; None if it is the configuration's duration.
         """
         self.config = config
+        self._begin = begin
+        self._end = config.duration if end is None else end
         self._built = built
         self._own_blocks = own_blocks
         self._show = show
@@ -404,7 +417,7 @@ class PaceWatch:
             self._begin_period(time)
         self._ends.append(time)
         if self._show is not None:
-            self._show(time, creeping(self.config, self._ends))
+            self._show(time - self._begin, creeping(self.config, self._ends, self._end))
         self._count_step()
         if self._waited < _PATIENCE or self._has_warned or time == self._since:
             return
@@ -423,7 +436,7 @@ class PaceWatch:
             context: context of the diagram, at the end of the last step.
         """
         advanced = context.get_time() - self._since
-        left = self.config.duration - context.get_time()
+        left = self._end - context.get_time()
         share = self._worked / self._waited
         rate: str = message("simulation.times_real_time", "{rate:.2g} × real time", rate=advanced / self._waited)
         rate_alone = advanced / self._worked if self._worked > 0 else np.inf
@@ -473,6 +486,7 @@ _FLIGHT_ACCURACY = 1e-3
 """Coarsest accuracy while something flies: a humanoid that moves its legs then keeps its momentum within 0.1 %."""
 
 _LOOK_EVERY = 5  # steps between two checks
+CHECKS_KEPT = 12  # count of the last checks of a run that are kept, for a run that continues it
 _JUST_OVER = 1e-3  # a body that is this far above another one at the start counts as touching it [m]
 _FALLS = 0.3  # all shapes are checked only if a body gains downward speed at this share of gravity
 
@@ -512,6 +526,24 @@ class Flight:
         self._is_flying = False
         self._last_time = -np.inf  # time of the last check [s]
         self._last_speeds = np.zeros(len(floating))  # vertical velocities at the last check [m/s]
+        self._resumed_at = -np.inf  # there is nothing to check up to this time [s]
+        self.checks: deque[FlightCheck] = deque(maxlen=CHECKS_KEPT)
+        """The last checks, in order, for a run that continues this one."""
+
+    def resume(self, check: FlightCheck) -> None:
+        """Continue after a check of another run.
+
+        Args:
+            check: the check, at the step from which the run continues.
+        """
+        self._steps = check.steps
+        self._is_flying = check.is_flying
+        self._last_time = check.time
+        self._last_speeds = check.speeds
+        self._resumed_at = check.time
+        simulator = self._simulator()
+        if check.is_flying and simulator is not None:
+            bound_steps(simulator, self._solver, longest=_FLIGHT_STEP, accuracy=_FLIGHT_ACCURACY)
 
     def look(self, root: Context) -> None:
         """Check, every few steps, whether something flies, and change the limits of the steps if that has changed.
@@ -521,11 +553,14 @@ class Flight:
         Args:
             root: context of the simulator's diagram.
         """
+        if root.get_time() <= self._resumed_at:
+            return
         self._steps += 1
         # The first call, at the start, is one of those that check.
         if self._steps % _LOOK_EVERY != 1 or not self._shapes_of_bodies:
             return
         is_flying = self._may_fly(root) and self._is_one_free(root)
+        self.checks.append(FlightCheck(self._last_time, self._steps, is_flying, self._last_speeds))
         simulator = self._simulator()
         if is_flying == self._is_flying or simulator is None:
             return

@@ -6,7 +6,7 @@ recorded states.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Any, NamedTuple, TypeAlias
 
@@ -24,12 +24,13 @@ from simrob_drake.base.progress import note, progress_bar
 from simrob_drake.blocks.references import Reference, ReferenceSignal, Samples
 from simrob_drake.parts.forces import Push
 from simrob_drake.results.record.history import Recorder, StateHistory
-from simrob_drake.results.record.run import FAILED
+from simrob_drake.results.record.run import FAILED, INTERRUPTED
 from simrob_drake.results.record.signals import Sampler, Stop, Watch, cut_at_stop, sample_signals
-from simrob_drake.results.record.state import State
+from simrob_drake.results.record.state import MotionOrigin, State, Trace
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.pace import PaceWatch
-from simrob_drake.simulation.stepping import Outcome, Stepper, interruption_outcome
+from simrob_drake.simulation.resume import RepeatedSteps, last_free_row
+from simrob_drake.simulation.stepping import Outcome, Restart, Stepper, interruption_outcome
 from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig, check_effort
 from simrob_drake.stations.physics_findings import physics_warnings
@@ -39,6 +40,7 @@ OnStep = Callable[[float, Vector], None]
 """Callback of the user after each step, with the time [s] and the positions of the plant (nq,)."""
 
 _INCOMPLETE_ENDINGS = (FAILED, "diverged")  # after such an ending, not every signal can be evaluated
+_ROUNDING = 1e-9  # times that differ by less are equal [s]
 _NO_STATES = StateHistory(np.zeros(1), np.zeros((1, 0)))  # for a sampler that gets its states later
 
 
@@ -60,6 +62,14 @@ class Run:
         stepper: steps the stepped diagram.
         prepare: restores the references of this run in the whole diagram, which may have served another run since.
         forget: removes the references from all diagrams, so that only one copy is kept in memory.
+        begin: start of the run, in simulated time [s].
+        restart: recorded step at which stepping begins; None if it begins at the start of the run or of the motion. The
+            result contains the recorded steps before it.
+        repeated: the earlier run whose last steps are repeated and compared; None if there is none.
+        repeated_until: time up to which callbacks of the user have seen the steps, in an earlier run [s].
+        origins: positions (n,) at which the references of the configuration begin, by robot, for the final state.
+        origin: the run that the motion began with; None in a diagram of the user's own.
+        in_own_diagram: whether the station is part of a diagram of the user's own.
     """
 
     config: StationConfig
@@ -67,6 +77,18 @@ class Run:
     stepper: Stepper
     prepare: Callable[[], None] | None = None
     forget: Callable[[], None] = lambda: None
+    begin: float = 0.0
+    restart: Restart | None = None
+    repeated: Trace | None = None
+    repeated_until: float = -np.inf
+    origins: Mapping[str, Vector] = field(default_factory=dict)
+    origin: MotionOrigin | None = None
+    in_own_diagram: bool = False
+
+    @property
+    def end(self) -> float:
+        """Planned end of the run [s]."""
+        return self.stepper.end
 
     def result(
         self,
@@ -86,19 +108,37 @@ class Run:
             start: state from which the run begins, for the result; None for the station's own start.
             hand: callback after each step with the context, which may change the states of blocks; None if there is
                 none.
+
+        Raises:
+            StepsDiffer: the run continues another one, but the steps that it repeats differ.
         """
-        watchers = [] if hand is None else [hand]
+        repeated = None if self.repeated is None else RepeatedSteps(self.repeated, self.stepper.begin)
+        watchers = list[Callable[[Context], None]]()
+        if hand is not None:
+            watchers.append(self._after_repeated(hand))
         if on_step is not None:
-            watchers.append(_positions_watcher(self.stepper, on_step))
+            watchers.append(self._after_repeated(_positions_watcher(self.stepper, on_step)))
         title = message("simulation.simulating", "simulating {station}", station=self.config.name)
-        with progress_bar(title, self.config.duration, shown=truth(progress, "progress")) as show:
-            stepper = self.stepper
-            pace = PaceWatch(self.config, lambda: stepper.built, own_blocks=stepper.has_own_blocks, show=show)
+        stepper = self.stepper
+        with progress_bar(title, self.end - self.begin, shown=truth(progress, "progress")) as show:
+            pace = PaceWatch(
+                self.config,
+                lambda: stepper.built,
+                own_blocks=stepper.has_own_blocks,
+                show=show,
+                begin=self.begin,
+                end=self.end,
+            )
             watchers.append(pace)
-            recorder, watch = watched(self.stepper, self.whole, *watchers)
+            recorder, watch = watched(stepper, self.whole, *watchers, repeated=repeated)
+            if self.restart is not None:
+                watch.look(self.restart.history.rows(slice(0, self.restart.row)))
             began = perf_counter()
             outcome = self.stepper.run(recorder, watch)
             stepping_time = perf_counter() - began
+        if recorder.times[-1] < self.begin:
+            # The user interrupted it within the steps that are repeated: there is no run yet.
+            raise KeyboardInterrupt
         known: dict[str, Any] = {"stepping_time": stepping_time, "references": references, "start": start}
         try:
             return self._make_result(recorder, watch, outcome, **known)
@@ -110,7 +150,7 @@ class Run:
                 ),
                 shown=progress,
             )
-            return self._make_result(recorder, watch, interruption_outcome(self.config, recorder), **known)
+            return self._make_result(recorder, watch, interruption_outcome(self.config, recorder, self.end), **known)
 
     def _make_result(self, recorder: Recorder, watch: Watch, outcome: Outcome, **known: Any) -> SimulationResult:
         """Evaluate the signals of a run that has been stepped, and make its result.
@@ -124,7 +164,7 @@ class Run:
         began = perf_counter()
         ports = self.whole.ports
         stop = watch.stop if outcome.ending == "monitor" else None
-        history = recorder.history(stop.count if stop else None)
+        history = self._whole_history(recorder, stop)
         tolerant = outcome.ending in _INCOMPLETE_ENDINGS
         # A monitor sees the ends of steps only. In continuous time, the time at which its condition is met is searched
         # within the last step.
@@ -139,13 +179,17 @@ class Run:
                 message=message("simulation.ending_at", "{ending}, at {end:.4g} s", ending=outcome.message, end=end),
             )
         config = self.config
-        if outcome.ending == "completed" and end < config.duration:
+        if outcome.ending == "completed" and end < self.end:
             # The callback of a tick has ended the run: that is its duration now.
-            config = config.model_copy(update={"duration": end})
+            config = config.model_copy(update={"duration": end - self.begin})
         samples = self._sample(sampler, outcome)
         outcome = samples.outcome
         position_count = ports.plant.plant.num_positions()
         has_contacts = self.config.has_contact_forces
+        origin = self.origin or MotionOrigin(config, None, self.begin, self.stepper.begins_in_motion)
+        free_row = last_free_row(sampler.history, config)
+        trace = Trace(sampler.history, self.stepper.flight_checks, origin, free_row)
+        is_whole = outcome.ending in ("completed", INTERRUPTED) and not self.in_own_diagram
         result = SimulationResult(
             config=config,
             plant=ports.plant,
@@ -157,23 +201,57 @@ class Run:
             notes=ports.outputs.notes,
             times=samples.times,
             values=samples.values,
-            step_times=sampler.history.times,
+            step_times=self._step_times(sampler.history),
             positions_at=lambda times: sampler.sample([ports.state], times)[0][:, :position_count],
             signal_time=perf_counter() - began,
             contacts_at=sampler.contact_results if has_contacts else None,
             solver_warnings=physics_warnings(self.config, ports),
             context=None if not self.config.engine.moves_by_forces else lambda: sampler.looked_at,
             shortened=self.stepper.shortened,
-            final_state=State.of(
-                self.whole.diagram,
-                ports,
-                sampler.context_at(sampler.history.end),
-                tolerant=tolerant,
-            ),
+            final_state=replace(
+                State.of(
+                    self.whole.diagram,
+                    ports,
+                    sampler.context_at(sampler.history.end),
+                    tolerant=tolerant,
+                ),
+                origins=dict(self.origins),
+            ).with_trace(trace if is_whole else None),
+            trace=trace,
+            in_own_diagram=self.in_own_diagram,
             **known,
         )
         self.forget()
         return result
+
+    def _after_repeated(self, watcher: Callable[[Context], None]) -> Callable[[Context], None]:
+        """Make a callback that is called only after the steps that repeat those of an earlier run."""
+
+        def watch(context: Context) -> None:
+            """Callback after each step, with the context of the stepped diagram."""
+            if context.get_time() > self.repeated_until:
+                watcher(context)
+
+        return watch
+
+    def _whole_history(self, recorder: Recorder, stop: Stop | None) -> StateHistory:
+        """States of the run: the recorded ones of the run that it continues, and then its own.
+
+        Args:
+            recorder: the run's own states.
+            stop: the end of the run by a monitor, after which states do not count; None if no monitor ended it.
+        """
+        if self.restart is None:
+            return recorder.history(stop.count if stop else None)
+        before = self.restart.history.rows(slice(0, self.restart.row))
+        # The monitors have seen the states before, too.
+        own = recorder.history(stop.count - len(before.times) if stop else None)
+        return before.joined(own)
+
+    def _step_times(self, history: StateHistory) -> Vector:
+        """Start of the run and the ends of its steps [s], without steps of the run that it continues."""
+        times = history.times
+        return times if times[0] == self.begin else np.append(self.begin, times[times > self.begin])
 
     def _sampler(self, history: StateHistory, *, tolerant: bool) -> Sampler:
         """Make the sampler that evaluates the whole diagram at recorded states.
@@ -222,7 +300,7 @@ class Run:
             sampler: evaluates the whole diagram.
             outcome: how the stepping ended.
         """
-        times = sample_times(sampler.history.end, self.config.sample_rate)
+        times = sample_times(sampler.history.end, self.config.sample_rate, begin=self.begin)
         try:
             return SignalSamples(outcome, times, sample_signals(sampler, self.whole.ports, times))
         except Exception as problem:
@@ -231,7 +309,7 @@ class Run:
             if failed is None or outcome.ending == FAILED:
                 raise
         good_times = times[times < time_of_failure]
-        sampler.cut(good_times[-1] if good_times.size else 0.0)
+        sampler.cut(good_times[-1] if good_times.size else self.begin)
         return self._sample(sampler, failed)
 
 
@@ -257,7 +335,12 @@ def torques_held_over_steps(ports: StationPorts) -> list[OutputPort]:
     return held
 
 
-def watched(stepper: Stepper, whole: ClosedStation, *watchers: Callable[[Context], None]) -> tuple[Recorder, Watch]:
+def watched(
+    stepper: Stepper,
+    whole: ClosedStation,
+    *watchers: Callable[[Context], None],
+    repeated: RepeatedSteps | None = None,
+) -> tuple[Recorder, Watch]:
     """Make the recorder of a run, and the watch that evaluates the station's monitors at the recorded steps.
 
     The recorder begins with the present state of the simulator.
@@ -266,13 +349,15 @@ def watched(stepper: Stepper, whole: ClosedStation, *watchers: Callable[[Context
         stepper: steps the run.
         whole: the diagram in which the monitors' signals are evaluated.
         watchers: callbacks for the recorder to call after each step.
+        repeated: compares the steps that repeat those of an earlier run; None if there are none.
     """
     ports = whole.ports
     sampler = Sampler(whole.diagram, ports, _NO_STATES)
     held = torques_held_over_steps(ports)
     watch = Watch(ports, sampler, held=held, begins_in_motion=stepper.begins_in_motion)
     look = watch.look if ports.outputs.monitors else None
-    recorder = Recorder(stepper.simulator, *watchers, look=look, pace=stepper.pace())
+    compare = [] if repeated is None else [repeated.compare]
+    recorder = Recorder(stepper.simulator, *watchers, look=look, pace=stepper.pace(), inspect=compare)
     return recorder, watch
 
 
@@ -289,16 +374,19 @@ def _positions_watcher(stepper: Stepper, on_step: OnStep) -> Callable[[Context],
     return watch
 
 
-def sample_times(end: float, rate: float) -> Vector:
-    """Times of the samples of a run, shape (m,) [s]: evenly spaced from 0, and the end of the run.
+def sample_times(end: float, rate: float, *, begin: float = 0.0) -> Vector:
+    """Times of the samples of a run, shape (m,) [s]: evenly spaced from 0, and the start and the end of the run.
 
     Args:
         end: end of the run [s].
         rate: samples per second [Hz].
+        begin: start of the run [s].
     """
     # The small number keeps rounding from losing a sample at the end.
     intervals = int(np.floor(end * rate + 1e-9))
     times = np.arange(intervals + 1) / rate
+    if begin > 0:
+        times = np.append(begin, times[times > begin + _ROUNDING])
     return times if times[-1] >= end else np.append(times, end)
 
 

@@ -1,44 +1,58 @@
 """Run a station: reference in, result out, however the run ends."""
 
+import warnings
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from copy import copy
-from dataclasses import replace
-from typing import Any, Self
+from dataclasses import dataclass, replace
+from typing import Any, Literal, Self, get_args
 
 import numpy as np
 from pydrake.systems.framework import Context, Diagram, LeafSystem
 
-from simrob_drake.base.arguments import drake_asserts, instance
-from simrob_drake.base.errors import InvalidParameter, SimrobError
-from simrob_drake.base.messages import message
+from simrob_drake.base.arguments import drake_asserts, instance, seconds
+from simrob_drake.base.errors import InvalidParameter, SimrobError, one_of, quoted
+from simrob_drake.base.former_arguments import former_argument
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.blocks.references import Reference, Samples
 from simrob_drake.parts.controllers import own_blocks
 from simrob_drake.parts.controllers.own import OwnController, driven_inputs, named_blocks, with_driven
-from simrob_drake.parts.forces import Push
-from simrob_drake.results.record.state import State
+from simrob_drake.parts.forces import ForceConfig, Push
+from simrob_drake.results.record.rebuilt import fits
+from simrob_drake.results.record.state import MotionOrigin, State, Trace
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.built import ByHand, Hands, StationDiagrams
+from simrob_drake.simulation.resume import StepsDiffer, continuable_trace, is_same_motion, other_station, restarts_of
 from simrob_drake.simulation.run import OnStep, ReferencesLike, Run, by_robot, watched, with_duration, with_pushes
-from simrob_drake.simulation.stepping import Outcome, Stepper, Ticks
+from simrob_drake.simulation.stepping import Outcome, Restart, Stepper, Ticks
 from simrob_drake.stations.closed import ClosedStation, check_reference, station_references
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.open_inputs import check_inputs
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.prescribed import alone_on, begin_on_prescribed
 from simrob_drake.stations.resolve import check_parts, resolve
 from simrob_drake.stations.start_overlap import check_start_overlap
 from simrob_drake.stations.station import StationLike, config_of
 
+StartTime = Literal["zero", "keep"]
+"""Time at which a run begins: zero, or the time of the state in which it begins."""
+
 Blocks = Sequence[LeafSystem] | Mapping[str, LeafSystem]
 _NOT_OWN = ("pydrake", "simrob_drake")
 
 
+@former_argument("config_or_station", "station")
 def simulate(
-    config_or_station: StationLike,
+    station: StationLike,
     *,
+    overrides: Mapping[str, Any] | None = None,
     reference: ReferencesLike = None,
     duration: float | None = None,
     blocks: Blocks = (),
     start: State | None = None,
+    start_time: StartTime = "zero",
+    pushes: Mapping[str, Any] | None = None,
     progress: bool = True,
     on_step: OnStep | None = None,
     commands: Hands | None = None,
@@ -47,8 +61,9 @@ def simulate(
     """Run a station and return what happened.
 
     Args:
-        config_or_station: a station's name or YAML file, its configuration, or a station made from one, which is built
-            anew from it.
+        station: a station's name or YAML file, its configuration, or a station made from one, which is built anew from
+            it.
+        overrides: new values of the station, as :func:`simrob_drake.load_station` takes them.
         reference: in place of the configuration's: a trajectory of shape (n, 1), an array (m, 1 + n) whose first
             column is the time, or a pair of times (m,) and positions (m, n); SI units and radians. With several
             robots, a mapping by robot. Values are joined by straight lines, as Simulink joins them; in a kinematic
@@ -57,8 +72,14 @@ def simulate(
         blocks: LeafSystems of your own, in a list or by name. An input that is named as an output of the station reads
             it; an output that is named as an input of the station (``reference``, ``feedforward`` ...) drives it in
             place of the configuration's source; other outputs are signals, ``<block>.<output>``.
-        start: where the station begins, such as the ``final_state`` of another result; time begins at zero all the
-            same, and the configuration's references begin where that run's reference ended.
+        start: state in which the station begins, such as the ``final_state`` of another result. Without
+            ``start_time``, time begins at zero all the same: references, pushes and programs of controllers begin anew,
+            and the configuration's references begin where that run's reference ended.
+        start_time: ``keep`` continues the run that ended in ``start`` as if it had never been stopped: time goes on,
+            and with it references, pushes and programs. The times of the result are those of the whole motion.
+            Equal to the last bit for the final state of a result; a state from a file continues within the accuracy
+            of the solver.
+        pushes: in place of the configuration's, by name, as in ``{"shove": {"start": 1, "force": [5, 0, 0]}}``.
         progress: show a bar on a terminal.
         on_step: called after each accepted step with the time [s] and the positions of the whole plant (nq,), perhaps
             a few steps beyond a monitor's stop; it cannot change the run. What it raises goes on to the caller;
@@ -76,9 +97,57 @@ def simulate(
         SimrobError: input that cannot be run at all.
         VerdictError: with ``strict`` a run that has warnings, diverged, or in which a block failed.
     """
-    runner = Runner(config_or_station, blocks=blocks)
-    arguments: dict[str, Any] = {"reference": reference, "duration": duration, "start": start}
+    runner = Runner(station, blocks=blocks, overrides=overrides)
+    arguments: dict[str, Any] = {
+        "reference": reference,
+        "duration": duration,
+        "start": start,
+        "start_time": start_time,
+        "pushes": pushes,
+    }
     return runner.run(**arguments, progress=progress, on_step=on_step, commands=commands, strict=strict)
+
+
+@dataclass(frozen=True)
+class RunPlan:
+    """A run that a `Runner` is about to make.
+
+    Attributes:
+        config: configuration of the station in this run.
+        requested: references that the user gives, by robot.
+        begins_in_motion: whether the run continues the motion of another run.
+        start: state in which the run begins; None for the initial state of the station.
+        begin: start of the run, in simulated time [s].
+        end: end of the run [s]; None if it is ``begin`` plus the configuration's duration.
+        origins: positions (n,) at which the configuration's references begin, by robot; None for the initial posture.
+        ticks: times at which stepping begins anew; None if there are none.
+        restart: recorded step of an earlier run at which stepping begins; None if it begins in ``start``.
+        origin: the run from which stepping repeats an earlier motion up to ``begin``; None if it does not.
+        repeated: the earlier run whose steps are repeated and compared; None if there is none.
+        repeated_until: time up to which the steps are those of an earlier run [s].
+    """
+
+    config: StationConfig
+    requested: Mapping[str, Reference | Samples]
+    begins_in_motion: bool
+    start: State | None = None
+    begin: float = 0.0
+    end: float | None = None
+    origins: Mapping[str, Vector] | None = None
+    ticks: Ticks | None = None
+    restart: Restart | None = None
+    origin: MotionOrigin | None = None
+    repeated: Trace | None = None
+    repeated_until: float = -np.inf
+
+
+@dataclass(frozen=True)
+class Callbacks:
+    """The user's callbacks while a run is stepped, as in :func:`simulate`."""
+
+    progress: bool = False
+    on_step: OnStep | None = None
+    commands: Hands | None = None
 
 
 class Runner:
@@ -88,13 +157,17 @@ class Runner:
         config: the station.
     """
 
-    def __init__(self, station: StationLike, *, blocks: Blocks = ()) -> None:
-        """Take a station and blocks as :func:`simulate` does; its diagrams are built at the first run.
+    def __init__(
+        self, station: StationLike, *, blocks: Blocks = (), overrides: Mapping[str, Any] | None = None
+    ) -> None:
+        """Take a station, blocks and overrides as :func:`simulate` does; its diagrams are built at the first run.
 
-        Raises SimrobError: no such station, or a block that is none.
+        Raises:
+            SimrobError: there is no such station, an override is invalid, or a block is none.
         """
-        self.config = config_of(station)
+        self.config = config_of(station, overrides)
         made = own_blocks(self.config.controllers)
+        self._user_blocks = blocks
         self._blocks = {**made, **named_blocks(blocks)}
         self._driven = driven_inputs(self._blocks)
         inputs = with_driven(self.config.inputs, self._blocks)
@@ -107,7 +180,7 @@ class Runner:
         return f"<Runner of {self.config!r}>"
 
     def like(self, config: StationConfig) -> Self | None:
-        """Return a runner of another station that uses what this one has built; None where that is built otherwise.
+        """Make a runner of another station that uses the diagrams of this one, or return None if they do not fit.
 
         References, figures of pushes, the start, the duration and the sample rate may differ; so may names.
         """
@@ -126,6 +199,7 @@ class Runner:
         reference: ReferencesLike = None,
         duration: float | None = None,
         start: State | None = None,
+        start_time: StartTime = "zero",
         pushes: Mapping[str, Any] | None = None,
         progress: bool = False,
         on_step: OnStep | None = None,
@@ -133,47 +207,183 @@ class Runner:
         ticks: Ticks | None = None,
         strict: bool = False,
     ) -> SimulationResult:
-        """Run the station, as :func:`simulate` does, whose arguments and errors these are, but for four.
+        """Run the station, as :func:`simulate` does, whose arguments and errors these are, but for two.
 
-        ``duration`` [s] and ``pushes``, by name as in ``{"shove": {"start": 1, "force": [5, 0, 0]}}``, take the place
-        of the configuration's; ``progress`` shows a bar on a terminal; ``ticks`` are even times at which stepping
-        begins anew, and may end.
+        Args:
+            reference: as in :func:`simulate`, as are the other arguments.
+            duration: as in :func:`simulate`.
+            start: as in :func:`simulate`.
+            start_time: as in :func:`simulate`.
+            pushes: as in :func:`simulate`.
+            on_step: as in :func:`simulate`.
+            commands: as in :func:`simulate`.
+            strict: as in :func:`simulate`.
+            progress: as in :func:`simulate`, but off by default, since a runner makes many runs.
+            ticks: even times at which stepping begins anew, and may end; None if there are none.
         """
         config = with_pushes(with_duration(self.config, duration), pushes)
-        if on_step is not None and not callable(on_step):
-            raise InvalidParameter(
-                "on_step",
-                on_step,
-                message("simulation.function_of_time_and_positions", "a function of time and positions"),
-            )
-        # A start that the caller or the station gives continues another run. This is evaluated before _started(), which
-        # also makes a start for a robot with prescribed axes.
-        begins_in_motion = _checked_start(config, start) is not None
-        start = self._started(config, start)
-        hand = ByHand(config, commands)
+        _check_callback(on_step)
         requested = by_robot(config, reference)
-        diagrams = self._playing(config, requested, start, watched=ticks is not None)
+        keeps_time = one_of("start_time", start_time, get_args(StartTime)) == "keep"
+        # A start that the caller or the station gives continues another run. _start_of() also makes a start for a robot
+        # with prescribed axes.
+        first_state = _checked_start(config, start)
+        plan = RunPlan(config, requested, begins_in_motion=first_state is not None, ticks=ticks)
+        if keeps_time:
+            if first_state is None:
+                raise InvalidParameter(
+                    "start_time",
+                    quoted("keep"),
+                    message("simulation.keep_needs_start", "a start whose time is kept, such as result.final_state"),
+                )
+            origins = first_state.origins or None
+            plan = replace(plan, start=first_state, begin=first_state.time, origins=origins)
+        else:
+            start = self._start_of(config, first_state)
+            plan = replace(plan, start=start, origins=_origins(start))
+        callbacks = Callbacks(progress=progress, on_step=on_step, commands=commands)
+        trace = first_state.valid_trace if keeps_time and first_state is not None else None
+        result = self._continue(plan, callbacks, trace) if trace is not None else None
+        if result is None:
+            result = self._run(plan, callbacks)
+        return result.check(strict)
+
+    @drake_asserts()
+    def resume(
+        self,
+        result: SimulationResult,
+        *,
+        until: float,
+        progress: bool = False,
+        on_step: OnStep | None = None,
+        strict: bool = False,
+    ) -> SimulationResult:
+        """Continue a run as if it had never been stopped, with its references, pushes, programs and commands.
+
+        Args:
+            result: a run of this station that was completed, or interrupted by the user. It may come from another
+                process, by pickle.
+            until: end of the run [s]. It is later than that of ``result``.
+            progress: as in :func:`simulate`.
+            on_step: as in :func:`simulate`, for the steps after the end of ``result``.
+            strict: as in :func:`simulate`.
+
+        Returns:
+            the whole run, from the start of ``result``: equal, to the last bit, to a run that was not stopped. A solver
+            that keeps more than its state and the length of its steps, such as ``radau3``, may have to step again from
+            the start for that.
+
+        Raises:
+            InvalidParameter: the run cannot be continued, is of another station, or ended after ``until``.
+            SimrobError, VerdictError: as :func:`simulate`.
+        """
+        expected = message("simulation.a_result", "a result of simulate() or of a Runner")
+        trace = continuable_trace(instance(result, "result", SimulationResult, expected))
+        _check_callback(on_step)
+        end = seconds(until, "until")
+        if end <= result.stop_time:
+            later = message("simulation.later_than", "later than the end of the run, {end:g} s", end=result.stop_time)
+            raise InvalidParameter("until", compound("{until:g} s", until=end), later)
+        if result.commanded:
+            commanded = {name: result.config.controllers[name] for name in result.commanded}
+            controllers = {**self.config.controllers, **commanded}
+            runner = type(self)(self.config.model_copy(update={"controllers": controllers}), blocks=self._user_blocks)
+            return runner.resume(
+                replace(result, commanded=()), until=end, progress=progress, on_step=on_step, strict=strict
+            )
+        config = with_duration(self.config, end - result.start_time)
+        config = config.model_copy(update={"forces": result.config.forces})
+        plan = RunPlan(
+            config,
+            result.references,
+            begins_in_motion=trace.origin.begins_in_motion,
+            start=result.start,
+            begin=result.start_time,
+            end=end,
+            origins=result.final_state.origins or None,
+            repeated_until=result.stop_time,
+        )
+        callbacks = Callbacks(progress=progress, on_step=on_step)
+        resumed = self._continue(plan, callbacks, trace)
+        if resumed is None:
+            raise InvalidParameter("result", *other_station(config))
+        elapsed = result.stepping_time + resumed.stepping_time
+        return replace(resumed, stepping_time=elapsed).check(strict)
+
+    def _continue(self, plan: "RunPlan", callbacks: "Callbacks", trace: Trace) -> SimulationResult | None:
+        """Run a plan from recorded steps of an earlier run, which are repeated and compared.
+
+        Args:
+            plan: the run.
+            callbacks: the user's callbacks.
+            trace: the earlier run.
+
+        Returns:
+            the result, or None if nothing repeats the recorded steps to the last bit, since the station is another one.
+        """
+        repeated_until = max(trace.history.end, plan.repeated_until)
+        plan = replace(plan, repeated=trace, repeated_until=repeated_until)
+        attempts = [replace(plan, restart=restart) for restart in restarts_of(trace, plan.config)]
+        if is_same_motion(trace.origin.config, plan.config):
+            attempts.append(replace(plan, origin=trace.origin))
+        for attempt in attempts:
+            with suppress(StepsDiffer):
+                return self._run(attempt, callbacks)
+        return None
+
+    def _run(self, plan: "RunPlan", callbacks: "Callbacks") -> SimulationResult:
+        """Run a plan once."""
+        config = plan.config
+        restart = plan.restart
+        # The run itself is the first one of its motion, unless it repeats an earlier run from its origin.
+        origin = plan.origin or MotionOrigin(config, plan.start, plan.begin, plan.begins_in_motion)
+        hand = ByHand(config, callbacks.commands, begin=plan.begin)
+        diagrams = self._playing(config, plan.requested, plan.origins, watched=plan.ticks is not None, end=plan.end)
         references = diagrams.references
+        if restart is not None and not fits(restart.history, diagrams.whole):
+            raise StepsDiffer
         stepper = Stepper(
             config,
             diagrams.stepped,
             diagrams.edges,
             blocks=self._blocks,
-            ticks=ticks,
-            begins_in_motion=begins_in_motion,
+            begin=origin.begin,
+            end=plan.begin + config.duration if plan.end is None else plan.end,
+            ticks=plan.ticks,
+            begins_in_motion=origin.begins_in_motion,
+            restart=restart,
         )
-        if start is None:
-            check_start_overlap(config, stepper.built.ports, stepper.simulator.get_context())
-        else:
-            start.put(stepper.built.diagram, stepper.built.ports, stepper.simulator.get_mutable_context())
+        context = stepper.simulator.get_mutable_context()
+        if origin.start is None:
+            check_start_overlap(config, stepper.built.ports, context)
+        elif restart is None:
+            origin.start.put(stepper.built.diagram, stepper.built.ports, context)
         whole = diagrams.whole
-        run = Run(config, whole, stepper, lambda: whole.play(references, config.forces), diagrams.forget)
+        run = Run(
+            config,
+            whole,
+            stepper,
+            lambda: whole.play(references, config.forces),
+            diagrams.forget,
+            begin=plan.begin,
+            restart=restart,
+            repeated=plan.repeated,
+            repeated_until=plan.repeated_until,
+            origin=origin if plan.repeated is None else plan.repeated.origin,
+            origins=dict(plan.origins or {}),
+        )
         blocks = {name: OwnController.of(block) for name, block in self._blocks.items()}
         own = {**config.controllers, **{name: blocks[name] for name in blocks if name not in config.controllers}}
-        watch = (lambda context: hand.look(stepper.built.diagram, context)) if commands else None
-        result = run.result(progress=progress, on_step=on_step, references=requested, start=start, hand=watch)
+        watch = (lambda context: hand.look(stepper.built.diagram, context)) if callbacks.commands else None
+        result = run.result(
+            progress=callbacks.progress,
+            on_step=callbacks.on_step,
+            references=dict(plan.requested),
+            start=plan.start,
+            hand=watch,
+        )
         config = hand.commanded(result.config.model_copy(update={"controllers": own}))
-        return replace(result, config=config, commanded=hand.names).check(strict)
+        return replace(result, config=config, commanded=hand.names)
 
     @drake_asserts()
     def ports(self, *, watched: bool = False) -> StationPorts:
@@ -181,14 +391,19 @@ class Runner:
 
         ``watched``: whether the runs have ticks. Raises SimrobError: as of :func:`simulate`.
         """
-        return self._playing(self.config, {}, self._started(self.config, None), watched=watched).whole.ports
+        return self._playing(self.config, {}, _origins(self._start_of(self.config, None)), watched=watched).whole.ports
 
     @drake_asserts()
-    def fork(self, at: float, *, reference: ReferencesLike = None) -> "Fork":
-        """Run the station up to a moment ``at`` [s], from which runs with other pushes go on.
+    def branch(self, at: float, *, reference: ReferencesLike = None) -> "RunBranch":
+        """Run the station up to a time, from which runs with other pushes go on.
 
-        That is later than the start, and that at which a push of the station begins. The reference is as of
-        :func:`simulate`. Raises SimrobError: input that cannot be run at all.
+        Args:
+            at: the time [s]: after the start of the run, and not after the start of the pushes.
+            reference: as in :func:`simulate`.
+
+        Raises:
+            InvalidParameter: the time is not within the run.
+            SimrobError: input that cannot be run at all.
         """
         config = self.config
         if not 0 < at < config.duration:
@@ -201,10 +416,16 @@ class Runner:
                     duration=config.duration,
                 ),
             )
-        start = self._started(config, None)
-        diagrams = self._playing(config, by_robot(config, reference), start)
+        start = self._start_of(config, None)
+        diagrams = self._playing(config, by_robot(config, reference), _origins(start))
         begins_in_motion = _checked_start(config, None) is not None
-        return Fork(config, at, diagrams, self._blocks, start, begins_in_motion=begins_in_motion)
+        return RunBranch(self, reference, at, diagrams, self._blocks, start, begins_in_motion=begins_in_motion)
+
+    def fork(self, at: float, *, reference: ReferencesLike = None) -> "RunBranch":
+        """Former name of :meth:`branch`. Until 0.2."""
+        text = message("simulation.fork_is_branch", "Runner.fork() is now Runner.branch(); the former name goes in 0.2")
+        warnings.warn(text, DeprecationWarning, stacklevel=2)
+        return self.branch(at, reference=reference)
 
     @drake_asserts()
     def check(self, reference: ReferencesLike = None) -> None:
@@ -215,40 +436,63 @@ class Runner:
         start = _checked_start(self.config, None)
         self._check_references(self.references(reference, start), self.config.duration)
         if start is not None:
-            built = self._playing(self.config, by_robot(self.config, reference), start).stepped(0.0)
+            built = self._playing(self.config, by_robot(self.config, reference), _origins(start)).stepped(0.0)
             start.put(built.diagram, built.ports, built.diagram.CreateDefaultContext())
 
     def references(self, reference: ReferencesLike, start: State | None) -> dict[str, Reference]:
-        """Return what each robot is asked in a run that begins in a state, as :meth:`run` takes them all.
+        """Find the reference of each robot in a run that begins in a state.
 
         Raises SimrobError: a reference that does not fit its robot.
         """
-        return station_references(self._station, by_robot(self.config, reference), start.references if start else None)
+        return station_references(self._station, by_robot(self.config, reference), _origins(start))
 
-    def _started(self, config: StationConfig, start: State | None) -> State | None:
-        """Return the state in which a run begins, prescribed axes on their references; None for that of the station."""
-        start, robots = _checked_start(config, start), self._station.robots
+    def _start_of(self, config: StationConfig, start: State | None) -> State | None:
+        """Find the state in which a run begins, with prescribed axes on their references.
+
+        Args:
+            config: configuration of the station in this run.
+            start: state that the user gives; None for the station's own start.
+
+        Returns:
+            the state, or None if the run begins in the initial state of the station.
+        """
+        checked = _checked_start(config, start)
+        robots = self._station.robots
         if not any(robot.prescribed for robot in robots.values()):
-            return start
+            return checked
         rest = {name: np.zeros(len(robot.axes)) for name, robot in robots.items()}
         initial = {name: robot.initial for name, robot in robots.items()}
-        start = start or State(initial, rest, initial)
+        state = checked or State(initial, rest, initial)
         for name, robot in robots.items():
-            before = start.positions.get(name, robot.initial), start.velocities.get(name, rest[name])
-            start = start.with_axes(robot, *begin_on_prescribed(robot, *before))
-        return start
+            positions = state.positions.get(name, robot.initial)
+            velocities = state.velocities.get(name, rest[name])
+            state = state.with_axes(robot, *begin_on_prescribed(robot, positions, velocities))
+        return state
 
     def _playing(
         self,
         config: StationConfig,
         requested: Mapping[str, Reference | Samples],
-        start: State | None,
+        origins: Mapping[str, Vector] | None,
         *,
         watched: bool = False,
+        end: float | None = None,
     ) -> StationDiagrams:
-        """Return the diagrams for a run, which play its references and pushes."""
-        references = station_references(self._station, requested, start.references if start else None)
-        self._check_references(references, config.duration)
+        """Find the diagrams for a run, and let them play its references and pushes.
+
+        Args:
+            config: configuration of the station in this run.
+            requested: references that the user gives, by robot.
+            origins: positions (n,) at which the configuration's references begin, by robot; None for the initial
+                posture.
+            watched: whether the run has ticks.
+            end: end of the run [s]; None if it is the configuration's duration.
+
+        Raises:
+            SimrobError: a reference does not fit its robot, or blocks of the user's own would stand in two diagrams.
+        """
+        references = station_references(self._station, requested, origins)
+        self._check_references(references, config.duration if end is None else end)
         places = watched, *((name, force.kind, force.at) for name, force in config.forces.items())
         diagrams = self._diagrams.get(places)
         if diagrams is None or not diagrams.fits(references):
@@ -289,16 +533,18 @@ def simulate_diagram(
     Args:
         diagram: all of whose inputs are fed.
         ports: what :func:`add_station` gave, or ``station.ports``.
-        duration: in place of that of the station's configuration [s].
-        context: of the diagram, to begin in; its default one unless given.
+        duration: length of the run, in place of that of the station's configuration [s].
+        context: of the diagram, to begin in; its default one unless given. The run begins at the time of the context,
+            and the times of the result are absolute.
         progress: show a bar on a terminal.
         on_step: as of :func:`simulate`.
 
     Returns:
-        the result; its ``station.yaml`` holds the station alone.
+        the result. Saved, its ``station.yaml`` is the station alone, with the recorded reference and the state in which
+        it began: a run of this file repeats the motion if the diagram gave the station nothing but its reference.
 
     Raises:
-        SimrobError: a solver that cannot run the station where it stands.
+        SimrobError: a solver that cannot run the station where it stands, or open inputs.
     """
     instance(
         diagram,
@@ -309,6 +555,7 @@ def simulate_diagram(
     instance(
         ports, "ports", StationPorts, message("simulation.station_ports", "what add_station() gave, or station.ports")
     )
+    check_inputs(diagram, ports.inputs, may_be_exported=False)
     config = with_duration(ports.config, duration)
     built = ClosedStation(diagram, ports)
     names = [
@@ -316,22 +563,28 @@ def simulate_diagram(
     ]
     blocks = {name: diagram.GetSubsystemByName(name) for name in names}
     begins_in_motion = False
+    begin = 0.0
     if context is not None:
         expected = message(
             "simulation.context_of_diagram", "a Context of the diagram, such as diagram.CreateDefaultContext() gives"
         )
         instance(context, "context", Context, expected)
         begins_in_motion = _is_moving(ports, context)
+        begin = context.get_time()
     stepper = Stepper(
         config,
         lambda time: built,
         sorted(set(ports.edges)),
         blocks=blocks,
+        begin=begin,
         begins_in_motion=begins_in_motion,
     )
+    start = None
     if context is not None:
         stepper.simulator.get_mutable_context().SetTimeStateAndParametersFrom(context)
-    return Run(config, built, stepper).result(progress=progress, on_step=on_step, references={}, start=None)
+        start = State.of(diagram, ports, stepper.simulator.get_context())
+    run = Run(config, built, stepper, begin=begin, in_own_diagram=True)
+    return run.result(progress=progress, on_step=on_step, references={}, start=start)
 
 
 def _is_moving(ports: StationPorts, context: Context) -> bool:
@@ -352,6 +605,18 @@ def _built_of(config: StationConfig) -> StationConfig:
     return config.model_copy(update={**played, "robots": robots, "forces": forces})
 
 
+def _check_callback(on_step: OnStep | None) -> None:
+    """Check the user's callback after each step; raises InvalidParameter: it cannot be called."""
+    if on_step is not None and not callable(on_step):
+        expected = message("simulation.function_of_time_and_positions", "a function of time and positions")
+        raise InvalidParameter("on_step", on_step, expected)
+
+
+def _origins(start: State | None) -> dict[str, Vector] | None:
+    """Positions (n,) at which the configuration's references begin in a run that begins anew in a state, by robot."""
+    return start.references if start else None
+
+
 def _checked_start(config: StationConfig, start: State | None) -> State | None:
     if start is None:
         return State.at_start_of(config)
@@ -361,16 +626,20 @@ def _checked_start(config: StationConfig, start: State | None) -> State | None:
     return start
 
 
-class Fork:
-    """What a run came to at a moment, and how it ends under these pushes or those: what came before is stepped once.
+class RunBranch:
+    """A run up to a time, and runs with other pushes that go on from there: what came before is stepped once.
 
-    Each ends as the whole run does, to the last bit under ``cenic`` and discrete solvers; others begin anew at the
-    moment with the steps that their error control chooses. No signals are computed.
+    Under ``cenic`` and discrete solvers, each ends as the whole run does, to the last bit.
+
+    Attributes:
+        at: the time [s].
+        begun: how the run up to this time ended: ``completed`` if nothing ended it before.
     """
 
     def __init__(
         self,
-        config: StationConfig,
+        runner: Runner,
+        reference: ReferencesLike,
         at: float,
         diagrams: StationDiagrams,
         blocks: Mapping[str, LeafSystem],
@@ -378,33 +647,41 @@ class Fork:
         *,
         begins_in_motion: bool,
     ) -> None:
-        """Step a station up to the time of the fork.
+        """Step a station up to the time of the branch.
 
         Args:
-            config: configuration of the station.
-            at: time of the fork [s].
+            runner: runs the station.
+            reference: references of the user, as in :func:`simulate`.
+            at: time of the branch [s].
             diagrams: diagrams of the station, which play its references and pushes.
             blocks: the user's own blocks, by name.
             start: state in which the run begins, or None for the initial state of the station.
             begins_in_motion: whether the run continues the motion of another run.
         """
-        self._config = config
+        self.at = at
+        self._runner = runner
+        self._reference = reference
+        self._config = runner.config
         self._diagrams = diagrams
         self._blocks = blocks
         self._references = diagrams.references
-        config_until_fork = config.model_copy(update={"duration": at})
-        self._stepper = self._stepping(config_until_fork, begins_in_motion=begins_in_motion)
+        self._trunk: SimulationResult | None = None  # the run up to the branch, with signals; made when it is needed
+        config_until_branch = self._config.model_copy(update={"duration": at})
+        self._stepper = self._stepping(config_until_branch, begins_in_motion=begins_in_motion)
         if start is not None:
-            start.put(
-                self._stepper.built.diagram, self._stepper.built.ports, self._stepper.simulator.get_mutable_context()
-            )
-        self.begun = self._outcome(self._stepper)  # how the run ended that far: completed, if nothing ended it
+            built = self._stepper.built
+            start.put(built.diagram, built.ports, self._stepper.simulator.get_mutable_context())
+        self.begun = self._outcome(self._stepper)
 
     @drake_asserts()
     def outcome(self, pushes: Mapping[str, Any]) -> Outcome:
-        """Return how a run ends under pushes, as ``Runner.run`` takes them.
+        """Step on under pushes, and return how the run ends. No signals are computed.
 
-        Raises InvalidParameter: a push that cannot be.
+        Args:
+            pushes: as in :meth:`Runner.run`.
+
+        Raises:
+            InvalidParameter: a push that cannot be.
         """
         if self.begun.ending != "completed":
             return self.begun
@@ -412,8 +689,78 @@ class Fork:
         self._diagrams.play(self._references, config.forces)
         return self._outcome(self._stepping(config, reached=self._stepper.simulator.get_context()))
 
+    @drake_asserts()
+    def run(
+        self,
+        *,
+        pushes: Mapping[str, Any] | None = None,
+        progress: bool = False,
+        on_step: OnStep | None = None,
+        strict: bool = False,
+    ) -> SimulationResult:
+        """Run on under pushes, and return the whole run with its signals.
+
+        Args:
+            pushes: pushes that begin at the time of the branch or later, as in :meth:`Runner.run`. They take the place
+                of the station's own ones of these times.
+            progress: as in :meth:`Runner.run`.
+            on_step: as in :meth:`Runner.run`, for the steps after the branch.
+            strict: as in :meth:`Runner.run`.
+
+        Raises:
+            InvalidParameter: a push that begins before the branch.
+            SimrobError, VerdictError: as :meth:`Runner.run`.
+        """
+        if self._trunk is None:
+            self._trunk = self._runner.run(reference=self._reference, duration=self.at)
+        trunk = self._trunk
+        if trunk.ending != "completed" or trunk.trace is None:
+            return trunk.check(strict)
+        # Pushes from the branch on do not change what came before it: the run up to there is one with all of them.
+        forces = self._forces(pushes)
+        origin = trunk.trace.origin
+        pushed_origin = replace(origin, config=origin.config.model_copy(update={"forces": forces}))
+        pushed = replace(
+            trunk,
+            config=trunk.config.model_copy(update={"forces": forces}),
+            trace=replace(trunk.trace, origin=pushed_origin),
+        )
+        return self._runner.resume(
+            pushed, until=self._config.duration, progress=progress, on_step=on_step, strict=strict
+        )
+
+    def _forces(self, pushes: Mapping[str, Any] | None) -> dict[str, ForceConfig]:
+        """Forces of a run that goes on from the branch, by name: the station's own ones before it, and the pushes.
+
+        Args:
+            pushes: the pushes from the branch on; None for the station's own ones.
+
+        Raises:
+            InvalidParameter: a push that cannot be, or that begins before the branch.
+        """
+        own = self._config.forces
+        if pushes is None:
+            return dict(own)
+        earlier = {name: force for name, force in own.items() if isinstance(force, Push) and force.start < self.at}
+        forces = with_pushes(self._config, pushes).forces
+        for name in pushes:
+            push = forces[name]
+            if isinstance(push, Push) and push.start < self.at:
+                raise InvalidParameter(
+                    message("simulation.push_called", "pushes: {name}", name=name),
+                    message("simulation.push_at_time", "a push at {start:g} s", start=push.start),
+                    message("simulation.push_after_branch", "one at {at:g} s, the branch, or later", at=self.at),
+                )
+        return {**earlier, **forces}
+
     def _stepping(self, config: StationConfig, **more: Any) -> Stepper:
+        """Make a stepper of the diagrams of the branch; arguments are those of `Stepper`."""
         return Stepper(config, self._diagrams.stepped, self._diagrams.edges, blocks=self._blocks, **more)
 
     def _outcome(self, stepper: Stepper) -> Outcome:
+        """Step to the end of the stepper's run. Returns how it ended."""
         return stepper.run(*watched(stepper, self._diagrams.whole))
+
+
+Fork = RunBranch
+"""Former name of `RunBranch`. Until 0.2."""

@@ -7,7 +7,7 @@ again, see `Ticks`. A *block of the user's own* is a LeafSystem that the caller 
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from traceback import walk_tb
 from types import FrameType
 
@@ -20,14 +20,14 @@ from simrob_drake.base.messages import Message, compound, message, message_of
 from simrob_drake.blocks.monitor import Monitor
 from simrob_drake.blocks.sampled import BlockFails
 from simrob_drake.parts.forces import ForceConfig
-from simrob_drake.results.record.history import Recorder, StateHistory
+from simrob_drake.results.record.history import FlightCheck, Recorder, StateHistory
 from simrob_drake.results.record.run import DIVERGED, INTERRUPTED, Ending
 from simrob_drake.results.record.signals import Watch
 from simrob_drake.results.record.state import State
-from simrob_drake.simulation.pace import Flight, creeping
+from simrob_drake.simulation.pace import CHECKS_KEPT, Flight, creeping
 from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.steps import apply_solver, controlled_by, likely_cause, stepped_by
+from simrob_drake.stations.steps import controlled_by, likely_cause, set_solver, stepped_by
 
 _ROUNDING = 1e-9  # times that differ by less are equal [s]
 _PROGRAMMING_ERRORS = (TypeError, AttributeError, NameError, LookupError)  # no solver raises these
@@ -92,6 +92,28 @@ class Ticks:
 
 
 @dataclass(frozen=True)
+class Restart:
+    """A recorded step of a run, at which stepping begins again.
+
+    Attributes:
+        history: recorded states.
+        row: row of the step in the history.
+        first_step: length of the next step that the solver tries [s]; None for the solver's own choice.
+        check: the check of flight at the end of this step, see `Flight`; None if there was none.
+    """
+
+    history: StateHistory
+    row: int
+    first_step: float | None = None
+    check: FlightCheck | None = None
+
+    @property
+    def time(self) -> float:
+        """Time of the step [s]."""
+        return float(self.history.times[self.row])
+
+
+@dataclass(frozen=True)
 class Outcome:
     """Description of the end of a run.
 
@@ -115,6 +137,8 @@ class Stepper:
 
     Attributes:
         built: the diagram that is stepped now, with the station.
+        begin: time at which stepping begins [s].
+        end: planned end of the run [s].
         begins_in_motion: whether the run continues the motion of another run.
         shortened: how often the solver tried a step again with a shorter length; None if all steps have one length.
     """
@@ -126,9 +150,12 @@ class Stepper:
         edges: list[float],
         *,
         blocks: Mapping[str, LeafSystem],
+        begin: float = 0.0,
+        end: float | None = None,
         ticks: Ticks | None = None,
         reached: Context | None = None,
         begins_in_motion: bool = False,
+        restart: Restart | None = None,
     ) -> None:
         """Prepare to step a station.
 
@@ -137,20 +164,30 @@ class Stepper:
             diagram_at: returns the diagram that is stepped from a given time on [s].
             edges: times at which a step must end, in order [s].
             blocks: the user's own blocks, by name.
+            begin: start of the run, in simulated time [s].
+            end: end of the run [s]; None if it is ``begin`` plus the duration of the configuration.
             ticks: times at which the solver is initialized again; None if there are no such times.
             reached: final context of another stepper of the same run, from which this stepper continues; None at the
                 start of a run.
             begins_in_motion: whether the run continues the motion of another run, so that it may begin with long steps.
+            restart: recorded step of another run from which this stepper steps again; None if there is none. It takes
+                the place of ``begin``.
         """
         self._config = config
         self._diagram_at = diagram_at
         self._blocks = blocks
-        begin = 0.0 if reached is None else reached.get_time()
-        self._edges = [edge for edge in edges if begin < edge < config.duration] + [config.duration]
+        self.end = begin + config.duration if end is None else end
+        if reached is not None:
+            begin = reached.get_time()
+        if restart is not None:
+            begin = restart.time
+        self.begin = begin
+        self._restart = restart
+        self._edges = [edge for edge in edges if begin < edge < self.end] + [self.end]
         self._ticks = ticks
         self._tick_times = set[float]()
         if ticks is not None:
-            self._tick_times = set(ticks.times(config.duration, self._edges))
+            self._tick_times = {time for time in ticks.times(self.end, self._edges) if time > begin}
             self._edges = sorted({*self._edges, *self._tick_times})
         self.built = diagram_at(begin)
         # One simulator for each diagram, by the id() of the diagram. The last edge is the end of the run.
@@ -162,8 +199,14 @@ class Stepper:
         has_variable_steps = controlled_by(config) is not None
         self.shortened = 0 if has_variable_steps else None
         self.begins_in_motion = begins_in_motion or reached is not None
+        self._flight: Flight | None = None  # adapts the steps that are taken now; None for other schemes than cenic
+        self._flight_checks: list[FlightCheck] = []  # of the flights before this one
+        context = self.simulator.get_mutable_context()
+        context.SetTime(begin)
         if reached is not None:
-            _copy_state(reached, self.simulator.get_mutable_context())
+            _copy_state(reached, context)
+        if restart is not None:
+            restart.history.put(restart.row, context)
 
     @property
     def simulator(self) -> Simulator:
@@ -177,7 +220,21 @@ class Stepper:
 
     def pace(self) -> Callable[[Context], None] | None:
         """Callback for each step, which may change the length of the next steps, or None if not needed."""
-        return self._pace(self.built, self.simulator)
+        if self._flight is not None:
+            self._flight_checks.extend(self._flight.checks)
+        self._flight = self._make_flight(self.built, self.simulator)
+        if self._flight is None:
+            return None
+        if self._restart is not None and self._restart.check is not None:
+            self._flight.resume(self._restart.check)
+            self._restart = replace(self._restart, check=None)  # the next diagram begins anew
+        return self._flight.look
+
+    @property
+    def flight_checks(self) -> tuple[FlightCheck, ...]:
+        """The last checks whether something flies, in order; empty for other schemes than ``cenic``."""
+        latest = [] if self._flight is None else list(self._flight.checks)
+        return tuple([*self._flight_checks, *latest][-CHECKS_KEPT:])
 
     def run(self, recorder: Recorder, watch: Watch) -> Outcome:
         """Step to the end of the run, or until something ends it earlier. Returns how the run ended.
@@ -208,7 +265,7 @@ class Stepper:
                 if is_tick and self._ends_at_tick(edge, recorder):
                     break
         except KeyboardInterrupt:
-            return interruption_outcome(self._config, recorder)
+            return interruption_outcome(self._config, recorder, self.end)
         except (Exception, SystemExit) as problem:  # Drake's failed assertions come as SystemExit
             if recorder.failure is not None:
                 raise
@@ -258,7 +315,8 @@ class Stepper:
         built = self._diagram_at(float(history.times[before]))
         simulator = self._simulator(built)
         history.put(before, simulator.get_mutable_context())
-        recorder = Recorder(simulator, pace=self._pace(built, simulator))
+        flight = self._make_flight(built, simulator)
+        recorder = Recorder(simulator, pace=None if flight is None else flight.look)
         simulator.AdvanceTo(time)
         if not recorder.is_sane():
             raise RuntimeError(
@@ -283,7 +341,7 @@ class Stepper:
         context = self.simulator.get_mutable_context()
         time = context.get_time()
         self._count_steps()
-        apply_solver(self.simulator, self._config)
+        set_solver(self.simulator, self._config)
         context.SetTime(time)  # a new integrator has set it to zero
         recorder.attach(self.simulator, self.pace())
         self._initialize_in_motion()
@@ -315,6 +373,8 @@ class Stepper:
         the servos would catch up with torques and motions that an uninterrupted run does not have. Other schemes
         evaluate references within their steps, and have no such lag.
         """
+        if self._restart is not None:
+            return self._initialize_again(self._restart)
         is_cenic = stepped_by(self._config) is not None
         if self.begins_in_motion and is_cenic:
             return self._initialize_in_motion()
@@ -327,15 +387,23 @@ class Stepper:
             integrator.request_initial_step_size_target(integrator.get_maximum_step_size())
         return self.simulator.Initialize()
 
-    def _pace(self, built: ClosedStation, simulator: Simulator) -> Callable[[Context], None] | None:
-        """Make the callback that adapts the lengths of steps under ``cenic``. Returns None for other schemes."""
+    def _initialize_again(self, restart: Restart) -> SimulatorStatus:
+        """Initialize the simulator at a recorded step, with the length of the next step that the restart tries."""
+        integrator = self.simulator.get_mutable_integrator()
+        if restart.first_step is not None and not integrator.get_fixed_step_mode():
+            first_step = min(restart.first_step, integrator.get_maximum_step_size())
+            integrator.request_initial_step_size_target(first_step)
+        return self.simulator.Initialize()
+
+    def _make_flight(self, built: ClosedStation, simulator: Simulator) -> Flight | None:
+        """Make the object that adapts the lengths of steps under ``cenic``. Returns None for other schemes."""
         solver = stepped_by(self._config)
-        return None if solver is None else Flight(built.ports.plant.plant, solver, simulator).look
+        return None if solver is None else Flight(built.ports.plant.plant, solver, simulator)
 
     def _simulator(self, built: ClosedStation) -> Simulator:
         """Make a simulator for a diagram, with the solver of the station."""
         simulator = Simulator(built.diagram)
-        apply_solver(simulator, self._config)
+        set_solver(simulator, self._config)
         return simulator
 
     def _monitor_outcome(self, watch: Watch) -> Outcome | None:
@@ -422,10 +490,16 @@ class Stepper:
         )
 
 
-def interruption_outcome(config: StationConfig, recorder: Recorder) -> Outcome:
-    """Outcome of a run that its user interrupted. The message contains a hint if the run was slow."""
+def interruption_outcome(config: StationConfig, recorder: Recorder, end: float) -> Outcome:
+    """Outcome of a run that its user interrupted. The message contains a hint if the run was slow.
+
+    Args:
+        config: configuration of the station.
+        recorder: the recorded steps.
+        end: planned end of the run [s].
+    """
     text = message("simulation.interrupted", "interrupted at {time:.4g} s", time=recorder.times[-1])
-    slow = creeping(config, recorder.times)
+    slow = creeping(config, recorder.times, end)
     if slow:
         text += compound("; {slow}", slow=slow)
     return Outcome("interrupted", INTERRUPTED, text)

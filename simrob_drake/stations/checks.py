@@ -12,6 +12,7 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.signals import Signal
 from simrob_drake.blocks.references import Reference
+from simrob_drake.blocks.servo import NO_TORQUE
 from simrob_drake.parts.resolved import WORLD, ResolvedPiece
 from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.robots.axis_map import AxisUnit
@@ -370,6 +371,8 @@ def _standing_torque(config: StationConfig, robot: StationRobot, axis: int, torq
         torque: torque of the axis [N·m or N].
     """
     unit = robot.model.units[axis]
+    if robot.gains.passive[axis]:
+        return _standing_on_passive(robot, axis, torque)
     limit = robot.gains.limit_at_rest[axis]
     kp = robot.gains.kp[axis]
     subject = message("stations.torque_of", "torque of {prefix}{axis}", prefix=robot.prefix, axis=robot.axes[axis])
@@ -402,6 +405,21 @@ def _standing_torque(config: StationConfig, robot: StationRobot, axis: int, torq
     if warmth:
         return Finding("warning", subject, text + warmth)
     return Finding(level, subject, text)
+
+
+def _standing_on_passive(robot: StationRobot, axis: int, torque: float) -> Finding:
+    """Check that a robot can stand although an axis is passive: the axis must not need a torque [N·m or N]."""
+    subject = message("stations.torque_of", "torque of {prefix}{axis}", prefix=robot.prefix, axis=robot.axes[axis])
+    text = message("stations.moves_freely", "the axis is passive: no motor drives it, and it moves freely")
+    if abs(torque) <= NO_TORQUE:
+        return Finding("note", subject, text)
+    needed = message(
+        "stations.standing_needs",
+        "; standing takes {torque:.2f} {effort} there: the joint will not hold",
+        torque=torque,
+        effort=robot.model.units[axis].effort,
+    )
+    return Finding("warning", subject, text + needed)
 
 
 def _contact_model_findings(ports: StationPorts) -> list[Finding]:

@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from pydrake.multibody.tree import JacobianWrtVariable
 
-from simrob_drake.base.frames import Vector
+from simrob_drake.base.frames import Flags, Vector
+from simrob_drake.base.messages import join_texts, message
 from simrob_drake.parts.station_plant import StationRobot
-from simrob_drake.robots.limits import Flags
 from simrob_drake.stations.clearance import SLIDES, TURNS, Clearance, neighbouring_postures, reduce_own_overlaps
 from simrob_drake.stations.posed import posture_range
 
@@ -79,13 +79,26 @@ class Faults(NamedTuple):
 
 
 # For each field of Faults: how remarks describe the fault of the home posture.
-_FAULTS_AT_HOME = ("in the floor, or near it", "in itself", "too heavy for its motors")
-# For each field of Faults: how remarks describe the fault after its value.
-_FAULTS_WITH_VALUES = (
-    "m below the height that it should keep over the floor",
-    "m in itself",
-    "of its motors' torque short",
+_FAULTS_AT_HOME = (
+    message("stations.fault_in_floor", "in the floor, or near it"),
+    message("stations.fault_in_itself", "in collision with itself"),
+    message("stations.fault_too_heavy", "too heavy for its motors"),
 )
+
+
+def _faults_in_words(faults: Vector) -> list[str]:
+    """Describe faults, in the order of the fields of Faults, shape (3,). Those that are 0 are left out."""
+    low, overlap, overload = faults.tolist()
+    words = list[str]()
+    if low:
+        words.append(
+            message("stations.too_low", "{low:.2g} m below the height that it should keep over the floor", low=low)
+        )
+    if overlap:
+        words.append(message("stations.overlaps_itself", "overlap of {overlap:.2g} m with itself", overlap=overlap))
+    if overload:
+        words.append(message("stations.lacks_torque", "{share:.2g} of its motors' torque short", share=overload))
+    return words
 
 
 class ClearStart:
@@ -227,13 +240,14 @@ class ClearStart:
     def _load(self) -> float:
         """Compute the largest share of its torque that a motor needs to hold the posture that was set last.
 
-        The share is 0 if the motors need not hold the robot.
+        The share is 0 if the motors need not hold the robot. Passive axes do not count: they hold no posture.
         """
-        if not self._torque:
+        driven = ~self._robot.gains.passive
+        if not self._torque or not driven.any():
             return 0.0
         gravity = self._clearance.plant.CalcGravityGeneralizedForces(self._clearance.context)
         torques = self._robot.axis_map.efforts(gravity)
-        return float(np.max(np.abs(torques) / self._robot.model.efforts))
+        return float(np.max(np.abs(torques[driven]) / self._robot.model.efforts[driven]))
 
     def _clear_postures(self) -> Iterator[list[Vector]]:
         """Yield lists of postures without faults, in each list the farthest from a singularity first.
@@ -380,19 +394,42 @@ class ClearStart:
         remarks = list[str]()
         has_shapes = self._required_heights.size > 0
         if not has_shapes:
-            remarks.append("Not looked at whether it is clear: it has no shapes that collide.")
+            remarks.append(
+                message(
+                    "stations.clearance_not_checked",
+                    "Not looked at whether it is clear: it has no shapes that collide.",
+                )
+            )
         if self.hangs:
-            remarks.append(f"Held {self.height:.3g} m over the floor, for it reaches below its root.")
+            remarks.append(
+                message(
+                    "stations.held_over_floor",
+                    "Held {height:.3g} m over the floor, for it reaches below its root.",
+                    height=self.height,
+                )
+            )
         elif self.height > _ROUNDING:
-            remarks.append(f"Raised by {self.height:.3g} m, so that it stands on the floor.")
+            remarks.append(
+                message(
+                    "stations.raised_to_stand",
+                    "Raised by {height:.3g} m, so that it stands on the floor.",
+                    height=self.height,
+                )
+            )
         if not np.array_equal(posture, self._home):
             # The faults are those at the height that the search required last.
             faults = self._faults(self._home)
-            why = [text for text, fault in zip(_FAULTS_AT_HOME, faults, strict=True) if fault]
+            why: list[str] = [text for text, fault in zip(_FAULTS_AT_HOME, faults, strict=True) if fault]
             # A home without faults is passed over if it is near a singularity, or if no first move from it is clear.
             if not why:
-                why.append("near a singularity (outstretched, for example), or has no clear first move")
-            remarks.append(f"Not at home, where it is {', '.join(why)}.")
+                why.append(
+                    message(
+                        "stations.home_is_singular",
+                        "near a singularity (outstretched, for example), or has no clear first move",
+                    )
+                )
+            reasons = join_texts(why)
+            remarks.append(message("stations.not_at_home", "Not at home, where it is {reasons}.", reasons=reasons))
         return (*remarks, *self._remarks_on_move(posture, target))
 
     def _remarks_on_move(self, posture: Vector, target: Vector) -> list[str]:
@@ -406,14 +443,41 @@ class ClearStart:
             faults.append(self._faults(posture + part * (target - posture)))
             loads.append(self._load())  # of the posture that `_faults` has set
         worst = np.max(faults, axis=0)
-        wrong = [f"{fault:.2g} {text}" for text, fault in zip(_FAULTS_WITH_VALUES, worst, strict=True) if fault]
+        wrong = _faults_in_words(worst)
         if wrong:
-            return [f"No start was found that is clear: this one is {', '.join(wrong)}."]
+            return [
+                message(
+                    "stations.no_clear_start",
+                    "No start was found that is clear. Faults of this one: {faults}.",
+                    faults=join_texts(wrong),
+                )
+            ]
         good = list[str]()
         if self._required_heights.size:
-            good.append("clear of the floor and of itself")
-        if self._torque:
-            good.append(f"its motors hold it with {max(loads):.0%} of their torque at most")
+            good.append(message("stations.is_clear", "clear of the floor and of itself"))
+        passive = self._robot.gains.passive
+        if self._torque and not passive.all():
+            share = max(loads)
+            good.append(
+                message(
+                    "stations.motors_hold_driven",
+                    "its motors hold the axes that they drive with {share:.0%} of their torque at most",
+                    share=share,
+                )
+                if passive.any()
+                else message(
+                    "stations.motors_hold_it",
+                    "its motors hold it with {share:.0%} of their torque at most",
+                    share=share,
+                )
+            )
         if not good:
             return []
-        return [f"Looked at in {len(_PARTS)} postures of its move: {', and '.join(good)}."]
+        return [
+            message(
+                "stations.checked_in_postures",
+                "Checked in {count} postures of its move: {results}.",
+                count=len(_PARTS),
+                results=join_texts(good, message("stations.and_also", ", and ")),
+            )
+        ]

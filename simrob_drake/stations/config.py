@@ -72,7 +72,11 @@ _Gain = Annotated[
 _Limit = Annotated[
     AxisValues,
     every_axis(
-        lambda value: value > 0, message("stations.positive_torque_limit", "a torque limit must be positive [N·m or N]")
+        lambda value: value > 0,
+        message(
+            "stations.positive_torque_limit",
+            "a torque limit must be positive [N·m or N]; servo.passive lists axes without a motor",
+        ),
     ),
 ]
 _Speed = Annotated[
@@ -107,6 +111,9 @@ class ServoConfig(Renamed):
     """Motors that give the torque, by name (of `models/motors.yaml`, `urdf` or `none`) or by their figures, for all
     axes or by axis; the robot's own unless given. What no other key says is theirs: the limit of torque and how it
     falls with speed, rotors, gears and friction of `drives`, the resolution of `encoders`."""
+    passive: list[str] | None = None
+    """Axes without a motor, which move freely; those of the robot's own file unless given. With [] every axis has a
+    motor: one that has none in the robot's file then needs a torque_limit."""
     bus: CommandBusConfig | None = None
     """The bus that brings commands; they come at once, and as they are, without."""
     torque_limit: _Limit | None = None

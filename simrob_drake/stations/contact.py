@@ -30,7 +30,7 @@ from pydrake.systems.primitives import ConstantVectorSource, Saturation
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import compound, message
+from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.blocks.block import fed, mapped, summed
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.parts.targets import FLOOR, piece_of_shape
@@ -169,7 +169,7 @@ def pairs_without_surface(plant: MultibodyPlant, inspector: SceneGraphInspector)
         is_fixed = all(plant.IsAnchored(body) for body in bodies)
         if not is_fixed and not inspector.CollisionFiltered(first, second):
             names = sorted(body.scoped_name().get_full() for body in bodies)
-            pairs.add(" and ".join(names))
+            pairs.add(join_texts(names, message("base.and", " and ")))
     return sorted(pairs)
 
 
@@ -367,7 +367,9 @@ def _sliding(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, 
     """
     name = f"{robot.prefix}friction"
     friction = robot.model.friction
-    ports.picture.draw(name, "force", f"Friction\nof {robot.model.name}", robot)
+    ports.picture.draw(
+        name, "force", message("stations.block_friction", "Friction\nof {robot}", robot=robot.model.name), robot
+    )
     # The lower half of the state matrix gives the speeds of the axes.
     speeds_of_state = robot.axis_map.state_matrix[len(friction) :]
     slope = (friction / speed)[:, np.newaxis] * speeds_of_state

@@ -210,6 +210,8 @@ def _firmness(station: ResolvedStation, robot: ResolvedRobot, *, is_requested: b
         # reach these positions, so their references are no contradiction of a coupling.
         for finger in robot.model.fingers:
             firmness[finger] = Firmness.PASSIVE
+    for axis in np.flatnonzero(robot.gains.passive).tolist():
+        firmness[axis] = Firmness.PASSIVE
     if config.engine.moves_by_forces and not config.servo_of(robot.name).follows_motion:
         # Without a proportional and an integral gain no servo pulls the axis to its reference. Servos with a model of
         # the robot (follows_motion) are excepted: they apply torques for the reference's acceleration at any gain.

@@ -20,7 +20,7 @@ from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.files import ROBOT_FILE
 from simrob_drake.base.frames import Vector, lean, xyz_quaternion_from_transform
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import message, translate
 from simrob_drake.base.yaml_files import is_yaml_name
 from simrob_drake.importer.importing import gains_of, robot_from_file
 from simrob_drake.importer.named_robots import read_robot
@@ -38,7 +38,7 @@ from simrob_drake.stations.loops import LoopsOfRobot
 from simrob_drake.stations.plausibility import plausibility_findings
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.stances import Stance, Stances
-from simrob_drake.stations.steps import apply_solver, step_findings
+from simrob_drake.stations.steps import set_solver, step_findings
 
 _MOVE = 1.5  # duration of the first move [s]
 _DURATION = 3.0  # duration of the run [s]
@@ -57,12 +57,6 @@ _LEANS_DEG = 10.0  # [deg]
 _SINKS_SHARE = 0.1  # as a share of the height of its root
 _LEAST_HEIGHT = 0.1  # lower roots count as if they were at this height [m]
 
-_UNSHAPED = "The robot has no shapes that collide, so that nothing could carry it: it is held by its root."
-_CREEPS = "In discrete steps, since radau3 was tried and creeps: some links are too light for it."
-_COUPLED = "By the robot's file these axes follow others, see couplings: {followers}."
-_HOLDING = "Fingers ({fingers}) move together, as by one motor, and hold by friction: surfaces, and the solver lagged."
-_GRIPPING = "`grip: {force: 20}` [N] in the program takes a piece, and `open: {}` releases it; see docs/arms.md."
-_SLIDING = "These axes slide, so their values under target_deg and initial_deg are metres: {axes}."
 _REPEATED_OPTIONS = ("mesh_path", "xacro_arg")  # options of the command line that may be given several times
 _ORIGINS = ("urdf", "model", "import_options")  # keys of a station that say where its robot comes from
 
@@ -115,7 +109,11 @@ def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, fol
     if not is_description and _falls_through(robot):
         options = (options or ImportOptions()).model_copy(update={"base": "fixed"})
         robot = robot_from_file(file, options)
-        remarks.append(_UNSHAPED)
+        reason = message(
+            "stations.drafted_unshaped",
+            "The robot has no shapes that collide, so that nothing could carry it: it is held by its root.",
+        )
+        remarks.append(reason)
 
     is_kinematic = bool(robot.links_without_inertia)
     section: dict[str, Any] = {"model" if is_description else "urdf": _path_text(file, own_folder)}
@@ -128,7 +126,20 @@ def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, fol
     }
     if robot.followers:
         content["couplings"] = _couplings(robot)
-        remarks.append(_COUPLED.format(followers=", ".join(robot.followers)))
+        coupled = message(
+            "stations.drafted_followers",
+            "By the robot's file these axes follow others, see couplings: {followers}.",
+            followers=", ".join(robot.followers),
+        )
+        remarks.append(coupled)
+    if robot.passive_axes and not is_kinematic:
+        without_motor = message(
+            "stations.drafted_without_motor",
+            "By the robot's file no motor moves these axes: {axes}."
+            " To give them motors, add `passive: []` and their `torque_limit` to servo.",
+            axes=", ".join(robot.passive_axes),
+        )
+        remarks.append(without_motor)
     remarks += _import_warnings(robot, content, file)
     if is_kinematic:
         remarks += _complete_with_fixed_base(robot, content)
@@ -139,10 +150,11 @@ def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, fol
     else:
         remarks += _complete_with_fixed_base(robot, content)
 
-    header = _header(robot, file, options) if is_kinematic else _FIRST_LINE
-    comments = "".join(f"# {remark}\n" for remark in remarks)
+    header = _header(robot, file, options) if is_kinematic else [_FIRST_LINE]
+    # Comments are in the language of the output: a user reads them on the screen and in the file.
+    comments = "".join(f"# {translate(remark)}\n" for remark in (*header, *remarks))
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)
-    return header + comments + text
+    return comments + text
 
 
 def _falls_through(robot: RobotModel) -> bool:
@@ -189,7 +201,11 @@ def _import_warnings(robot: RobotModel, content: Mapping[str, Any], file: Path) 
     station = resolve(_config(robot, {**sections, "robot": {"initial_deg": _home(robot)}}))
     findings = import_findings(station.config, station.robots[ONLY_ROBOT], source=file)
     findings += plausibility_findings(station.config, station)
-    return [f"Warning: {finding.text}" for finding in findings if finding.level == "warning"]
+    return [
+        message("stations.drafted_warning", "Warning: {text}", text=finding.text)
+        for finding in findings
+        if finding.level == "warning"
+    ]
 
 
 def _complete_with_fixed_base(robot: RobotModel, content: dict[str, Any]) -> list[str]:
@@ -208,8 +224,8 @@ def _complete_with_fixed_base(robot: RobotModel, content: dict[str, Any]) -> lis
         content["robot"]["base"] = [0.0, 0.0, height, 0.0, 0.0, 0.0]
     _set_initial_posture(robot, content, start.posture)
     content["reference"] = {"kind": "hold"}  # if no move from the posture is clear
-    if (start.target != start.posture).any():
-        target = _without_followers(robot, _in_user_units(robot, start.target))
+    target = _without_followers(robot, _in_user_units(robot, start.target))
+    if (start.target != start.posture).any() and target != {}:
         content["reference"] = {"kind": "move", "target_deg": target, "duration": _MOVE}
     content["duration"] = _DURATION
     remarks = list(start.remarks)
@@ -232,7 +248,11 @@ def _complete_arm(robot: RobotModel, content: dict[str, Any]) -> list[str]:
         return []
     content["solver"] = _DISCRETE
     content["servo"]["realization"] = "implicit"  # servos as blocks act once a step, which makes stiff ones unstable
-    return [_CREEPS]
+    text = message(
+        "stations.drafted_discrete",
+        "In discrete steps, since radau3 was tried and takes too many steps: some links are too light for it.",
+    )
+    return [text]
 
 
 def _complete_with_loops(robot: RobotModel, content: dict[str, Any]) -> list[str]:
@@ -245,13 +265,14 @@ def _complete_with_loops(robot: RobotModel, content: dict[str, Any]) -> list[str
     """
     loops = LoopsOfRobot(robot)
     posture = loops.closed_posture()
-    passive = loops.passive_axes(posture)  # indices
+    without_motor = np.flatnonzero(robot.passive).tolist()
+    passive = sorted({*loops.passive_axes(posture), *without_motor})  # indices
     content.setdefault("couplings", {}).update(robot.loops)
     content["servo"] = _servo(robot, "implicit")
-    for gain in ("kp", "kd"):
-        values = np.array(robot.axis_vector(content["servo"][gain], gain))
+    gains = gains_of(robot)
+    for key, values in (("kp", gains.kp), ("kd", gains.kd)):
         values[passive] = 0.0
-        content["servo"][gain] = _number_or_mapping(robot, values)
+        content["servo"][key] = _of_motors(robot, values)
     content["solver"] = _DISCRETE
     _set_initial_posture(robot, content, posture)
 
@@ -264,8 +285,8 @@ def _complete_with_loops(robot: RobotModel, content: dict[str, Any]) -> list[str
     content["reference"] = {"kind": "move", "target_deg": target_deg, "duration": _MOVE}
     content["duration"] = _DURATION
     return [
-        f"Loops are closed by couplings: {', '.join(robot.loops)}.",
-        f"These axes have no motor: {', '.join(names_of_passive)}.",
+        message("stations.drafted_loops", "Loops are closed by couplings: {loops}.", loops=", ".join(robot.loops)),
+        message("stations.drafted_passive", "These axes have no motor: {axes}.", axes=", ".join(names_of_passive)),
     ]
 
 
@@ -291,9 +312,23 @@ def _complete_fingers(robot: RobotModel, content: dict[str, Any]) -> list[str]:
     content |= _WITH_FINGERS
     content["program"] = {"moves": _first_moves(robot, content.pop("reference"))}
     content["reference"] = {"kind": "hold"}
-    remarks = [_HOLDING.format(fingers=", ".join(axes[index] for index in robot.fingers)), _GRIPPING]
+    holding = message(
+        "stations.drafted_fingers",
+        "Fingers ({fingers}) move together, as by one motor, and hold by friction: surfaces, and the solver lagged.",
+        fingers=", ".join(axes[index] for index in robot.fingers),
+    )
+    gripping = message(
+        "stations.drafted_grip",
+        "`grip: {{force: 20}}` [N] in the program takes a piece, and `open: {{}}` releases it; see docs/arms.md.",
+    )
+    remarks: list[str] = [holding, gripping]
     if any(robot.prismatic):
-        remarks.append(_SLIDING.format(axes=", ".join(np.array(axes)[np.array(robot.prismatic)])))
+        sliding = message(
+            "stations.drafted_sliding",
+            "These axes slide, so their values under target_deg and initial_deg are metres: {axes}.",
+            axes=", ".join(np.array(axes)[np.array(robot.prismatic)]),
+        )
+        remarks.append(sliding)
     return remarks
 
 
@@ -338,20 +373,36 @@ def _complete_on_feet(robot: RobotModel, content: dict[str, Any]) -> list[str]:
         _set_stance(robot, content, stance)
         trial = stands(_config(robot, content))
         if trial.is_standing:
-            return [f"It stands {_stance_text(stance)}.", f"It was tried: {trial.outcome}."]
+            return [
+                message("stations.drafted_stands", "It stands {stance}.", stance=_stance_text(stance)),
+                message("stations.drafted_tried", "It was tried: {outcome}.", outcome=trial.outcome),
+            ]
         if first_stance is None:
             first_stance = stance
             first_outcome = trial.outcome
     if first_stance is not None:
         _set_stance(robot, content, first_stance)
-        return [f"By statics it would stand {_stance_text(first_stance)}.", f"But when it was tried, {first_outcome}."]
+        return [
+            message(
+                "stations.drafted_by_statics", "By statics it would stand {stance}.", stance=_stance_text(first_stance)
+            ),
+            message("stations.drafted_but", "But when it was tried, {outcome}.", outcome=first_outcome),
+        ]
     home = stances.as_it_is()
     assert home is not None  # it has shapes
     _set_stance(robot, content, home)
     trial = stands(_config(robot, content))
     return [
-        f"No posture was found in which it stands on its feet. {stances.lacking}",
-        f"So it begins at home, and falls or not: when it was tried, {trial.outcome}.",
+        message(
+            "stations.drafted_no_stance",
+            "No posture was found in which it stands on its feet. {lacking}",
+            lacking=stances.lacking,
+        ),
+        message(
+            "stations.drafted_at_home",
+            "So it begins at home, and falls or not: when it was tried, {outcome}.",
+            outcome=trial.outcome,
+        ),
     ]
 
 
@@ -365,8 +416,13 @@ def at_home(robot: RobotModel) -> Clearance:
 def _stance_text(stance: Stance) -> str:
     """Describe a stance: its posture, the links that carry, and the place of the centre of mass."""
     found = stance.standing
-    centre = f"the centre of mass is {found.margin * 1e3:.0f} mm inside of the support"
-    return f"{stance.how}, on {', '.join(found.ends)}; {centre}"
+    return message(
+        "stations.drafted_stance",
+        "{stance}, on {links}; the centre of mass is {margin:.0f} mm inside of the support",
+        stance=stance.how,
+        links=", ".join(found.ends),
+        margin=found.margin * 1e3,
+    )
 
 
 def _set_stance(robot: RobotModel, content: dict[str, Any], stance: Stance) -> None:
@@ -421,13 +477,17 @@ def _config(robot: RobotModel, content: Mapping[str, Any]) -> StationConfig:
     else:
         section["urdf"] = robot.urdf_path
     others = {key: value for key, value in content.items() if key != "robot"}
-    return StationConfig(name=robot.name, robots={ONLY_ROBOT: section}, **others)
+    unchecked: dict[str, Any] = {"name": robot.name, "robots": {ONLY_ROBOT: section}, **others}
+    return StationConfig(**unchecked)
 
 
-_FIRST_LINE = "# First station of an imported robot; change it as you like, and try `simrob check` on it.\n"
+_FIRST_LINE = message(
+    "stations.drafted_first_station",
+    "First station of an imported robot; change it as you like, and try `simrob check` on it.",
+)
 
 
-def _header(robot: RobotModel, file: Path, options: ImportOptions | None) -> str:
+def _header(robot: RobotModel, file: Path, options: ImportOptions | None) -> list[str]:
     """Write the first comments of a kinematic station: why it is kinematic, and how to make a dynamic one instead.
 
     Args:
@@ -436,11 +496,19 @@ def _header(robot: RobotModel, file: Path, options: ImportOptions | None) -> str
         options: options of its import, or None.
     """
     missing = ", ".join(robot.links_without_inertia)
-    text = f"{_FIRST_LINE}# Kinematic, since these links have no inertia: {missing}.\n"
+    reason = message(
+        "stations.drafted_kinematic", "Kinematic, since these links have no inertia: {links}.", links=missing
+    )
     if is_yaml_name(file):
-        return f"{text}# For motion by torque give them a mass in {file.name}, and begin anew.\n"
-    command = shlex.join(["simrob", "station", str(file), "--estimate-inertia", *_command_options(options)])
-    return f"{text}# For motion by torque begin anew: {command}\n"
+        remedy = message(
+            "stations.drafted_give_mass",
+            "For motion by torque give them a mass in {file}, and begin anew.",
+            file=file.name,
+        )
+    else:
+        command = shlex.join(["simrob", "station", str(file), "--estimate-inertia", *_command_options(options)])
+        remedy = message("stations.drafted_estimate", "For motion by torque begin anew: {command}", command=command)
+    return [_FIRST_LINE, reason, remedy]
 
 
 def _command_options(options: ImportOptions | None) -> list[str]:
@@ -463,10 +531,17 @@ def _servo(robot: RobotModel, realization: str) -> dict[str, Any]:
     gains = gains_of(robot)
     return {
         "realization": realization,
-        "kp": _number_or_mapping(robot, gains.kp),
-        "kd": _number_or_mapping(robot, gains.kd),
-        "torque_limit": _number_or_mapping(robot, robot.efforts),
+        "kp": _of_motors(robot, gains.kp),
+        "kd": _of_motors(robot, gains.kd),
+        "torque_limit": _of_motors(robot, robot.efforts),
     }
+
+
+def _of_motors(robot: RobotModel, values: Vector) -> float | dict[str, float]:
+    """Write values of all axes (n,) for a key of the servos: without those of passive axes, which have no servo."""
+    if not robot.passive.any():
+        return _number_or_mapping(robot, values)
+    return {axis: value for axis, value in _by_axis(robot, values).items() if axis not in robot.passive_axes}
 
 
 def _number_or_mapping(robot: RobotModel, values: Vector) -> float | dict[str, float]:
@@ -476,13 +551,14 @@ def _number_or_mapping(robot: RobotModel, values: Vector) -> float | dict[str, f
 
 
 def _without_followers(robot: RobotModel, values: Vector) -> float | dict[str, float]:
-    """Write the values of axes (n,) without those of followers, whose values result from the couplings.
+    """Write the targets of axes (n,) without those of followers, which the couplings move, and of passive axes.
 
-    Without followers, equal values are written as one number.
+    If there are neither of these, equal values are written as one number.
     """
-    if not robot.followers:
+    left_out = {*robot.followers, *robot.passive_axes}
+    if not left_out:
         return _number_or_mapping(robot, values)
-    return {axis: value for axis, value in _by_axis(robot, values).items() if axis not in robot.followers}
+    return {axis: value for axis, value in _by_axis(robot, values).items() if axis not in left_out}
 
 
 def _by_axis(robot: RobotModel, values: Vector) -> dict[str, float]:
@@ -505,7 +581,7 @@ def gets_through(config: StationConfig) -> bool:
     if any(finding.level == "warning" for finding in findings):
         return False
     simulator = Simulator(closed.diagram)
-    apply_solver(simulator, config)
+    set_solver(simulator, config)
     integrator = simulator.get_integrator()
 
     def stop_if_expensive(_: Context) -> EventStatus:
@@ -548,14 +624,14 @@ def stands(config: StationConfig, duration: float = 2.0) -> StandingTrial:
     station = closed.ports.plant
     (robot,) = station.robots.values()
     simulator = Simulator(closed.diagram)
-    apply_solver(simulator, config)
+    set_solver(simulator, config)
     context = station.plant.GetMyContextFromRoot(simulator.get_context())
     before = robot.root.CalcPoseInWorld(context)
     if not _advances(simulator, duration):
-        return StandingTrial(False, "it diverged")
+        return StandingTrial(False, message("stations.it_diverged", "it diverged"))
     time = simulator.get_context().get_time()
     if time < duration:
-        return StandingTrial(False, f"it fell at {time:.2f} s")
+        return StandingTrial(False, message("stations.it_fell", "it fell at {time:.2f} s", time=time))
 
     after = robot.root.CalcPoseInWorld(context)
     # The direction of the root that pointed up at the start, in the root's frame.
@@ -567,6 +643,13 @@ def stands(config: StationConfig, duration: float = 2.0) -> StandingTrial:
     height = float(position[2] - station.ground.beneath(position[np.newaxis])[0])
     is_upright = leaning_deg < _LEANS_DEG and sunk < _SINKS_SHARE * max(height, _LEAST_HEIGHT)
 
-    moved = f"{abs(sunk) * 1e3:.0f} mm {'lower' if sunk >= 0 else 'higher'}"
-    outcome = f"after {duration:g} s it leans by {leaning_deg:.1f} deg, and its root is {moved} than at the start"
+    side = message("stations.lower", "lower") if sunk >= 0 else message("stations.higher", "higher")
+    outcome = message(
+        "stations.stood_after",
+        "after {duration:g} s it leans by {lean:.1f} deg, and its root is {height:.0f} mm {side} than at the start",
+        duration=duration,
+        lean=leaning_deg,
+        height=abs(sunk) * 1e3,
+        side=side,
+    )
     return StandingTrial(is_upright, outcome)

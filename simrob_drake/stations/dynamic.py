@@ -62,10 +62,10 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
             builder.Connect(entry.get_output_port(), block.get_command_input_port())
             ports.inputs[name] = entry.get_input_port()
             output, unit = name.replace("external", "applied"), "N·m" if turns else "N"
-            title = f"{external.replace('_', ' ')} at {robot.prefix}{robot.tcp}, in its axes"
+            place = f"{robot.prefix}{robot.tcp}"
+            title, label = _external_words(place, turns=turns)
             ports.outputs.add(output, entry.get_output_port(), applied_signal(output, unit, title))
             ports.spatial_forces.append(block.get_spatial_forces_output_port())
-            label = f"{external.replace('_', ' ').capitalize()}\nat {robot.prefix}{robot.tcp}"
             ports.picture.draw(name, "force", label)
     wire_friction(builder, ports)
     if not config.engine.holds_joint_limits:
@@ -191,8 +191,10 @@ def _add_bus(
         builder.Connect(port, block.GetInputPort(key))
         own[key] = block.GetOutputPort(key)
     optional.update({key: own[key] for key in optional})
-    late = f", {1000 * bus.delay / bus.rate:g} ms late" if bus.delay else ""
-    ports.picture.draw(name, "servo", f"Bus\n{bus.rate:g} Hz{late}", robot)
+    label = message("stations.block_bus", "Bus\n{rate:g} Hz", rate=bus.rate)
+    if bus.delay:
+        label += message("stations.block_late", ", {delay:g} ms late", delay=1000 * bus.delay / bus.rate)
+    ports.picture.draw(name, "servo", label, robot)
     return own["reference"]
 
 
@@ -227,7 +229,7 @@ def declare_torque(site: Site, robot: StationRobot, torque: OutputPort) -> None:
 def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, signals: ServoSignals) -> None:
     servo, plant = ports.config.servo_of(robot.name), ports.plant.plant
     if servo.realization == "implicit":
-        actuation = robot.axis_map.actuation_matrix(plant, robot.instance)
+        actuation = robot.axis_map.actuation_matrix(plant, robot.instance, robot.gains.passive)
         torque = add_actuator_servos(
             builder,
             ports.plant.stepped,
@@ -238,7 +240,8 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
             prefix=robot.prefix,
         )
         if ports.config.engine.actuator_torques_lack_friction:
-            torque = with_friction(builder, ports, robot, torque)
+            driven = [int(axis) for axis in np.flatnonzero(~robot.gains.passive)]
+            torque = with_friction(builder, ports, robot, torque, axes=driven)
         declare_torque(ports, robot, torque)
         draw_actuator_servos(ports, robot)
         if (robot.gains.ki > 0).any():
@@ -284,15 +287,30 @@ def _add_servo_blocks(
             saturated=not in_actuators,
         )
         draw_servos(ports, robot, per_joint=per_joint)
-    matrix = robot.axis_map.actuation_matrix(plant, robot.instance)
+    matrix = robot.axis_map.actuation_matrix(plant, robot.instance, robot.gains.passive)
     driven = command
     if robot.gains.damping.any():
         bus = joined(builder, f"{prefix}motors.commands", command, signals.state)
         dampers = np.hstack([np.eye(count), np.diag(robot.gains.damping) @ speed])
         driven = mapped(builder, f"{prefix}motors.driven", dampers, bus)
-    actuation = mapped(builder, f"{prefix}actuators", matrix, driven)
-    builder.Connect(actuation, ports.plant.stepped.get_actuation_input_port(robot.instance))
+    if len(matrix) > 0:  # a robot without any motor has no actuators to connect
+        actuation = mapped(builder, f"{prefix}actuators", matrix, driven)
+        builder.Connect(actuation, ports.plant.stepped.get_actuation_input_port(robot.instance))
     return limited(command) if in_actuators else command
+
+
+def _external_words(place: str, *, turns: bool) -> tuple[str, str]:
+    """Words for a force from outside: title of its plot, and label of its block.
+
+    Args:
+        place: name of the tool on which the force acts.
+        turns: whether it is a torque.
+    """
+    if turns:
+        title = message("stations.external_torque_at", "external torque at {place}, in its axes", place=place)
+        return title, message("stations.block_external_torque", "External torque\nat {place}", place=place)
+    title = message("stations.external_force_at", "external force at {place}, in its axes", place=place)
+    return title, message("stations.block_external_force", "External force\nat {place}", place=place)
 
 
 def _add_admittance_servos(
@@ -308,8 +326,18 @@ def _add_admittance_servos(
     total = summed(builder, f"{prefix}feedforward_sum", *feedforward, extra)
     torque = _add_servo_blocks(builder, ports, robot, replace(signals, feedforward=total))
     declare_torque(ports, robot, torque)
-    ports.picture.draw(f"{prefix}admittance", "servo", f"Admittance\nintegrator, {gain:g} 1/s", robot)
-    ports.picture.draw(f"{prefix}model_torque", "servo", "Torque of the model\nat this speed", robot)
+    ports.picture.draw(
+        f"{prefix}admittance",
+        "servo",
+        message("stations.block_admittance", "Admittance\nintegrator, {gain:g} 1/s", gain=gain),
+        robot,
+    )
+    ports.picture.draw(
+        f"{prefix}model_torque",
+        "servo",
+        message("stations.block_model_torque", "Torque of the model\nat this speed"),
+        robot,
+    )
     ports.picture.draw_nothing(f"{prefix}felt_torque", f"{prefix}model_torque.axes", f"{prefix}admittance.bus")
     felt = joined(builder, f"{prefix}felt_torque.bus", model, torque)
     difference = np.hstack([np.eye(len(robot.joints)), -np.eye(len(robot.joints))])

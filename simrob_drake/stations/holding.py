@@ -14,6 +14,7 @@ import numpy as np
 
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
+from simrob_drake.blocks.servo import NO_TORQUE
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.motors import rated_torques
@@ -50,12 +51,36 @@ def holding_findings(ports: StationPorts, robot: StationRobot, positions: Vector
     sags = _sags(config, robot, dynamics, postures[-1])
     findings = []
     for axis in range(len(robot.axes)):
+        if robot.gains.passive[axis]:
+            findings.append(_passive_finding(robot, axis, torques[:, axis]))
+            continue
         sag = None if sags is None else float(sags[axis])
         findings.append(_axis_finding(config, robot, axis, torques[:, axis], sag))
     if sags is not None:
         findings += _tool_findings(ports, robot, postures[-1] + sags)
     findings += _payload_findings(config, robot, dynamics, postures)
     return findings
+
+
+def _passive_finding(robot: StationRobot, axis: int, torques: Vector) -> Finding:
+    """Say that an axis has no motor, and whether it would rest along the reference.
+
+    Args:
+        robot: the robot.
+        axis: index of the axis.
+        torques: torques that would hold the axis at postures along the reference, shape (m,) [N·m or N].
+    """
+    subject = message("stations.torque_of", "torque of {prefix}{axis}", prefix=robot.prefix, axis=robot.axes[axis])
+    text = message("stations.moves_freely", "the axis is passive: no motor drives it, and it moves freely")
+    largest = float(np.abs(torques).max())
+    if largest > NO_TORQUE:
+        text += message(
+            "stations.would_take",
+            "; to hold it along the reference would take {largest:.2f} {effort}",
+            largest=largest,
+            effort=robot.model.units[axis].effort,
+        )
+    return Finding("note", subject, text)
 
 
 def _axis_finding(config: StationConfig, robot: StationRobot, axis: int, torques: Vector, sag: float | None) -> Finding:
@@ -180,7 +205,7 @@ def _sags(config: StationConfig, robot: StationRobot, dynamics: Dynamics, refere
 
     Returns:
         the position errors q - q_r, shape (n,) [rad or m]. None if the station is kinematic, if the servos compensate
-        gravity by their model, if an axis has no gain kp, or if no equilibrium is found.
+        gravity by their model, if an axis has no gain kp (such as a passive one), or if no equilibrium is found.
     """
     from scipy.optimize import root  # loaded where it is needed: commands that do not check start without SciPy
 
@@ -250,7 +275,8 @@ def _payload_findings(
     """
     subject = message("stations.payload_of", "payload of {robot}", robot=robot.name)
     findings = []
-    if robot.tcp:
+    # What a robot with passive axes can carry depends on its motion.
+    if robot.tcp and not robot.gains.passive.any():
         # For each motor, the mass that it can hold in all postures, in addition to the present load [kg]. It is
         # infinite for an axis on which a load has no effect.
         masses = dynamics.payload(postures).min(axis=0)

@@ -5,7 +5,8 @@ to an end on the other. A coupling is one of three kinds: a ball joint holds two
 whose z axes stay parallel, and a weld two frames. The *deviations* of a loop say how far its ends are from that.
 The first station that is drafted for a robot begins in a posture in which all deviations are zero.
 
-An axis is *passive* if the loops determine its position from the positions of the other axes. It needs no motor.
+An axis is *passive* if the loops determine its position from the positions of the other axes. It needs no motor. Axes
+that have no motor in the robot's file are chosen first.
 """
 
 from typing import Any, NamedTuple
@@ -99,7 +100,8 @@ class LoopsOfRobot:
         """Choose the passive axes: those that the loops move, as soon as the other axes have their positions.
 
         The derivatives of the deviations by the passive axes form a matrix with linearly independent columns. Many
-        choices are possible; axes far from the base become passive first, so motors stay near the base.
+        choices are possible. Axes without a motor become passive first. Of the others, axes far from the base follow
+        first, so motors stay near the base.
 
         Args:
             posture: a posture that closes all loops, shape (n,) [rad or m].
@@ -112,7 +114,10 @@ class LoopsOfRobot:
         threshold = _INDEPENDENT * longest_column
         axis_count = jacobian.shape[1]
         passive = list[int]()
-        for axis in reversed(range(axis_count)):
+        outermost_first = list(reversed(range(axis_count)))
+        # Sorting keeps the order of equal keys: axes without a motor (False) come first.
+        order = sorted(outermost_first, key=lambda axis: not self._robot.passive[axis])
+        for axis in order:
             columns = [*passive, axis]
             singular_values = np.linalg.svd(jacobian[:, columns], compute_uv=False)
             # A matrix with more columns than rows has fewer singular values than columns, which are then dependent.

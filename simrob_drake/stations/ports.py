@@ -7,6 +7,8 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import PassThrough
 
+from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import compound, join_texts, message, translate
 from simrob_drake.parts.captions import MANY, short, shown_limits, shown_values, wrapped
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
@@ -44,19 +46,36 @@ def draw_plant(ports: StationPorts) -> None:
     config, robots = ports.config, list(ports.plant.robots.values())
     robot_texts = [_robot_text(robot) for robot in robots]
     if not config.engine.moves_by_forces:
-        ports.picture.draw("inverse_dynamics", "robot", "\n".join(["Inverse dynamics", *robot_texts]))
-        ports.picture.draw("geometry_poses", "robot", "Geometry poses")
+        ports.picture.draw(
+            "inverse_dynamics",
+            "robot",
+            join_texts([message("stations.block_inverse_dynamics", "Inverse dynamics"), *robot_texts], "\n"),
+        )
+        ports.picture.draw("geometry_poses", "robot", message("stations.block_geometry_poses", "Geometry poses"))
     else:
-        pieces = [wrapped(f"with {', '.join(config.pieces)}")] if config.pieces else []
-        ports.picture.draw("plant", "robot", "\n".join(["Plant", *robot_texts, *pieces]))
+        pieces = list[str]()
+        if config.pieces:
+            names = message("stations.block_with", "with {pieces}", pieces=", ".join(config.pieces))
+            pieces.append(wrapped(translate(names)))
+        ports.picture.draw(
+            "plant", "robot", join_texts([message("stations.block_plant", "Plant"), *robot_texts, *pieces], "\n")
+        )
         if robots and not config.engine.holds_joint_limits:
             stops = zip(*(robot.stops for robot in robots), strict=True)
             stiffness, damping = (shown_values(np.concatenate(values)) for values in stops)
             units = list(dict.fromkeys(unit for robot in robots for unit in robot.model.units))
             springs = ", ".join(f"{unit.effort}/{unit.si}" for unit in units)
             dampers = ", ".join(f"{unit.effort}·s/{unit.si}" for unit in units)
-            ports.picture.draw("stops", "force", f"Joint stops\n{stiffness} {springs}\n{damping} {dampers}")
-    ports.picture.draw("scene_graph", "scene", "Scene graph\nall geometry")
+            label = message(
+                "stations.block_stops",
+                "Joint stops\n{stiffness} {springs}\n{damping} {dampers}",
+                stiffness=stiffness,
+                springs=springs,
+                damping=damping,
+                dampers=dampers,
+            )
+            ports.picture.draw("stops", "force", label)
+    ports.picture.draw("scene_graph", "scene", message("stations.block_scene_graph", "Scene graph\nall geometry"))
 
 
 def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) -> None:
@@ -66,12 +85,24 @@ def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) ->
         _draw_saturation(ports, f"{prefix}torque", list(range(len(axes))), robot)
         _draw_motors(ports, f"{prefix}motors", list(range(len(axes))), robot)
     if not per_joint:
-        _draw_servo(ports, robot, "servo", list(range(len(axes))), f"{len(axes)} joints")
+        _draw_servo(
+            ports,
+            robot,
+            "servo",
+            list(range(len(axes))),
+            message("stations.block_joints", "{count} joints", count=len(axes)),
+        )
         return
     between = axes[1:-1] if len(axes) > MANY else []
     for index, axis in enumerate(axes):
         if axis in between:
-            label = f"⋮\n{len(between)} joints,\n{between[0]} to {between[-1]}"
+            label = message(
+                "stations.block_joints_between",
+                "⋮\n{count} joints,\n{first} to {last}",
+                count=len(between),
+                first=between[0],
+                last=between[-1],
+            )
             for part in _PARTS:
                 ports.picture.draw(f"{prefix}{axis}.{part}", "servo", label, robot, key=f"{prefix}more")
         else:
@@ -80,9 +111,14 @@ def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) ->
 
 def draw_actuator_servos(ports: StationPorts, robot: StationRobot) -> None:
     """Draw servos inside the plant's actuators: a block of their own beside the plant."""
-    label = f"{len(robot.axes)} joints,\nin the actuators"
-    limit = wrapped(shown_limits(robot.gains.torque_limit, list(robot.model.effort_units)))
-    kp, kd = f"kp {shown_values(robot.gains.kp)}", f"kd {shown_values(robot.gains.kd)}"
+    driven = _axes_with_motor(robot, list(range(len(robot.axes))))
+    label = compound(
+        "{joints}{passive}",
+        joints=message("stations.block_actuators", "{count} joints,\nin the actuators", count=len(driven)),
+        passive=_passive_text(robot),
+    )
+    limit = wrapped(shown_limits(robot.gains.torque_limit[driven], [robot.model.effort_units[axis] for axis in driven]))
+    kp, kd = f"kp {shown_values(robot.gains.kp[driven])}", f"kd {shown_values(robot.gains.kd[driven])}"
     law = f"PD\n{kp}, {kd}" if short(f"{kp}, {kd}") else f"PD\n{wrapped(kp)}\n{wrapped(kd)}"
     ports.picture.draw_nothing(f"{robot.prefix}applied_and_state", f"{robot.prefix}applied_torque")
     for part in ("desired_state", "actuation"):
@@ -92,7 +128,7 @@ def draw_actuator_servos(ports: StationPorts, robot: StationRobot) -> None:
             label,
             robot,
             key=f"{robot.prefix}servo",
-            inside=(law, f"Saturation\n{limit}"),
+            inside=(law, message("stations.block_saturation", "Saturation\n{limit}", limit=limit)),
             within="plant",
         )
 
@@ -100,15 +136,24 @@ def draw_actuator_servos(ports: StationPorts, robot: StationRobot) -> None:
 def draw_feedforward(ports: StationPorts, robots: list[str]) -> None:
     """Draw what the model predicts for the desired motion of robots: one block for all of them."""
     kinds = dict.fromkeys(ports.config.servo_of(robot).feedforward.replace("_", " ") for robot in robots)
-    whose = wrapped(f"of {', '.join(robots)}") if len(ports.plant.robots) > 1 else "of what is asked for"
-    ports.picture.draw("model_feedforward", "servo", "\n".join([f"Feedforward: {', '.join(kinds)}", whose]))
+    whose = message("stations.block_of_reference", "of what is asked for")
+    if len(ports.plant.robots) > 1:
+        whose = message("stations.block_of_robots", "of {robots}", robots=", ".join(robots))
+    label = message(
+        "stations.block_feedforward",
+        "Feedforward: {kinds}\n{whose}",
+        kinds=", ".join(kinds),
+        whose=wrapped(translate(whose)),
+    )
+    ports.picture.draw("model_feedforward", "servo", label)
 
 
 def draw_computed_torque(ports: StationPorts, robot: StationRobot) -> None:
     """Draw the law that goes through the model, and what saturates its torques."""
     gains, name = robot.gains, f"{robot.prefix}computed_torque"
     kp, kd = shown_values(gains.kp), shown_values(gains.kd)
-    ports.picture.draw(name, "servo", f"Computed torque\nkp {kp} 1/s²\nkd {kd} 1/s", robot)
+    label = message("stations.block_computed_torque", "Computed torque\nkp {kp} 1/s²\nkd {kd} 1/s", kp=kp, kd=kd)
+    ports.picture.draw(name, "servo", label, robot)
     _draw_saturation(ports, f"{robot.prefix}torque", list(range(len(robot.axes))), robot)
     _draw_motors(ports, f"{robot.prefix}motors", list(range(len(robot.axes))), robot)
 
@@ -116,38 +161,95 @@ def draw_computed_torque(ports: StationPorts, robot: StationRobot) -> None:
 def draw_integral(ports: StationPorts, robot: StationRobot, row: str, group: list[int], who: str) -> None:
     """Draw the integral part of a group of joints."""
     gains, units = robot.gains, [robot.model.effort_units[index] for index in group]
-    label = f"{who}: I\nki {shown_values(gains.ki[group])}, {shown_limits(gains.integral_limit[group], units)}"
+    limit = shown_limits(gains.integral_limit[group], units)
+    label = f"{translate(who)}: I\nki {shown_values(gains.ki[group])}, {limit}"
     for part in ("integrator", "integral_clip"):
         ports.picture.draw(f"{robot.prefix}{row}.{part}", "servo", label, robot, key=f"{robot.prefix}{row}.integral")
 
 
+def _axes_with_motor(robot: StationRobot, group: list[int]) -> list[int]:
+    """Indices of those axes of a group that have a motor."""
+    return [axis for axis in group if not robot.gains.passive[axis]]
+
+
+def _passive_text(robot: StationRobot) -> str:
+    """Line of a label that names the axes without a motor; empty if all axes have one."""
+    names = [robot.axes[axis] for axis in np.flatnonzero(robot.gains.passive)]
+    if not names:
+        return ""
+    text = wrapped(translate(message("stations.block_without_motor", "no motor: {axes}", axes=", ".join(names))))
+    return f"\n{text}"
+
+
 def _draw_servo(ports: StationPorts, robot: StationRobot, row: str, group: list[int], who: str) -> None:
-    gains, name, units = robot.gains, f"{robot.prefix}{row}", [robot.model.units[index].si for index in group]
+    """Draw the servo of a group of joints. Passive joints have none: a block says that they have no motor."""
+    gains = robot.gains
+    name = f"{robot.prefix}{row}"
+    driven = _axes_with_motor(robot, group)
+    if not driven:
+        for part in ("pd", "saturation"):
+            ports.picture.draw(
+                f"{name}.{part}",
+                "servo",
+                message("stations.block_no_motor", "{axes}: no motor", axes=who),
+                robot,
+                key=f"{name}.passive",
+            )
+        return
+    without_motor = ""
+    if len(driven) < len(group):
+        several = message("stations.block_joints", "{count} joints", count=len(driven))
+        who = robot.axes[driven[0]] if len(driven) == 1 else several
+        without_motor = _passive_text(robot)
+        group = driven
+    units = [robot.model.units[index].si for index in group]
     kp, kd = gains.kp[group], gains.kd[group]
     if gains.speed_limit is not None:
         limit = shown_limits(gains.speed_limit[group], [f"{unit}/s" for unit in units])
-        ports.picture.draw(f"{name}.position_loop", "servo", f"{who}: P\n{shown_values(kp / kd)} 1/s", robot)
-        ports.picture.draw(f"{name}.speed_limit", "servo", f"Speed\n{limit}", robot)
-        ports.picture.draw(f"{name}.velocity_loop", "servo", f"{who}: velocity\n{shown_values(kd)}", robot)
+        ports.picture.draw(
+            f"{name}.position_loop",
+            "servo",
+            compound("{axes}: P\n{gain} 1/s", axes=who, gain=shown_values(kp / kd)),
+            robot,
+        )
+        ports.picture.draw(
+            f"{name}.speed_limit", "servo", message("stations.block_speed", "Speed\n{limit}", limit=limit), robot
+        )
+        label = message("stations.block_velocity", "{axes}: velocity\n{gain}", axes=who, gain=shown_values(kd))
+        ports.picture.draw(f"{name}.velocity_loop", "servo", label, robot)
         ports.picture.draw_nothing(f"{name}.speed")
-    ports.picture.draw(f"{name}.pd", "servo", f"{who}: PD\nkp {shown_values(kp)}, kd {shown_values(kd)}", robot)
+    ports.picture.draw(f"{name}.pd", "servo", _pd_label(who, kp, kd) + without_motor, robot)
     _draw_saturation(ports, f"{name}.saturation", group, robot)
     _draw_motors(ports, name, group, robot)
     if (gains.ki[group] > 0).any():
         draw_integral(ports, robot, row, group, who)
 
 
+def _pd_label(who: str, kp: Vector, kd: Vector) -> str:
+    """Label of the block of a PD servo, with the gains of its axes, shape (n,) each."""
+    return f"{translate(who)}: PD\nkp {shown_values(kp)}, kd {shown_values(kd)}"
+
+
 def _draw_motors(ports: StationPorts, name: str, group: list[int], robot: StationRobot) -> None:
     line = robot.gains.line
     if line is not None and line.slope[group].any():
         limit = shown_limits(line.stall[group], [robot.model.effort_units[index] for index in group])
-        ports.picture.draw(f"{name}.stall", "servo", f"Motor\n{wrapped(limit)} at rest", robot)
+        ports.picture.draw(
+            f"{name}.stall",
+            "servo",
+            message("stations.block_motor", "Motor\n{limit} at rest", limit=wrapped(limit)),
+            robot,
+        )
         ports.picture.draw_nothing(*(f"{name}.{part}" for part in (*_MOTOR, "commands", "driven") if part != "stall"))
 
 
 def _draw_saturation(ports: StationPorts, name: str, group: list[int], robot: StationRobot) -> None:
+    """Draw the block that limits the torques of a group of joints, with the limits of those that have a motor."""
+    group = _axes_with_motor(robot, group) or group
     limit = shown_limits(robot.gains.torque_limit[group], [robot.model.effort_units[index] for index in group])
-    ports.picture.draw(name, "servo", f"Saturation\n{wrapped(limit)}", robot)
+    ports.picture.draw(
+        name, "servo", message("stations.block_saturation", "Saturation\n{limit}", limit=wrapped(limit)), robot
+    )
 
 
 def _robot_text(robot: StationRobot) -> str:

@@ -13,6 +13,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import Selector, SelectorParams
 
 from simrob_drake.base.frames import Indices, Vector
+from simrob_drake.base.messages import message, translate
 from simrob_drake.base.signals import POSE, VELOCITY, Panel, Role, Signal
 from simrob_drake.blocks.frame_poses import FramePoses
 from simrob_drake.parts.captions import wrapped
@@ -39,7 +40,8 @@ def add_poses(builder: DiagramBuilder, ports: StationPorts) -> None:
             outputs.append(f"{robot.prefix}tcp_pose")
         # The block joins the diagram that is stepped only if another block reads one of these outputs.
         ports.outputs.add_report(builder, f"{robot.prefix}poses", poses, ports.state, *outputs)
-        label = "Poses\n" + wrapped(", ".join(["base", *robot.tools]))
+        names = wrapped(", ".join(["base", *robot.tools]))
+        label = message("stations.block_poses", "Poses\n{names}", names=names)
         ports.picture.draw(f"{robot.prefix}poses", "sensor", label, robot)
 
         # Only the base and the tool in use have columns in a result. The pose of a free base is part of the state, so
@@ -76,7 +78,11 @@ def add_free_pieces(builder: DiagramBuilder, ports: StationPorts) -> None:
     frames = {f"piece_pose.{piece}": body.body_frame() for piece, body in free.items()}
     poses = FramePoses(plant=plant, frames=frames)
     ports.outputs.add_report(builder, "piece_poses", poses, ports.state, *frames)
-    ports.picture.draw("piece_poses", "sensor", wrapped(f"Poses of {', '.join(free)}"))
+    ports.picture.draw(
+        "piece_poses",
+        "sensor",
+        wrapped(translate(message("stations.block_poses_of", "Poses of {names}", names=", ".join(free)))),
+    )
     entries = {f"piece_velocity.{piece}": _free_velocity(plant, body) for piece, body in free.items()}
     velocities = _selector(plant, entries)
     ports.outputs.add_report(builder, "piece_velocity", velocities, ports.state, *entries)
@@ -100,12 +106,12 @@ def _piece_signal(piece: str, output: str, content: tuple[tuple[str, ...], tuple
     Args:
         piece: name of the piece.
         output: ``pose`` or ``velocity``.
-        content: names of the components, their units, and the quantity with its unit for the plot.
+        content: names of the components, their units, and the quantity for the plot.
     """
     parts, units, quantity = content
     names = tuple(f"piece.{piece}.{part}" for part in parts)
-    title = quantity.partition(" ")[0]
-    panel = Panel(f"piece_{piece}", f"the piece '{piece}' in the world", title, quantity, names[:3])
+    heading = message("stations.piece_in_world", "the piece '{piece}' in the world", piece=piece)
+    panel = Panel(f"piece_{piece}", heading, quantity, quantity, names[:3])
     role: Role = "pose" if output == "pose" else "motion"
     return Signal(names, units, role, f"piece_{output}.{piece}", part=piece, panel=panel)
 

@@ -57,6 +57,7 @@ from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import ServoConfig, StationConfig
 from simrob_drake.stations.ports import StationPorts
+from simrob_drake.stations.servos import passive_axis
 
 _ROTOR_FACTOR = 1e6
 """Inertia of a prescribed joint's rotor, as a multiple of the joint's diagonal element of the mass matrix."""
@@ -84,7 +85,8 @@ def prescribed_axes(config: StationConfig, robot: str, model: RobotModel) -> dic
 
     Raises:
         UnknownName: a key names a robot or an axis that does not exist.
-        InvalidParameter: the station is kinematic, or the robot has servos that prescribed joints exclude.
+        InvalidParameter: the station is kinematic, the robot has servos that prescribed joints exclude, or an axis is
+            passive.
     """
     keys = []
     for key in config.prescribed:
@@ -109,7 +111,11 @@ def prescribed_axes(config: StationConfig, robot: str, model: RobotModel) -> dic
         )
     _check_servo(config.servo_of(robot))
     prefix = config.prefix(robot)
-    return {key: model.axis_index(key.removeprefix(prefix), "prescribed") for key in keys}
+    indices = {key: model.axis_index(key.removeprefix(prefix), "prescribed") for key in keys}
+    for key, axis in indices.items():
+        if model.passive[axis]:  # a prescribed joint is moved by the rotor of its motor
+            raise passive_axis(f"prescribed.{key}", key)
+    return indices
 
 
 def _check_servo(servo: ServoConfig) -> None:
@@ -244,7 +250,12 @@ def add_prescribed_motion(
         name = f"{robot.prefix}prescribed.{robot.axes[axis]}"
         block = builder.AddNamedSystem(name, PassThrough(_MOTION_SIZE))
         ports.inputs[name] = block.get_input_port()
-        ports.picture.draw(name, "reference", f"Prescribed motion\nof {axis_name}", robot)
+        ports.picture.draw(
+            name,
+            "reference",
+            message("stations.block_prescribed", "Prescribed motion\nof {axis}", axis=axis_name),
+            robot,
+        )
         motions.append(block.get_output_port())
     name = f"{robot.prefix}prescribed"
     multiplexer = Multiplexer([_MOTION_SIZE] * len(motions))
@@ -320,7 +331,9 @@ def add_prescribed_torque(
     matrix = np.hstack([every_axis, every_axis[:, axes] @ motion_torque])
     efforts = joined(builder, f"{name}.efforts", *signals)
     ports.picture.draw_nothing(f"{name}.bus", f"{name}.efforts", f"{name}.torque")
-    ports.picture.draw(f"{name}.force", "force", "What moves\nprescribed joints", robot)
+    ports.picture.draw(
+        f"{name}.force", "force", message("stations.block_moves_prescribed", "What moves\nprescribed joints"), robot
+    )
     return mapped(builder, f"{name}.torque", matrix, efforts)
 
 

@@ -39,7 +39,15 @@ from simrob_drake.stations.config import FloorConfig, JointStops, RobotConfig, S
 from simrob_drake.stations.coupled import coupled_axes, mimic_gears, starting_positions
 from simrob_drake.stations.piece_config import PieceConfig
 from simrob_drake.stations.prescribed import with_prescribed_axes
-from simrob_drake.stations.servos import check_motors, check_servo_without_model, drives_of, servo_gains, station_motors
+from simrob_drake.stations.servos import (
+    check_drives,
+    check_motors,
+    check_servo_without_model,
+    drives_of,
+    servo_gains,
+    station_motors,
+    with_passive_axes,
+)
 from simrob_drake.stations.target_limits import check_targets
 
 
@@ -194,6 +202,9 @@ def _robot_model(entry: RobotConfig, servo: ServoConfig) -> RobotModel:
     """Return a robot with the drives that its motors, its own file and the station tell, each over those before."""
     robot = _robot_as_described(entry)
     robot = robot if entry.drives is None else robot.with_drives(entry.drives)
+    robot = with_passive_axes(robot, servo)
+    if entry.drives is not None:
+        check_drives(robot, entry.drives)
     motors = station_motors(robot, servo)
     if not any(motors):
         return robot

@@ -1,5 +1,7 @@
 """The servos of a station's robots: gains, limits and motors, of the station, the robot's own file and its URDF."""
 
+from typing import Any
+
 import numpy as np
 
 from simrob_drake.base.errors import InvalidParameter, UnknownName, Unsuitable
@@ -7,30 +9,98 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import join_texts, message
 from simrob_drake.blocks.servo import MotorLine, ServoGains
 from simrob_drake.parts.resolved import ResolvedRobot
-from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.catalog import LIMIT, PASSIVE, RobotModel
 from simrob_drake.robots.motors import NO_MOTOR, OF_URDF, Drives, Motor, known_motors
 from simrob_drake.stations.config import ServoConfig, StationConfig
 
 _KEY = "servo.motor"
+_OF_MOTOR = "kp", "ki", "kd", "torque_limit", "integral_limit"
+"""Keys of a servo whose values a passive axis cannot have."""
 _OF_MOTORS = "rotor_inertia", "gear_ratio", "damping", "friction", "backlash_deg"
 """Figures of drives that motors tell, too."""
 
 
 def station_motors(robot: RobotModel, servo: ServoConfig) -> list[Motor | None]:
-    """Return the motor of each axis of a robot, whole: the station's, else its own; None where the axis has none.
+    """Find the motor of each axis of a robot: the station's, else the robot's own, with all values filled in.
 
-    Raises UnknownName: no motor of such a name, or no such axis; InvalidParameter: figures without a torque at rest or
-    a speed without load, or a supply without a voltage.
+    The entry of an axis is None if its servo has no model of a motor, or if the axis is passive.
+
+    Raises:
+        UnknownName: there is no motor or no axis of that name.
+        InvalidParameter: a motor has no torque at rest or no speed without load, or a supply without a voltage.
+        Unsuitable: the station names a motor for a passive axis.
     """
     choice = robot.servo.motor if servo.motor is None else servo.motor
     found: list[Motor | None] = [None] * len(robot.axes)
     if choice is None:
         return found
     by_axis = choice if isinstance(choice, dict) else dict.fromkeys(robot.axes, choice)
+    passive = _passive_indices(robot, servo)
     for axis, own in by_axis.items():
-        place = robot.axis_index(axis, _KEY)
-        found[place] = _whole(own, robot, place)
+        index = robot.axis_index(axis, _KEY)
+        if index not in passive:
+            found[index] = _whole(own, robot, index)
+        elif isinstance(servo.motor, dict) and own != NO_MOTOR:
+            raise passive_axis(f"{_KEY}.{axis}", axis)
     return found
+
+
+def _passive_indices(robot: RobotModel, servo: ServoConfig) -> set[int]:
+    """Indices of the passive axes: those that the station names, else the robot's own."""
+    names = robot.passive_axes if servo.passive is None else servo.passive
+    return {robot.axis_index(axis, PASSIVE) for axis in names}
+
+
+def passive_axis(key: str, axis: str) -> Unsuitable:
+    """Create the error for a key that a passive axis cannot have, such as a motor, a gain or a target."""
+    return Unsuitable(
+        key,
+        message("stations.axis_is_passive", "{axis} is passive: no motor moves it", axis=axis),
+        message(
+            "stations.leave_out_or_give_motor",
+            "leave it out, or give the axis a motor by servo.passive and servo.torque_limit",
+        ),
+    )
+
+
+def check_drives(robot: RobotModel, drives: Drives) -> None:
+    """Check that a station gives no parts of a motor to passive axes by their names.
+
+    Raises:
+        Unsuitable: a mapping gives a rotor, a gear or backlash to a passive axis.
+    """
+    for key in ("rotor_inertia", "gear_ratio", "backlash_deg"):
+        values = getattr(drives, key)
+        if not isinstance(values, dict):
+            continue  # a number or a list is meant for the axes with motors
+        for axis in values:
+            if robot.passive[robot.axis_index(axis, f"drives.{key}")]:
+                raise passive_axis(f"drives.{key}.{axis}", axis)
+
+
+def with_passive_axes(robot: RobotModel, servo: ServoConfig) -> RobotModel:
+    """Copy a robot with the passive axes that the station names; the same robot if the station names none.
+
+    Axes that get a motor by this have the largest torque that the station's key ``torque_limit``, the robot's own or
+    the motor of the axis gives.
+
+    Raises:
+        UnknownName: there is no axis of such a name.
+        Unsuitable: an axis gets a motor whose largest torque is not given.
+    """
+    if servo.passive is None:
+        return robot
+    own = robot.servo.torque_limit
+    limits = robot.axis_vector({} if own is None else own, LIMIT, np.nan)  # NaN stands for axes without a value
+    if servo.torque_limit is not None:
+        limits = robot.axis_vector(servo.torque_limit, LIMIT, limits)
+    known = {axis: limit for axis, limit in zip(robot.axes, limits.tolist(), strict=True) if np.isfinite(limit)}
+    for axis, motor in zip(robot.axes, station_motors(robot, servo), strict=True):
+        if motor is not None:
+            known.setdefault(axis, motor.peak_torque or motor.line[0])
+    changed = robot.with_passive_axes(servo.passive, known)
+    changed.element  # noqa: B018  # raises now if a motor has no limit
+    return changed
 
 
 def _whole(choice: str | Motor, robot: RobotModel, axis: int) -> Motor | None:
@@ -39,7 +109,7 @@ def _whole(choice: str | Motor, robot: RobotModel, axis: int) -> Motor | None:
         return None
     if motor.model == OF_URDF:
         torque, speed = float(robot.efforts[axis]), float(robot.speed_limits[axis])
-        if not np.isfinite([torque, speed]).all():
+        if not (np.isfinite([torque, speed]).all() and torque > 0):
             name = [*robot.axes][axis]
             raise InvalidParameter(
                 message("stations.key_of", "{key} of {name}", key=_KEY, name=name),
@@ -92,15 +162,27 @@ def drives_of(motors: list[Motor | None], robot: RobotModel) -> Drives:
             alone = key == "gear_ratio" and getattr(motor, "rotor_inertia", None) is None and np.isnan(inertia)
             if value is not None and not alone:
                 values[key][axis] = value
-    return Drives(**{key: own for key, own in values.items() if own})
+    unchecked: dict[str, Any] = {key: own for key, own in values.items() if own}
+    return Drives(**unchecked)
 
 
 def servo_gains(robot: RobotModel, servo: ServoConfig, *, dampers: bool = False) -> ServoGains:
     """Return the gains and limits of a robot's servos: the station's, else the robot's own, its motors', the URDF's.
 
-    ``dampers``: the lines of motors are to be dampers of joints where they can, as actuators need it. Raises
-    InvalidParameter: a motor that cannot be realized so.
+    Passive axes have neither gains nor a torque limit: all their values are 0.
+
+    Args:
+        robot: the robot, with the passive axes of the station.
+        servo: the section ``servo`` of the robot.
+        dampers: whether the lines of motors are dampers of joints where they can be, as actuators need it.
+
+    Raises:
+        InvalidParameter: a value does not fit the law of the servos.
+        Unsuitable: the station gives a value to a passive axis, or the law does not work with passive axes.
     """
+    passive = robot.passive
+    if passive.any():
+        _check_passive(robot, servo)
     motors = station_motors(robot, servo)
     efforts = np.array(
         [
@@ -113,13 +195,14 @@ def servo_gains(robot: RobotModel, servo: ServoConfig, *, dampers: bool = False)
         own = getattr(robot.servo, key, None)
         base = robot.axis_vector(own, key) if own is not None else np.zeros(len(robot.axes))
         stated = getattr(servo, key)
-        return base if stated is None else robot.axis_vector(stated, f"servo.{key}", base)
+        gains = base if stated is None else robot.axis_vector(stated, f"servo.{key}", base)
+        return np.where(passive, 0.0, gains)
 
     def limits(key: str, otherwise: Vector) -> Vector:
         stated = getattr(servo, key)
         return otherwise if stated is None else robot.axis_vector(stated, f"servo.{key}", otherwise)
 
-    limit = limits("torque_limit", efforts)
+    limit = np.where(passive, 0.0, limits("torque_limit", efforts))
     speed = limits("speed_limit", robot.speed_limits) if servo.law == "cascade" else None
     if servo.law == "computed_torque" and (gains_of("ki") > 0).any():
         raise InvalidParameter(
@@ -127,13 +210,63 @@ def servo_gains(robot: RobotModel, servo: ServoConfig, *, dampers: bool = False)
             servo.ki,
             message("stations.zero_with_computed_torque", "0 with law computed_torque, whose model takes its place"),
         )
-    gains = gains_of("kp"), gains_of("ki"), gains_of("kd")
-    line = None
-    if any(motors):
-        stall, fastest = np.array([(np.inf, np.inf) if motor is None else motor.line for motor in motors]).T
-        slope = np.where(np.isfinite(stall), stall, 0.0) / np.where(np.isfinite(fastest), fastest, 1.0)
-        line = MotorLine(stall, slope, np.where(stall <= limit, slope, 0.0) if dampers else np.zeros_like(slope))
-    return ServoGains(*gains, limit, limits("integral_limit", limit), speed, line)
+    line = _motor_line(motors, limit, dampers=dampers) if any(motors) else None
+    return ServoGains(
+        kp=gains_of("kp"),
+        ki=gains_of("ki"),
+        kd=gains_of("kd"),
+        torque_limit=limit,
+        integral_limit=np.where(passive, 0.0, limits("integral_limit", limit)),
+        speed_limit=speed,
+        line=line,
+    )
+
+
+def _check_passive(robot: RobotModel, servo: ServoConfig) -> None:
+    """Check that the servos of a robot with passive axes do not need a motor on every axis.
+
+    Raises:
+        Unsuitable: the law needs motors on all axes, or a mapping gives a value above 0 to a passive axis.
+    """
+    names = robot.passive_axes
+    needs_motors = {
+        "servo.law": servo.law if servo.law != "pid" else "",
+        "servo.admittance_gain": f"{servo.admittance_gain:g}" if servo.admittance_gain > 0 else "",
+    }
+    for key, value in needs_motors.items():
+        if value:
+            raise Unsuitable(
+                key,
+                message(
+                    "stations.needs_all_motors",
+                    "{value} needs a motor on every axis; passive: {axes}",
+                    value=value,
+                    axes=", ".join(names),
+                ),
+                message("stations.use_pid", "use law pid without admittance_gain, or give every axis a motor"),
+            )
+    for key in _OF_MOTOR:
+        stated = getattr(servo, key)
+        if not isinstance(stated, dict):
+            continue  # a number or a list is meant for the axes with motors
+        for axis, value in stated.items():
+            if value > 0 and robot.passive[robot.axis_index(axis, f"servo.{key}")]:
+                raise passive_axis(f"servo.{key}.{axis}", axis)
+
+
+def _motor_line(motors: list[Motor | None], limit: Vector, *, dampers: bool) -> MotorLine:
+    """Collect how the torques of motors fall with their speeds.
+
+    Args:
+        motors: motor of each axis, or None.
+        limit: torque limits of the servos, shape (n,) [N·m or N].
+        dampers: whether the slopes are dampers of joints where the limit allows it.
+    """
+    lines = [(np.inf, np.inf) if motor is None else motor.line for motor in motors]
+    stall, fastest = np.array(lines).T
+    slope = np.where(np.isfinite(stall), stall, 0.0) / np.where(np.isfinite(fastest), fastest, 1.0)
+    damping = np.where(stall <= limit, slope, 0.0) if dampers else np.zeros_like(slope)
+    return MotorLine(stall=stall, slope=slope, damping=damping)
 
 
 def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 from pydrake.multibody.tree import RevoluteJoint, RigidBody
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import join_texts, message
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations.clearance import KNEELING, Clearance, Standing, reduce_own_overlaps, standing
 from simrob_drake.stations.legs import Leg, ends_of, foot_place, legs_of, put_upright, straight
@@ -37,6 +38,11 @@ class Stance:
     how: str  # in words
 
 
+def _bent_by(share: float) -> str:
+    """Describe a stance with bent legs by the share of their full length."""
+    return message("stations.legs_bent", "with its legs bent to {share:.0%} of their length", share=share)
+
+
 class Stances:
     """The stances of a robot of a station: home if it stands there, else legs bent so that the feet are lowest.
 
@@ -52,8 +58,13 @@ class Stances:
     @property
     def lacking(self) -> str:
         """What is lacking in the best of the stances that :meth:`find` looked at and did not yield, in words."""
-        failed = [(len(lacks), -margin, "; ".join(lacks)) for margin, lacks in self._looked_at if lacks]
-        return f"In the best of {len(failed)} that were tried {min(failed)[2]}." if failed else ""
+        failed = [(len(lacks), -margin, join_texts(lacks, "; ")) for margin, lacks in self._looked_at if lacks]
+        if not failed:
+            return ""
+        _, _, lacks = min(failed)
+        return message(
+            "stations.best_of_tried", "In the best of {count} that were tried {lacks}.", count=len(failed), lacks=lacks
+        )
 
     def find(self) -> Iterator[Stance]:
         """Yield stances that hold by statics, the most natural first."""
@@ -66,7 +77,7 @@ class Stances:
 
     def as_it_is(self) -> Stance | None:
         """Return how it stands at home, whatever it stands on; None without shapes."""
-        return self._stance(self._home, "at home")
+        return self._stance(self._home, message("stations.stands_at_home", "at home"))
 
     def _place(self, posture: Vector, height: float = 0.0) -> None:
         put_upright(self._clearance, self._robot, posture, height)
@@ -94,8 +105,10 @@ class Stances:
         """
         still = {axis for leg in legs for axis in leg.axes}
         posture = reduce_own_overlaps(self._clearance, self._robot, stance.posture, set(range(len(self._home))) - still)
-        apart = "" if np.array_equal(posture, stance.posture) else " but for links that are turned apart"
-        tidy = self._stance(posture, f"{stance.how}{apart}")
+        how = stance.how
+        if not np.array_equal(posture, stance.posture):
+            how = message("stations.turned_apart", "{stance} but for links that are turned apart", stance=stance.how)
+        tidy = self._stance(posture, how)
         if tidy is None:
             return
         lacks = list(self._lacks(tidy.standing, feet, length))
@@ -106,23 +119,36 @@ class Stances:
     def _lacks(self, found: Standing, feet: set[str], length: float) -> Iterator[str]:
         """Yield what keeps the robot, which is placed in a stance, from standing there steadily, on its feet alone."""
         if others := found.ends.keys() - feet:
-            yield f"it stands on {', '.join(sorted(others))}, too"
+            yield message("stations.stands_on_others", "it stands on {links}, too", links=", ".join(sorted(others)))
         if min(found.ends.values()) < KNEELING:
-            yield "it kneels"
+            yield message("stations.it_kneels", "it kneels")
         lowest = self._clearance.lowest(self._robot).items()
         low = {name: height for name, height in lowest if name not in feet | others and height <= _LOW * length}
         if low:
-            yield f"{min(low, key=low.__getitem__)} is too near to the ground"
+            nearest = min(low, key=low.__getitem__)
+            yield message("stations.link_too_near", "{link} is too near to the ground", link=nearest)
         if found.margin <= _STEADY * found.height:
-            side = "inside" if found.margin >= 0 else "outside"
-            place = f"its centre of mass is {abs(found.margin) * 1e3:.0f} mm {side} of the support"
-            yield f"{place}, and steady from {_STEADY * found.height * 1e3:.0f} mm inside on"
-        loads = np.abs(found.torque) / self._robot.gains.limit_at_rest
+            side = message("stations.inside", "inside") if found.margin >= 0 else message("stations.outside", "outside")
+            yield message(
+                "stations.mass_not_steady",
+                "its centre of mass is {margin:.0f} mm {side} of the support, and steady from {least:.0f} mm inside on",
+                margin=abs(found.margin) * 1e3,
+                side=side,
+                least=_STEADY * found.height * 1e3,
+            )
+        loads = self._robot.gains.holding_shares(found.torque)
         worst = int(np.argmax(loads))
         if loads[worst] > _LOAD:
             axis, unit = self._robot.axes[worst], self._robot.model.effort_units[worst]
             has = self._robot.gains.limit_at_rest[worst]
-            yield f"{axis} takes {abs(found.torque[worst]):.3g} {unit} and has {has:.3g} {unit}"
+            yield message(
+                "stations.axis_overloaded",
+                "{axis} takes {torque:.3g} {unit} and has {limit:.3g} {unit}",
+                axis=axis,
+                torque=abs(found.torque[worst]),
+                unit=unit,
+                limit=has,
+            )
 
     def bent(self, legs: list[Leg], parts: Sequence[float] = _BENT) -> Iterator[Stance]:
         """Yield stances that hold on some legs, bent to parts of their length, with the feet below straight legs'."""
@@ -157,7 +183,7 @@ class Stances:
                     unlike = np.linalg.norm(self._bend(leg, posture) - shape) / length
                     tried.append(float(unlike + _TURNED * np.abs(solution - self._home[leg.axes]).max()))
                 posture[leg.axes] = known[int(np.argmin(tried))]
-            stance = self._balanced(legs, posture, targets, length, f"with its legs bent to {part:.0%} of their length")
+            stance = self._balanced(legs, posture, targets, length, _bent_by(part))
             if stance is not None:
                 yield from self._good(stance, legs, feet, length)
 

@@ -1,14 +1,17 @@
 """Compose a station: plant, servos, poses, sensors, forces, controllers, monitors."""
 
-from collections.abc import Collection, Mapping
+import re
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer
 from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, OutputPort
 
 from simrob_drake.base.arguments import drake_asserts, instance
-from simrob_drake.base.errors import InvalidParameter, quoted
+from simrob_drake.base.errors import InvalidParameter, SimrobError, quoted
+from simrob_drake.base.former_arguments import former_argument
 from simrob_drake.base.lifetime import release
 from simrob_drake.base.messages import message
 from simrob_drake.blocks.block import fed, summed
@@ -21,7 +24,7 @@ from simrob_drake.parts.monitors.monitor import add_monitor
 from simrob_drake.parts.outputs import OutputRegistry
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.dynamic import add_dynamic_robots, add_kinematic_robots, add_motion_inputs, check_servo_steps
-from simrob_drake.stations.load import load_station
+from simrob_drake.stations.load import load_station, with_settings
 from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.ports import StationPorts, draw_plant
 from simrob_drake.stations.poses import add_free_pieces, add_poses
@@ -31,39 +34,131 @@ StationLike: TypeAlias = "str | Path | StationConfig | Station"
 """What users mean a station by: a name, a YAML file, a configuration, or a built station."""
 
 
-def config_of(station: StationLike) -> StationConfig:
-    """Return what a user means by a station.
+def config_of(station: StationLike, overrides: Mapping[str, Any] | None = None) -> StationConfig:
+    """Find the configuration of what a user means by a station.
 
-    Raises SimrobError: as :func:`load_station` does; InvalidParameter: something that is no station.
+    Args:
+        station: a station's name, its YAML file, its configuration, or a built station.
+        overrides: new values, as :func:`load_station` takes them; None if there are none.
+
+    Raises:
+        SimrobError: as :func:`load_station`.
+        InvalidParameter: ``station`` is no station, or ``overrides`` no mapping.
     """
-    if isinstance(station, Station):
-        return station.config
-    if isinstance(station, StationConfig):
-        return station
+    if overrides is not None:
+        expected = message("stations.overrides_by_key", "a mapping of keys to values, as load_station() takes it")
+        instance(overrides, "overrides", Mapping, expected)
     if isinstance(station, (str, Path)):
-        return load_station(station)
+        return load_station(station, overrides)
+    if isinstance(station, (Station, StationConfig)):
+        config = station.config if isinstance(station, Station) else station
+        return with_settings(config, overrides or {}, "overrides")
     known = message(
         "stations.a_station", "a name of `simrob list`, a YAML file, what load_station() gives, or a built station"
     )
     raise InvalidParameter("station", quoted(station), known)
 
 
+@former_argument("config", "station")
 @drake_asserts()
-def add_station(builder: DiagramBuilder, config: StationConfig | str | Path) -> StationPorts:
-    """Add a station's systems to a diagram under construction, flat, with the plant named ``plant``.
+def add_station(
+    builder: DiagramBuilder, station: StationLike, *, name: str = "", overrides: Mapping[str, Any] | None = None
+) -> StationPorts:
+    """Add a station's systems to a diagram under construction, flat.
 
     This is the primitive, as ``AddMultibodyPlantSceneGraph`` is: it leaves the inputs open, so the caller connects or
-    exports each of them. The scheme ``cenic`` needs the plant to be a direct child of the root diagram, so a station
-    that uses it is added to the root's builder.
+    exports each of them. The plant is named ``plant``, or ``<name>.plant``.
+
+    Args:
+        builder: builder of the diagram. For the scheme ``cenic`` it is that of the root diagram, without other plants.
+        station: the station: its name, its file, its configuration, or a built one, whose configuration is taken.
+        name: prefix of the names of all systems that are added, with a dot after it. Each of several stations in one
+            builder needs another one. It is no part of the names of ports and signals.
+        overrides: new values of the station, as :func:`load_station` takes them.
 
     Returns:
         the station's ports, with its plant.
+
+    Raises:
+        SimrobError: there is no such station, or the builder has systems of the same names.
     """
     instance(builder, "builder", DiagramBuilder, message("stations.diagram_builder", "a DiagramBuilder of Drake"))
-    ports = compose(builder, resolve(config_of(config)))
-    if ports.edges:
-        builder.AddNamedSystem("edges", EventTimes(ports.edges))
-    return ports
+    _check_name(name)
+    resolved = resolve(config_of(station, overrides))
+    known = list(builder.GetSystems())
+    names = [system.get_name() for system in known]
+    _check_clash(names, [_with_prefix(name, own) for own in _ALWAYS_THERE], name)
+    # While the station is composed, blocks are found by their names without the prefix: nothing else has these then.
+    for index, system in enumerate(known):
+        system.set_name(f"{_HIDDEN}{index}")
+    try:
+        ports = compose(builder, resolved)
+        if ports.edges:
+            builder.AddNamedSystem("edges", EventTimes(ports.edges))
+    finally:
+        for system, own_name in zip(known, names, strict=True):
+            system.set_name(own_name)
+    added = builder.GetSystems()[len(known) :]
+    for system in added:
+        system.set_name(_with_prefix(name, system.get_name()))
+    _check_clash(names, [system.get_name() for system in added], name)
+    return replace(ports, name=name)
+
+
+_ALWAYS_THERE = ("plant", "scene_graph")
+"""Names of systems that most stations have. They are checked before anything is added to the builder."""
+
+_HIDDEN = "another system "
+"""Begin of the names of systems of the user's own while a station is added."""
+
+
+def _with_prefix(name: str, system: str) -> str:
+    """Name of a system of a station in the diagram.
+
+    Args:
+        name: name of the station in the diagram, or an empty text.
+        system: name of the system in the station.
+    """
+    return f"{name}.{system}" if name else system
+
+
+def _check_name(name: object) -> None:
+    """Check the name of a station in a diagram; raises InvalidParameter: a text that cannot be a prefix of names."""
+    is_name = isinstance(name, str) and (not name or re.fullmatch(r"[A-Za-z_][\w-]*", name))
+    if not is_name:
+        raise InvalidParameter(
+            "name", quoted(name), message("stations.name_of_letters", "a name of letters, digits, _ and -, such as arm")
+        )
+
+
+def _check_clash(known: Sequence[str], added: Sequence[str], name: str) -> None:
+    """Check that a station's systems have other names than those in the builder.
+
+    Args:
+        known: names of the systems in the builder.
+        added: names of the station's systems.
+        name: name of the station in the diagram, or an empty text.
+
+    Raises:
+        SimrobError: the names that are taken.
+    """
+    taken = sorted(set(known) & set(added))
+    if not taken:
+        return
+    listed = ", ".join(taken[:_MOST_NAMES]) + (" ..." if len(taken) > _MOST_NAMES else "")
+    raise SimrobError(
+        message(
+            "stations.names_taken",
+            "the diagram already has {count:a system|systems} named {names}; give this station another name, as in "
+            'add_station(builder, station, name="{example}")',
+            count=len(taken),
+            names=listed,
+            example=f"{name}_2" if name else "second",
+        )
+    )
+
+
+_MOST_NAMES = 6  # count of names that an error lists
 
 
 def compose(
@@ -158,9 +253,11 @@ class Station(Diagram):
         ports: the ports inside; the box exports each under the same name.
     """
 
-    def __init__(self, config: StationConfig | str | Path) -> None:
+    @former_argument("config", "station")
+    def __init__(self, station: StationLike, *, overrides: Mapping[str, Any] | None = None) -> None:
+        """Build a station; arguments and errors are those of :func:`add_station`."""
         super().__init__()
-        self.config = config_of(config)
+        self.config = config_of(station, overrides)
         builder = DiagramBuilder()
         self.ports = add_station(builder, self.config)
         for name, port in self.ports.inputs.items():
@@ -173,10 +270,19 @@ class Station(Diagram):
         self.set_name(self.config.name)
 
     def __repr__(self) -> str:
-        """Say in one line what stands in it; its ports are told by ``ports``."""
+        """Describe the station in one line."""
         return f"<Station of {self.config!r}>"
 
 
-def build_station(config: StationConfig | str | Path) -> Station:
-    """Return a station as one Diagram, its ports exported by name."""
-    return Station(config)
+@former_argument("config", "station")
+def build_station(station: StationLike, *, overrides: Mapping[str, Any] | None = None) -> Station:
+    """Build a station as one Diagram, with its ports exported by name.
+
+    Args:
+        station: the station: its name, its file, its configuration, or a built one, whose configuration is taken.
+        overrides: new values of the station, as :func:`load_station` takes them.
+
+    Raises:
+        SimrobError: there is no such station, or it cannot be built.
+    """
+    return Station(station, overrides=overrides)

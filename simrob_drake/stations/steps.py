@@ -5,16 +5,18 @@ it, an explicit scheme becomes unstable, and a scheme with variable steps takes 
 findings compare stiffness and damping with the steps before a run.
 """
 
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.multibody.cenic import CenicIntegrator
 from pydrake.multibody.contact_solvers import IcfSolverParameters
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
-from pydrake.systems.framework import Context, Diagram
+from pydrake.systems.framework import Context, Diagram, System
 
 from simrob_drake.base.errors import UnsupportedSolver
+from simrob_drake.base.former_arguments import former_argument
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
 from simrob_drake.blocks.references import Reference
@@ -23,8 +25,10 @@ from simrob_drake.stations.closed import reference_samples
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.dynamic import largest_explicit_steps, servo_inertias
 from simrob_drake.stations.findings import Finding
+from simrob_drake.stations.open_inputs import check_inputs
 from simrob_drake.stations.prescribed import constraining_couplings, is_discrete_with_contact
 from simrob_drake.stations.solver_config import ContinuousSolver
+from simrob_drake.stations.station import StationLike, config_of
 
 _STIFF_STOPS = 2e10
 """Largest stiffness of a stop, divided by the inertia of its axis, at which an implicit scheme does not creep [1/s²].
@@ -364,31 +368,34 @@ def stepped_by(config: StationConfig) -> ContinuousSolver | None:
     return solver.model_copy(update={"max_step": solver.max_step * (1 + _SLACK)})
 
 
-def apply_solver(simulator: Simulator, config: StationConfig) -> None:
-    """Set the solver of a simulator as the station's file demands.
+@former_argument("config", "station")
+def apply_solver(simulator: Simulator, station: StationLike, *, overrides: Mapping[str, Any] | None = None) -> None:
+    """Set the solver of a simulator of your own, as a station's file demands.
 
     Args:
         simulator: the simulator, whose integrator is replaced. Its diagram contains the station, at any depth.
-        config: configuration of the station. Nothing is changed if it has no continuous solver.
+        station: the station: its name, its file, its configuration, or a built one. Nothing is changed if it has no
+            continuous solver.
+        overrides: new values of the station, as :func:`simrob_drake.load_station` takes them.
 
     Raises:
         UnsupportedSolver: the scheme ``cenic`` with a station that is not a direct part of the root diagram.
+        SimrobError: there is no such station, or an input in the diagram is neither connected nor exported.
     """
+    config = config_of(station, overrides)
+    system = simulator.get_system()
+    if isinstance(system, Diagram):
+        check_inputs(system, {}, may_be_exported=True)
+    set_solver(simulator, config)
+
+
+def set_solver(simulator: Simulator, config: StationConfig) -> None:
+    """Set the solver of a simulator, whose diagram has no open inputs, see :func:`apply_solver`."""
     if not config.engine.moves_by_forces or not isinstance(config.solver, ContinuousSolver):
         return
     solver = config.solver
-    system = simulator.get_system()
-    has_plant = isinstance(system, Diagram) and system.HasSubsystemNamed("plant")
-    if solver.engine.needs_plant_as_direct_child and not has_plant:
-        raise UnsupportedSolver(
-            message(
-                "stations.plant_as_direct_part",
-                "solver.scheme is {scheme}, which needs the plant as a direct part of the simulated "
-                "diagram: add the station with add_station() to the root's builder, or choose "
-                "another scheme such as 'radau3'",
-                scheme=repr(solver.scheme),
-            )
-        )
+    if solver.engine.needs_plant_as_direct_child:
+        _check_only_plant(simulator.get_system(), solver.scheme)
     settings = SimulatorConfig(
         integration_scheme=solver.scheme,
         max_step_size=solver.max_step,
@@ -399,6 +406,46 @@ def apply_solver(simulator: Simulator, config: StationConfig) -> None:
     cenic = stepped_by(config)
     if cenic is not None:
         bound_steps(simulator, cenic)
+
+
+def _check_only_plant(system: System, scheme: str) -> None:
+    """Check that a diagram has one plant, as a direct part that is named ``plant``.
+
+    Args:
+        system: the diagram that is simulated.
+        scheme: name of the scheme that needs this.
+
+    Raises:
+        UnsupportedSolver: the plants that the diagram has instead.
+    """
+    plants = list(_plants_in(system, ""))
+    if plants == ["plant"]:
+        return
+    raise UnsupportedSolver(
+        message(
+            "stations.only_plant",
+            "solver.scheme is {scheme}, which needs a single plant in the simulated diagram, named plant, as a direct "
+            "part of it; there {count:is|are}: {plants}. Add a single station, without name, with add_station() to the "
+            "root's builder, or choose another scheme such as 'radau3'",
+            scheme=repr(scheme),
+            count=len(plants),
+            plants=", ".join(plants) or message("stations.no_plant", "none"),
+        )
+    )
+
+
+def _plants_in(system: System, path: str) -> Iterator[str]:
+    """Yield the names of the plants in a diagram, with the names of the diagrams around them.
+
+    Args:
+        system: the diagram, or a system that is none.
+        path: names of the diagrams around its parts, each with a ``/`` after it.
+    """
+    for part in system.GetSystems() if isinstance(system, Diagram) else ():
+        name = f"{path}{part.get_name()}"
+        if isinstance(part, MultibodyPlant):
+            yield name
+        yield from _plants_in(part, f"{name}/")
 
 
 def bound_steps(

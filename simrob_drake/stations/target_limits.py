@@ -4,6 +4,8 @@ The *reference* of a robot is a section of its station that describes the desire
 a target posture.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from simrob_drake.base.errors import InvalidParameter
@@ -11,6 +13,7 @@ from simrob_drake.base.messages import compound, message
 from simrob_drake.parts.resolved import ResolvedRobot
 from simrob_drake.robots.coupled_axes import Firmness
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.servos import passive_axis
 
 
 def check_targets(config: StationConfig, robot: ResolvedRobot) -> None:
@@ -26,8 +29,11 @@ def check_targets(config: StationConfig, robot: ResolvedRobot) -> None:
 
     Raises:
         InvalidParameter: a target is beyond a limit of its axis; the message names the axis and the limits.
+        Unsuitable: a mapping gives a value to a passive axis of a dynamic station, which no motor moves there.
     """
     model = robot.model
+    if config.engine.moves_by_forces:
+        _check_passive_axes(config, robot)
     for target in config.reference_of(robot.name).postures():
         # How firmly the target asks each axis for a position: an axis is NAMED if the target is a list, or a mapping
         # that contains the axis. A single number names no axis: nothing is checked.
@@ -48,3 +54,19 @@ def check_targets(config: StationConfig, robot: ResolvedRobot) -> None:
             raise InvalidParameter(
                 key, compound("{violation} {unit}", violation=violation.value, unit=violation.unit), expected
             )
+
+
+def _check_passive_axes(config: StationConfig, robot: ResolvedRobot) -> None:
+    """Check that a robot's reference gives no value to a passive axis by its name.
+
+    Numbers and lists for all axes are meant for the axes with motors.
+
+    Raises:
+        Unsuitable: a mapping names a passive axis.
+    """
+    for key, values in config.reference_of(robot.name).axis_values().items():
+        if not isinstance(values, Mapping):
+            continue
+        for axis in values:
+            if robot.gains.passive[robot.model.axis_index(axis, f"reference.{key}")]:
+                raise passive_axis(f"{robot.prefix}reference.{key}.{axis}", axis)

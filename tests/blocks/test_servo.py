@@ -224,6 +224,27 @@ def test_a_limit_is_positive(name: str, value: float) -> None:
         replace(GAINS, **{name: np.array([1.0, value, 1.0])})
 
 
+def test_an_axis_without_a_motor_has_no_torque_and_no_share() -> None:
+    without = np.array([1.0, 0.0, 1.0])
+    gains = replace(
+        GAINS,
+        kp=without * GAINS.kp,
+        ki=without * GAINS.ki,
+        kd=without * GAINS.kd,
+        torque_limit=without * [40.0, 1.0, 30.0],
+        integral_limit=without * GAINS.integral_limit,
+    )
+    assert gains.passive.tolist() == [False, True, False]
+    torque = np.array([-20.0, 5.0, 15.0])
+    np.testing.assert_allclose(gains.torque_shares(torque, np.zeros(COUNT)), [0.5, 0.0, 0.5])
+    assert gains.holding_shares(torque).tolist() == [0.5, np.inf, 0.5]
+    assert gains.holding_shares(np.zeros(COUNT)).tolist() == [0.0, 0.0, 0.0]
+    for per_joint in (True, False):
+        diagram = servo_diagram(gains, per_joint=per_joint, optional=("feedforward",))
+        values = {"reference": np.ones(COUNT), "state": np.zeros(2 * COUNT), "feedforward": np.array([0.0, 9.0, 0.0])}
+        assert diagram.GetOutputPort("torque").Eval(fixed(diagram, values))[1] == 0.0
+
+
 @pytest.mark.parametrize("name", ["kp", "kd"])
 def test_a_cascade_needs_both_gains(name: str) -> None:
     with pytest.raises(InvalidParameter, match=f"^the smallest {name} is 0"):

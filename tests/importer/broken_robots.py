@@ -575,7 +575,7 @@ JOINTS = [
     Defect("upper is inf", swap('upper="2"', 'upper="inf"'), "dropped: joint 'elbow' <limit>: upper=\"inf\""),
     Defect("upper missing", swap(' upper="2"', ""), "defaulted: joint 'elbow' <limit>: has no upper; 0"),
     Defect("slide without limits", slide("revolute", ""), "defaulted: a prismatic joint needs a range, ±1 m"),
-    Defect("effort zero", swap('effort="40"', 'effort="0"'), "defaulted: effort 0 would not move it"),
+    Defect("effort zero", swap('effort="40"', 'effort="0"'), "read: joints 'elbow': passive: the file gives"),
     Defect("effort missing", swap('effort="40" ', ""), "defaulted: joint 'elbow' <limit>: has no effort"),
     Defect("effort negative", swap('effort="40"', 'effort="-40"'), "defaulted: effort -40 would not move it"),
     Defect("velocity zero", swap('velocity="4"', 'velocity="0"'), "defaulted: joints 'elbow' <limit>: no velocity"),
@@ -592,7 +592,7 @@ JOINTS = [
 ]
 
 DRIVES = [
-    Defect("no drive", swap(ELBOW_DRIVE, ""), "defaulted: joints 'elbow': no transmission drives them; a motor made"),
+    Defect("no drive", swap(ELBOW_DRIVE, ""), "read: joints 'elbow': passive: the file gives motors"),
     Defect("two drives", add(ELBOW_DRIVE.replace("_t", "_2")), "dropped: transmission 'elbow_2': 'elbow' has a motor"),
     Defect("drive of ROS 2", swap(ELBOW_DRIVE, ROS2_DRIVE), "repaired: transmission 'elbow_t': written as Drake reads"),
     Defect("drive without type", swap(ELBOW_DRIVE, UNTYPED_DRIVE), "repaired: transmission 'elbow_t': has no type"),

@@ -277,7 +277,7 @@ def test_what_no_tree_of_motored_joints_can_say_is_told(tmp_path, here):
     assert "actuator 'puller': pulls at several joints by a tendon; each gets a motor: one, two" in told(
         robot, "approximated"
     )
-    assert "joints 'three': no actuator drives them" in told(robot, "defaulted")
+    assert "joints 'three': passive: the file gives motors to other joints" in told(robot, "read")
     assert robot.model.efforts[:2].tolist() == [3, 6]
 
 

@@ -19,6 +19,8 @@ def drive(*joints: str, kind: str = "<type>SimpleTransmission</type>", name: str
     return f'<transmission name="{name}">{kind}{inside}</transmission>'
 
 
+DRIVEN = TWO.replace(END, f"{drive('elbow')}{END}")  # both joints have a motor
+
 ROS2 = "<plugin>transmission_interface/SimpleTransmission</plugin>"
 DRIVES = [
     pytest.param("", "defaulted", "joints 'shoulder', 'elbow': no transmission drives them", id="none"),
@@ -87,7 +89,7 @@ def effort(done: Repaired, name: str) -> float:
 
 @pytest.mark.parametrize("bad", ['effort="0"', "", 'effort="-5"', 'effort="nan"'])
 def test_a_missing_effort_holds_three_times_what_hangs_on_the_joint(tmp_path, bad):
-    done = Repaired(TWO.replace('effort="10"', bad), tmp_path)
+    done = Repaired(DRIVEN.replace('effort="10"', bad), tmp_path)
     shoulder = 3 * G * (1 * 0.1 + 2 * (0.3 + 0.1 + 0.2))  # by hand: both masses, stretched out
     assert effort(done, "shoulder") == pytest.approx(39)
     assert shoulder == pytest.approx(38.2, abs=0.1)
@@ -96,7 +98,7 @@ def test_a_missing_effort_holds_three_times_what_hangs_on_the_joint(tmp_path, ba
 
 
 def test_a_light_wrist_is_not_a_toy_beside_a_strong_shoulder(tmp_path):
-    text = with_defect('effort="10"', 'effort="500"', TWO).replace(ELBOW, ELBOW.replace('effort="10"', 'effort="0"'))
+    text = with_defect('effort="10"', 'effort="500"', DRIVEN).replace(ELBOW, ELBOW.replace('effort="10"', ""))
     done = Repaired(text, tmp_path)
     assert effort(done, "shoulder") == 500
     assert effort(done, "elbow") == 50
@@ -106,7 +108,7 @@ def test_a_light_wrist_is_not_a_toy_beside_a_strong_shoulder(tmp_path):
 
 
 def test_the_least_efforts_and_those_without_masses(tmp_path):
-    light = TWO.replace('"10"', '"0"').replace('mass value="2"', 'mass value="1e-6"').replace('"1"/>', '"1e-6"/>')
+    light = DRIVEN.replace('"10"', '"0"').replace('mass value="2"', 'mass value="1e-6"').replace('"1"/>', '"1e-6"/>')
     light = light.replace('"0.01"', '"1e-9"')
     assert effort(Repaired(light, tmp_path), "elbow") == 1
     slide = light.replace('type="revolute"', 'type="prismatic"')
@@ -119,7 +121,7 @@ def test_the_least_efforts_and_those_without_masses(tmp_path):
 
 
 def test_a_prismatic_joint_lifts_three_times_what_hangs_on_it(tmp_path):
-    done = Repaired(TWO.replace('type="revolute"', 'type="prismatic"').replace('effort="10"', ""), tmp_path)
+    done = Repaired(DRIVEN.replace('type="revolute"', 'type="prismatic"').replace('effort="10"', ""), tmp_path)
     assert effort(done, "shoulder") == 89  # 3 · g · 3 kg = 88.3 N
     assert effort(done, "elbow") == 59
 
@@ -171,3 +173,48 @@ def test_a_sliding_motor_moves_its_own_armature(tmp_path):
     done = Repaired(text.replace('effort="10"', ""), tmp_path)
     needed = G * 2 + (40 + 2) * 5
     assert needed <= effort(done, "elbow") <= 1.1 * needed
+
+
+def passive_joints(done: Repaired) -> list[str]:
+    """Names of the joints that have no motor, after a check that Drake agrees."""
+    driven = {done.plant.get_joint_actuator(index).joint().name() for index in done.plant.GetJointActuatorIndices()}
+    idle = [name for name in ("shoulder", "elbow") if name not in driven]
+    if idle:
+        names = "', '".join(idle)
+        assert any(line.startswith(f"joints '{names}': passive: ") for line in done.told("read"))
+    return idle
+
+
+ZERO = LIMIT.replace('"10"', '"0"')
+NO_EFFORT = LIMIT.replace(' effort="10"', "")
+BOTH_DRIVES = DRIVE + drive("elbow")
+PASSIVE = [  # transmissions, limits of shoulder and elbow, and the joints that have no motor by them
+    pytest.param(DRIVE, LIMIT, LIMIT, ["elbow"], id="no transmission of one"),
+    pytest.param(DRIVE, NO_EFFORT, LIMIT, ["elbow"], id="driven without effort"),
+    pytest.param(DRIVE, ZERO, LIMIT, ["elbow"], id="driven with effort 0"),
+    pytest.param("", LIMIT, ZERO, ["elbow"], id="effort 0 of one"),
+    pytest.param(BOTH_DRIVES, ZERO, LIMIT, ["shoulder"], id="effort 0 with a transmission"),
+    pytest.param(BOTH_DRIVES, NO_EFFORT, ZERO, ["elbow"], id="effort 0 beside a motor without effort"),
+    pytest.param(drive("none"), LIMIT, LIMIT, [], id="transmission of no joint"),
+    pytest.param("", LIMIT, NO_EFFORT, [], id="effort missing"),
+    pytest.param("", ZERO, ZERO, [], id="all efforts 0"),
+    pytest.param("", ZERO, NO_EFFORT, [], id="efforts 0 or missing"),
+    pytest.param(BOTH_DRIVES, ZERO, ZERO, [], id="all efforts 0 with transmissions"),
+    pytest.param("", LIMIT, LIMIT.replace('"10"', '"-5"'), [], id="negative effort"),
+]
+
+
+@pytest.mark.parametrize(("drives", "shoulder", "elbow", "expected"), PASSIVE)
+def test_joints_without_a_motor_beside_others_with_one_are_passive(tmp_path, drives, shoulder, elbow, expected):
+    text = TWO.replace(ELBOW, ELBOW.replace(LIMIT, elbow)).replace(LIMIT, shoulder, 1).replace(DRIVE, drives)
+    assert passive_joints(Repaired(text, tmp_path)) == expected
+
+
+def test_a_follower_keeps_its_motor(tmp_path):
+    follower = ELBOW.replace("</joint>", '<mimic joint="shoulder"/></joint>')
+    assert passive_joints(Repaired(TWO.replace(ELBOW, follower), tmp_path)) == []
+
+
+def test_a_passive_joint_gets_no_speed_limit(tmp_path):
+    done = Repaired(TWO.replace(ELBOW, ELBOW.replace('velocity="3"', 'velocity="0"')), tmp_path)
+    assert np.isinf(done.plant.GetJointByName("elbow").velocity_upper_limits()).all()

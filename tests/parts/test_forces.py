@@ -74,7 +74,7 @@ def test_a_floating_robot_is_pushed_at_the_centre_of_mass_of_its_root_unless_tol
 @pytest.mark.parametrize(
     ("figures", "message"),
     [
-        ({"kind": "push", "start": -0.1, "force": [1, 1, 1]}, r"forces\.f\.start: .*greater than or equal to 0"),
+        ({"kind": "push", "start": -0.1, "force": [1, 1, 1]}, r"forces\.f\.start: .*at least 0"),
         ({"kind": "push", "duration": 0, "force": [1, 1, 1]}, r"forces\.f\.duration: .*greater than 0"),
         ({"kind": "push", "force": [1, 1]}, r"forces\.f\.force: "),
         ({"kind": "push", "force": [1, 2, float("nan")]}, r"forces\.f\.force: .*finite"),

@@ -298,7 +298,7 @@ WRONG = [
     ("rows: [{limit_deg: [1, 1], effort: 1}]", r"limit_deg is not a lower and a higher figure: 1, 1"),
     ("rows: [{limit_deg: [0, 1], effort: 1, type: helical}]", r"dh\.rows\[\d\]\.type: there is no 'helical'"),
     ("rows: [{limit_deg: [0, 1], effort: 1, alpha: 90}]", r"dh\.rows\[\d\]\.alpha: unknown key; did you mean .alpha"),
-    ("rows: [{limit_deg: [0, 1], effort: 1, mass: -1}]", r"dh\.rows\[\d\]\.mass: .*greater than or equal to 0"),
+    ("rows: [{limit_deg: [0, 1], effort: 1, mass: -1}]", r"dh\.rows\[\d\]\.mass: .*at least 0"),
     ("rows: [{limit_deg: [0, 1], effort: 1, inertia: [1, 1, 3]}]", r"dh\.rows\[\d\]\.inertia: no body has these"),
     ("rows: [{limit_deg: [0, 1], effort: 1, com: [1]}]", r"dh\.rows\[\d\]\.com: needs 3 values"),
     ("rows: [1]", r"dh\.rows"),

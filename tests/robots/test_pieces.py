@@ -264,7 +264,7 @@ UP = {"count": 2, "step": [0, 0, 0.05, 0, 0, 0]}
         ({"a": [0] * 3}, "frames"),
         ({"a": {"pose": [0] * 6}}, "frames.*needed"),
         ({"a": {"pose": [0] * 6, "series": []}}, "at least 1"),
-        ({"a": {"pose": [0] * 6, "series": [{"count": 0, "step": [0] * 6}]}}, "greater than or equal to 1"),
+        ({"a": {"pose": [0] * 6, "series": [{"count": 0, "step": [0] * 6}]}}, "at least 1"),
         ({"a": {"pose": [0] * 6, "series": [{"count": 100, "step": [0] * 6}] * 2}}, "at most 1000"),
     ],
 )

@@ -28,8 +28,8 @@ EULER = {"solver.scheme": "explicit_euler", "solver.max_step": 1e-3}
         ("bouncing_ball", {"pieces.ball": {"free": False, "parent": "world"}}, "a station needs something that moves"),
         ("bouncing_ball", {"pieces.ball.mass": 0}, r"pieces\.ball\.free .* a piece with mass and inertia"),
         ("bouncing_ball", {"pieces.ball.parent": "robot"}, "a free piece hangs on nothing"),
-        ("bouncing_ball", {"contact.stiffness": -1}, r"contact\.stiffness: input should be greater than 0"),
-        ("bouncing_ball", {"contact.dissipation": -0.1}, r"contact\.dissipation: .* greater than or equal to 0"),
+        ("bouncing_ball", {"contact.stiffness": -1}, r"contact\.stiffness: must be greater than 0"),
+        ("bouncing_ball", {"contact.dissipation": -0.1}, r"contact\.dissipation: .* at least 0"),
         ("bouncing_ball", {"contact.friction.dynamic": 2}, r"contact\.friction: dynamic friction \(2\) is not more"),
         ("bouncing_ball", {"monitors.force_limit": {"limit": 0}}, r"monitors\.force_limit\.limit: .*greater than 0"),
         ("bouncing_ball", {"monitors.force_limit": {"limit": "hand"}}, "no body region 'hand'"),
@@ -54,7 +54,7 @@ EULER = {"solver.scheme": "explicit_euler", "solver.max_step": 1e-3}
         (
             "irb120_cobot",
             {"forces.shove": {"kind": "push", "start": 0, "duration": 0, "force": [0, 0, 1]}},
-            r"forces\.shove\.duration: input should be greater than 0",
+            r"forces\.shove\.duration: must be greater than 0",
         ),
     ],
 )

@@ -100,6 +100,35 @@ def test_joints_of_any_name_become_couplings(tmp_path, one_joint_urdf, write_urd
     assert list(config.couplings) == ["arm_2nd_jaw_follows"]
 
 
+SLIDE = """
+<link name="{name}">
+  <visual><geometry><box size="0.01 0.02 0.06"/></geometry></visual>
+  <inertial><mass value="0.05"/><inertia ixx="2e-5" iyy="2e-5" izz="3e-6" ixy="0" ixz="0" iyz="0"/></inertial>
+</link>
+<joint name="{name}_joint" type="prismatic">
+  <parent link="palm"/><child link="{name}"/><origin xyz="{x} 0 0.05"/><axis xyz="{axis} 0 0"/>
+  <limit lower="0" upper="0.04" effort="20" velocity="0.1"/>
+</joint>
+"""
+
+
+def gripper_alone(left, right):
+    """URDF of two slides on a palm that nothing moves, with the names of their links."""
+    palm = """<link name="palm"><visual><geometry><box size="0.1 0.06 0.04"/></geometry></visual><inertial>
+    <mass value="0.6"/><inertia ixx="5e-4" iyy="8e-4" izz="9e-4" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
+    slides = SLIDE.format(name=left, x=0.005, axis=1) + SLIDE.format(name=right, x=-0.005, axis=-1)
+    return f'<robot name="two">{palm}{slides}</robot>'
+
+
+@pytest.mark.parametrize(("names", "is_gripper"), [(("left_finger", "right_finger"), True), (("a", "b"), False)])
+def test_a_gripper_without_an_arm_is_known_by_the_names_of_its_fingers(tmp_path, names, is_gripper):
+    """Its file has no joint that moves the palm. Two nameless slides may be a machine's."""
+    urdf = tmp_path / "two.urdf"
+    urdf.write_text(gripper_alone(*names))
+    text = draft_station(urdf, folder=tmp_path)
+    assert ("`grip: {force: 20}`" in text) == is_gripper
+
+
 def test_a_gripper_closes_and_opens_its_fingers(tmp_path):
     """A first station shows what its fingers do, and names the moves that take a piece."""
     file = tmp_path / "first.yaml"

@@ -223,7 +223,7 @@ WRONG = [
     ({"robot.base": [0, 0, 0]}, r"robot\.base: needs 6 values"),
     ({"robot.initial_deg": {"joint_2": 400}}, r"initial_deg of joint_2 is 400; it must be within -110 to 110 deg"),
     ({"robot.tcp": "lod"}, r"no tool of robot 'lod'; did you mean 'load'\?"),
-    ({"pieces.load.mass": -1}, r"pieces\.load\.mass: .*greater than or equal to 0"),
+    ({"pieces.load.mass": -1}, r"pieces\.load\.mass: .*at least 0"),
     ({"pieces.load.model": "pencl"}, r"no piece 'pencl'; did you mean 'pencil'\?"),
     ({"pieces.load.parent": "griper"}, r"no parent for pieces\.load 'griper'; did you mean 'gripper'\?"),
     ({"pieces.gripper.parent": "load"}, r"pieces\.gripper\.parent is load; .* hangs on"),
@@ -260,7 +260,7 @@ def test_wrong_entries_are_named_with_what_would_be_right(overrides, message):
 
 BLAMED = [
     ({"duration": 2, "servo.kp": -1}, "override servo.kp: a gain is of 0"),
-    ({"reference.kind": "sequence", "reference.targets": 3}, "override reference.targets: input should be"),
+    ({"reference.kind": "sequence", "reference.targets": 3}, "override reference.targets: must be a list"),
     ({"servo": {"kp": 1, "kpp": 1}}, "override servo: servo.kpp: unknown key"),
     ({"robot.base": [0, 0]}, "override robot.base: needs 6 values"),
     ({"contact": {}, "contact.friction": 0.01}, "override contact.friction: must be .* keys of: static, dynamic"),
@@ -281,7 +281,7 @@ def test_the_override_that_is_wrong_is_blamed(overrides, message):
 
 
 def test_overrides_are_called_what_the_caller_calls_them():
-    with pytest.raises(SimrobError, match=r"^--duration: input should be greater than 0"):
+    with pytest.raises(SimrobError, match=r"^--duration: must be greater than 0"):
         load_station("irb120_dynamic", {"duration": -1}, called={"duration": "--duration"})
 
 
@@ -304,7 +304,7 @@ def test_a_folder_is_no_station_but_may_hold_one(tmp_path):
 
 
 def test_samples_are_not_more_than_fit():
-    with pytest.raises(SimrobError, match=r"^override sample_rate: input should be less than or equal to 10000"):
+    with pytest.raises(SimrobError, match=r"^override sample_rate: must be at most 10000"):
         load_station("irb120_dynamic", {"sample_rate": 1e9})
     with pytest.raises(
         SimrobError, match=r"duration is 1e.09 s; it must be at most 10000 s at a sample_rate of 100 Hz"

@@ -16,6 +16,7 @@ EXTENSION = Extension(
     exporters={"csv": "simrob_playground.positions_csv:PositionsCsv"},
     plots={"joint_power": "simrob_playground.power_plot:power_plot"},
     measures={"standstill": "simrob_playground.standstill:STANDSTILL"},
+    messages={"playground": "simrob_playground:languages"},
     panels={"move_counts": "simrob_playground.move_counts:MOVE_COUNTS"},
     robots={"playground": "simrob_playground:robots"},
     stations={"playground": "simrob_playground:stations"},

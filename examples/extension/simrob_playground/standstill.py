@@ -26,5 +26,7 @@ STANDSTILL = Criterion(
     measure=_standstill,
     per_time=True,
     default_bound=None,
+    # Other languages are in languages/<language>.yaml, with ids that begin with this word.
+    catalogue="playground",
 )
 """The criterion. A station bounds it with ``verdict: {standstill: 0.5}``."""

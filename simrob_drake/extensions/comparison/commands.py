@@ -1,19 +1,22 @@
 """The command that compares a station's run with other engines or with logged signals: `simrob compare`."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.extension import needed_extension
 from simrob_drake.base.folders import check_folder
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import compound, message, translate
 from simrob_drake.cli.arguments import refuse, station_from
 from simrob_drake.cli.options import Force, Settings, StationArgument, with_mesh_path
-from simrob_drake.cli.screen import console, errors, say_place, say_text, table
-from simrob_drake.cli.tables import in_units
+from simrob_drake.cli.screen import RESULT, console, errors, say_place, say_text, table
+from simrob_drake.cli.tables import AT_TIME, LARGEST_DIFFERENCE, in_units
 from simrob_drake.stations.config import StationConfig
+
+if TYPE_CHECKING:
+    from simrob_drake.extensions.comparison.engines import Difference
 
 
 @with_mesh_path
@@ -48,7 +51,7 @@ def compare(
     if with_ is not None:
         _compare_with_log(station_from(station, set_), with_, map_ or [], out, force=force)
         return
-    refuse("it has an effect only with --with", map=map_)
+    refuse(message("comparison.only_with_log", "it has an effect only with --with"), map=map_)
     _compare_engines(station_from(station, set_), out, force=force)
 
 
@@ -58,24 +61,45 @@ def _compare_engines(config: StationConfig, out: Path | None, *, force: bool) ->
 
     if out is not None:
         check_folder(out, marker=NUMBERS, force=force)
-    with errors.status("running") as status:
-        found_by = compare_engines(config, progress=lambda name: status.update(f"running in {name}"))
+    with errors.status("") as status:
+
+        def show_engine(name: str) -> None:
+            """Show the engine in which the station runs now."""
+            status.update(translate(message("comparison.running_in", "running in {engine}", engine=name)))
+
+        found_by = compare_engines(config, progress=show_engine)
     first, *others = found_by.accounts
     found = differences(first, others)
     rows = list[tuple[str, ...]]()
     for one in found:
-        largest, error = (in_units(value, one.quantity.unit) for value in (one.largest, one.error))
-        within = "yes" if one.within else f"no, {one.largest / one.error:.2g} ×" if one.error > 0 else "no"
-        rows.append((one.account, one.quantity.name, largest, f"{one.at:.3f}", error, within))
+        largest = in_units(one.largest, one.quantity.unit)
+        error = in_units(one.error, one.quantity.unit)
+        rows.append((one.account, one.quantity.name, largest, compound("{time:.3f}", time=one.at), error, _within(one)))
     for account in found_by.accounts:
-        say_text(f"{account.name}: {account.ended}")
-    headings = ("engine", "quantity", f"from {first.name} at most", "at [s]", "error bars", "within")
+        say_text(compound("{engine}: {ending}", engine=account.name, ending=account.ended))
+    headings = (
+        message("comparison.engine", "engine"),
+        message("comparison.quantity", "quantity"),
+        message("comparison.largest_from", "largest difference from {engine}", engine=first.name),
+        AT_TIME,
+        message("comparison.error_bars", "error bars"),
+        message("comparison.within", "within"),
+    )
     console.print(table(headings, *rows, numbers=False))
     for name, why in found_by.missing.items():
-        say_text(f"{name}: {why}")
+        say_text(compound("{engine}: {reason}", engine=name, reason=why))
     if out is not None:
         save_comparison(found_by.accounts, found, out, station=config.name, force=force)
-        say_place("result  ", out)
+        say_place(RESULT, out)
+
+
+def _within(difference: "Difference") -> str:
+    """Say whether a difference is within its error bars, and if not, how many times as large it is."""
+    if difference.within:
+        return message("comparison.yes", "yes")
+    if difference.error > 0:
+        return message("comparison.no_by_factor", "no, {factor:.2g} ×", factor=difference.largest / difference.error)
+    return message("comparison.no", "no")
 
 
 def _compare_with_log(config: StationConfig, log: Path, map_: list[str], out: Path | None, *, force: bool) -> None:
@@ -110,13 +134,32 @@ def _compare_with_log(config: StationConfig, log: Path, map_: list[str], out: Pa
     logged = read_log(log, own_names)
     _, differences = compare(config, logged, progress=True)
     rows = [
-        (found.signal, in_units(found.largest, found.unit), f"{found.at:.3f}", in_units(found.rms, found.unit))
+        (
+            found.signal,
+            in_units(found.largest, found.unit),
+            compound("{time:.3f}", time=found.at),
+            in_units(found.rms, found.unit),
+        )
         for found in differences
     ]
-    console.print(table(("signal", "largest difference", "at [s]", "root mean square"), *rows, numbers=False))
+    console.print(
+        table(
+            (
+                message("comparison.signal", "signal"),
+                LARGEST_DIFFERENCE,
+                AT_TIME,
+                message("comparison.root_mean_square", "root mean square"),
+            ),
+            *rows,
+            numbers=False,
+        )
+    )
     unknown = sorted(logged.keys() - {found.signal for found in differences})
     if unknown:
-        say_text(f"not among the station's signals: {', '.join(unknown)}")
+        text = message(
+            "comparison.no_such_signals", "not among the station's signals: {names}", names=", ".join(unknown)
+        )
+        say_text(text)
     if out is not None:
         save_differences(differences, out, force=force)
-        say_place("result  ", out)
+        say_place(RESULT, out)

@@ -10,10 +10,10 @@ from rich.text import Text
 
 from simrob_drake.base.errors import InvalidConfig, Unsuitable
 from simrob_drake.base.folders import check_ending, check_new_file, written_at_once
-from simrob_drake.base.messages import in_language, message
+from simrob_drake.base.messages import in_language, message, set_output_language
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.cli import ExitCode
-from simrob_drake.cli.language import LANGUAGE_VARIABLE, set_language
+from simrob_drake.cli.language import LANGUAGE_VARIABLE
 from simrob_drake.cli.options import Force
 from simrob_drake.cli.screen import console, errors, say, table
 from simrob_drake.extensions.course.exercise import (
@@ -52,7 +52,7 @@ def teaching() -> None:
 
 def list_exercises(language: _Spoken = "en") -> None:
     """List the exercises, and how long each takes a student."""
-    set_language(language)
+    set_output_language(language)
     words = _words(language)
     rows = []
     for entry in exercises():
@@ -73,7 +73,7 @@ def start(
 
         simrob course start 3 --out exercise-3
     """
-    set_language(language)
+    set_output_language(language)
     words = _words(language)
     answer = exercise_of(exercise).start(out, language, force=force)
     say(f"{words['answer']:<10}{answer}")
@@ -109,7 +109,7 @@ def check(
         simrob course check 3 exercise-3/answer.py --allow-code
         simrob course check 3 submissions/ --allow-code --csv points.csv
     """
-    set_language(language)
+    set_output_language(language)
     entry = exercise_of(exercise)
     if answer.is_dir():
         _check_folder(entry, answer, csv, language, allow_code=allow_code, seconds=seconds, memory=memory, force=force)

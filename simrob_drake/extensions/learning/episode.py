@@ -136,7 +136,7 @@ class Episode:
         """Return what is true now; ``targets`` stand in the sample as they are."""
         base = self._value("base_pose")
         moving = self._value("base_velocity") if self.robot.floats else np.zeros(6)
-        limits = self.robot.gains.torque_limit  # perhaps none
+        limits = self.robot.gains.judged_limit  # perhaps none
         tool, tool_speed, push = self._tool(base, moving)
         return self._origin.sample(
             base,

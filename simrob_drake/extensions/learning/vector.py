@@ -404,7 +404,7 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         return self._origin.sample(
             base,
             moving,
-            effort=self._built.output(f"{self.robot.prefix}torque", sensed) / self.robot.gains.torque_limit,
+            effort=self._built.output(f"{self.robot.prefix}torque", sensed) / self.robot.gains.judged_limit,
             action=self._action,
             last_action=last,
             tool=self._built.output(f"{self.robot.prefix}tcp_pose", sensed)[:, :3] if arm else base[:, :3],

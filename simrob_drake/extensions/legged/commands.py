@@ -4,14 +4,13 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.text import Text
 
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.extension import needed_extension
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import compound, message
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.options import FileArgument, Force, with_import_options
-from simrob_drake.cli.screen import errors, say_place, say_text
+from simrob_drake.cli.screen import NEXT, progress_note, say_place, say_text
 from simrob_drake.robots.imports import ImportOptions
 
 
@@ -45,13 +44,13 @@ def legged(
             from simrob_drake.extensions.legged.tuning import tune_walk
 
     folder = out or Path(f"{file.stem}_legged")
-    with errors.status(Text(f"making and trying {file}")):
+    with progress_note(message("legged.making", "making and trying {file}", file=file)):
         made = make_legged(file, folder, options, force=force)
     for line in (*made.found, *made.assumed):
         say_text(line)
     for attempt in made.attempts:
-        say_text(f"{attempt.trial}: {attempt.outcome}")
-    say_place("report ", folder / REPORT)
+        say_text(compound("{trial}: {outcome}", trial=attempt.trial, outcome=attempt.outcome))
+    say_place(message("legged.report", "report"), folder / REPORT)
     if made.problem:
         raise SimrobError(
             message(
@@ -61,7 +60,7 @@ def legged(
                 folder=folder,
             )
         )
-    say_place("next   ", f"simrob run {folder / WALK}")
+    say_place(NEXT, f"simrob run {folder / WALK}")
     if tune:
         for sentence in tune_walk(folder, tune):
             say_text(sentence)

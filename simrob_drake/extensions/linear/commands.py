@@ -10,11 +10,11 @@ from rich.table import Table
 from simrob_drake.base.errors import InvalidParameter, SimrobError
 from simrob_drake.base.folders import check_folder
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.yaml_files import parse_yaml
 from simrob_drake.cli.arguments import station_from
 from simrob_drake.cli.options import AllowCode, Force, Settings, StationArgument, with_mesh_path
-from simrob_drake.cli.screen import console, say_place, table
+from simrob_drake.cli.screen import RESULT, console, say_place, say_text, table
 from simrob_drake.extensions.linear import LinearModel, linearize
 from simrob_drake.extensions.linear.model import MODEL_FILE
 from simrob_drake.results.files import default_folder
@@ -50,10 +50,11 @@ def linearize_station(
     model = linearize(config, None if at is None else _postures(config, parse_yaml(at, "--at")))
     model.save(folder, force=force)
     console.print(_modes_table(model))
-    console.print(f"{model.name}: {'stable' if model.is_stable else 'not stable'}", highlight=False)
+    verdict = message("linear.stable", "stable") if model.is_stable else message("linear.not_stable", "not stable")
+    say_text(compound("{station}: {verdict}", station=model.name, verdict=verdict))
     for note in model.notes:
-        console.print(f"left out: {note}", highlight=False)
-    say_place("result   ", folder)
+        say_text(message("linear.left_out", "left out: {note}", note=note))
+    say_place(RESULT, folder)
 
 
 def _postures(config: StationConfig, content: Any) -> dict[str, Vector]:
@@ -80,9 +81,21 @@ def _modes_table(model: LinearModel) -> Table:
     """Make a table of the modes of a linear model, slow ones first. A pair of complex poles is one mode."""
     rows = list[tuple[str, ...]]()
     for mode in model.modes:
-        pole = f"{mode.pole.real:.4g}"
+        pole = compound("{real:.4g}", real=mode.pole.real)
         if mode.pole.imag:
-            pole += f" ± {mode.pole.imag:.4g}i"
+            pole += compound(" ± {imaginary:.4g}i", imaginary=mode.pole.imag)
+        numbers = [
+            compound("{frequency:.3f}", frequency=mode.frequency),
+            compound("{damping:.3f}", damping=mode.damping),
+            compound("{time:.4g}", time=mode.time_constant),
+        ]
         # `mostly` is the axis, or other state, that has the largest part in the mode.
-        rows.append((mode.mostly, pole, f"{mode.frequency:.3f}", f"{mode.damping:.3f}", f"{mode.time_constant:.4g}"))
-    return table(("mostly", "pole [1/s]", "frequency [Hz]", "damping ratio", "fades in [s]"), *rows)
+        rows.append((mode.mostly, pole, *numbers))
+    headings = (
+        message("linear.mostly", "mostly"),
+        message("linear.pole", "pole [1/s]"),
+        message("linear.frequency", "frequency [Hz]"),
+        message("linear.damping_ratio", "damping ratio"),
+        message("linear.time_constant", "time constant [s]"),
+    )
+    return table(headings, *rows)

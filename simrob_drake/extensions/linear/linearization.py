@@ -1,6 +1,7 @@
 """From a station to its linear model about a rest."""
 
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +32,9 @@ Posture = npt.ArrayLike | Mapping[str, npt.ArrayLike]
 
 _OUTPUTS = {"position": "q", "velocity": "v", "torque": "tau"}
 _TOOL = ("x", "y", "z", "rx", "ry", "rz")
+_SHIFT_DEG = 1.0
+"""Farthest that a passive axis may rest from where it is asked to [deg]: servos that sag shift the equilibrium."""
+_SHIFT_METRES = 1e-3  # the same for a passive axis that slides [m]
 _MOST_STEPS = 30
 _AT_REST = 1e-9  # what is left of accelerations where a station rests [rad/s²]
 _ROUNDING = 1e-12  # and what part of the terms that they are made of
@@ -41,7 +45,9 @@ class NoRest(SimrobError):
     """A posture that a station's servos cannot hold."""
 
 
-def linearize(station: StationLike, at: Posture | None = None) -> LinearModel:
+def linearize(
+    station: StationLike, at: Posture | None = None, *, overrides: Mapping[str, Any] | None = None
+) -> LinearModel:
     """Return how a station moves near a rest, by Drake's first-order Taylor expansion of its equations.
 
     It rests where its references are ``at``: with the sag of its servos, but exactly there where a robot takes a
@@ -55,12 +61,13 @@ def linearize(station: StationLike, at: Posture | None = None) -> LinearModel:
     Args:
         station: a name, a file, a configuration or a built station; dynamic, with robots on fixed bases.
         at: the references, as :data:`Posture`; the initial postures unless given.
+        overrides: new values of the station, as :func:`simrob_drake.load_station` takes them.
 
     Raises:
         InvalidParameter: a kinematic station, a robot or piece that only contact holds, or a wrong posture.
         NoRest: the motors are too weak for the posture.
     """
-    config, notes = _smooth(config_of(station))
+    config, notes = _smooth(config_of(station, overrides))
     builder, resolved = DiagramBuilder(), resolve(config)
     for name, robot in resolved.robots.items():
         if robot.floats:
@@ -186,7 +193,8 @@ class _Rest:
             robot.axis_map.set_positions(self._plant, self._own, postures[robot.name])
             self._inputs[self._input(f"{robot.prefix}reference")] = postures[robot.name]
             if f"{robot.prefix}feedforward" in self._ports.inputs:
-                free[start + robot.axis_map.position_places] = False
+                driven = ~robot.gains.passive  # no feedforward holds a passive axis
+                free[start + robot.axis_map.position_places[driven]] = False
                 free[len(state) + np.arange(len(self._inputs))[self._input(f"{robot.prefix}feedforward")]] = True
         for _ in range(_MOST_STEPS):
             state = self._context.get_continuous_state_vector().CopyToVector()
@@ -194,7 +202,9 @@ class _Rest:
             parts = [taylor.A() @ state, taylor.B() @ self._inputs, taylor.f0()]
             rate, size = sum(parts), np.abs(parts).max()
             if np.abs(rate).max() <= _AT_REST + _ROUNDING * size and self._holds():
-                return
+                if self._passive_axes_stay(postures):
+                    return
+                break
             step = np.zeros(len(free))
             step[free] = np.linalg.lstsq(np.hstack([taylor.A(), taylor.B()])[:, free], -rate, rcond=None)[0]
             step[: len(state)] *= min(1.0, _LONGEST / max(np.abs(step[start : start + count]).max(), 1e-300))
@@ -246,8 +256,23 @@ class _Rest:
         names = [f"{robot.prefix}torque" for robot in self._robots]
         ports = [self._ports.outputs[name] for name in names]
         torques = [port.Eval(port.get_system().GetMyContextFromRoot(self._context)) for port in ports]
-        limits = [robot.gains.torque_limit for robot in self._robots]
+        limits = [robot.gains.judged_limit for robot in self._robots]
         return all((np.abs(torque) < limit).all() for torque, limit in zip(torques, limits, strict=True))
+
+    def _passive_axes_stay(self, postures: Mapping[str, Vector]) -> bool:
+        """Whether passive axes rest where they are asked to, and not in another equilibrium that is far away.
+
+        Couplings hold passive axes of closed loops, so these are not compared.
+        """
+        if self._ports.config.couplings:
+            return True
+        found = self._plant.GetPositions(self._own)
+        for robot in self._robots:
+            shift = np.abs(robot.axis_map.positions(found) - postures[robot.name])
+            allowed = robot.model.bounds(_SHIFT_DEG, _SHIFT_METRES)
+            if (shift > allowed)[robot.gains.passive].any():
+                return False
+        return True
 
     def _input(self, name: str) -> slice:
         """Return where an input lies in the one of the diagram."""
@@ -289,10 +314,20 @@ class _Rest:
         name = self._ports.config.name
         for robot in self._robots:
             torque = holding_torque(self._ports.plant, robot, postures[robot.name])
-            worst = int(np.argmax(np.abs(torque) / robot.gains.limit_at_rest))
+            shares = robot.gains.holding_shares(torque)
+            worst = int(np.argmax(shares))
             limit, unit = robot.gains.limit_at_rest[worst], robot.model.effort_units[worst]
-            if abs(torque[worst]) > limit:
-                axis = f"{robot.prefix}{robot.axes[worst]}"
+            axis = f"{robot.prefix}{robot.axes[worst]}"
+            if robot.gains.passive[worst] and shares[worst] > 1.0:
+                return message(
+                    "linear.passive_does_not_rest",
+                    "{name} does not rest there: {axis} has no motor, and would take {torque:.4g} {unit}",
+                    name=name,
+                    axis=axis,
+                    torque=abs(torque[worst]),
+                    unit=unit,
+                )
+            if shares[worst] > 1.0:
                 return message(
                     "linear.does_not_rest",
                     "{name} does not rest there: {axis} takes {torque:.4g} {unit}, and has {limit:g}",

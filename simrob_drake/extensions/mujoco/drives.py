@@ -25,7 +25,8 @@ def add_servos(spec: mujoco.MjSpec, robot: StationRobot, names: Names) -> None:
     """Add a robot's servos, one actuator an axis in its sense: the control is its reference [rad or m].
 
     With an integral part it is a PID whose integral is clamped. The line of a motor is the joint's damper, which the
-    plant has, beside what is left of the servo.
+    plant has, beside what is left of the servo. A passive axis has an actuator without any gain, whose force is always
+    0: so controls and sensors stay one for each axis.
     """
     gains = robot.gains
     for axis, joint, sign, kp, ki, kd, limit, most in zip(
@@ -45,7 +46,7 @@ def add_servos(spec: mujoco.MjSpec, robot: StationRobot, names: Names) -> None:
             target=names.joint(joint),
             gear=[float(sign), 0, 0, 0, 0, 0],
         )
-        if np.isfinite(limit):
+        if np.isfinite(limit) and limit > 0:
             servo.forcelimited, servo.forcerange = mujoco.mjtLimited.mjLIMITED_TRUE, [-limit, limit]
         if ki > 0:
             servo.set_to_pid(kp=float(kp), kv=float(kd), ki=float(ki), imax=float(most / ki), ctrlspec=_POSITION)

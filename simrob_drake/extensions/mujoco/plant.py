@@ -99,6 +99,11 @@ class MujocoPlant(Block):
             "body_poses", Value[list[RigidTransform]], weakly(self._tell_poses), {self.xd_ticket()}
         )
 
+    @property
+    def optional_inputs(self) -> tuple[str, ...]:
+        """Names of its inputs: what is not connected does not act, as with Drake's plant."""
+        return tuple(self.get_input_port(index).get_name() for index in range(self.num_input_ports()))
+
     get_state_output_port = partialmethod(Block.GetOutputPort, "state")
     get_contact_results_output_port = partialmethod(Block.GetOutputPort, "contact_results")
     get_body_poses_output_port = partialmethod(Block.GetOutputPort, "body_poses")

@@ -57,10 +57,12 @@ class Servos:
         self._stalls, self._slopes = np.full(self.count, _NO_LIMIT), np.zeros(self.count)
         places = {motor.joint().index(): place for place, motor in enumerate(motors)}
         for robot in station.robots.values():
-            own = [places[joint.index()] for joint in robot.joints]
+            driven = np.flatnonzero(~robot.gains.passive)  # passive axes have no motor
+            own = [places[robot.joints[axis].index()] for axis in driven]
             if (line := robot.gains.line) is not None and all(gains[place] for place in own):  # else blocks have it
-                self._stalls[own], self._slopes[own] = np.minimum(line.stall, _NO_LIMIT), line.slope
-                self._limits[own] = np.minimum(robot.gains.cap, _NO_LIMIT)
+                self._stalls[own] = np.minimum(line.stall[driven], _NO_LIMIT)
+                self._slopes[own] = line.slope[driven]
+                self._limits[own] = np.minimum(robot.gains.cap[driven], _NO_LIMIT)
         self._has_lines = bool(self._slopes.any())
         self._kp, self._kd = (np.array([getattr(own, key) if own else 0.0 for own in gains]) for key in "pd")
         self._model, self._data, self._step = model, data, model.opt.timestep

@@ -6,8 +6,8 @@ from typing import Annotated, Any, Literal
 import typer
 
 from simrob_drake.base.extras import needed
-from simrob_drake.base.messages import message
-from simrob_drake.cli.language import LANGUAGE_VARIABLE, set_language
+from simrob_drake.base.messages import message, set_output_language
+from simrob_drake.cli.language import LANGUAGE_VARIABLE
 from simrob_drake.cli.options import AllowCode, with_mesh_path
 from simrob_drake.cli.screen import say
 
@@ -36,19 +36,22 @@ def teach(
         simrob teach
         simrob teach humanoid
     """
-    set_language(language)
+    set_output_language(language)
     with needed(message("pendant.teach_pendant", "the teach pendant"), "gui"):
         import nicegui  # noqa: F401
     from simrob_drake.extensions.pendant.server import serve
 
-    more = [f"what is taught is kept in {folder}; end with Ctrl+C"]
+    # It is shown with the first address only: a server that starts again has another one.
+    more = [
+        message("pendant.kept_in", "what is taught is kept in {folder}; end with Ctrl+C", folder=folder),
+    ]
 
     def ready(url: str) -> None:
-        say(f"{subject} is taught at {url}")
+        say(message("pendant.taught_at", "{subject} is taught at {url}", subject=subject, url=url))
         while more:
             say(more.pop())
 
     browse = not (no_browser or root_path)
     how: dict[str, Any] = {"port": port, "language": language, "browse": browse, "allow_code": allow_code}
     serve(subject, folder, ready=ready, root_path=root_path, lessons=lessons, **how)
-    say(f"ended; what was taught is in {folder}")
+    say(message("pendant.ended", "ended; what was taught is in {folder}", folder=folder))

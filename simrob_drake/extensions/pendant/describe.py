@@ -57,10 +57,20 @@ def _robot(cell: Workcell, config: StationConfig, name: str) -> dict[str, Any]:
     model = robot.model
     lower, upper = (limit / model.user_units for limit in model.axis_limits)
     now = cell.position(name) / model.user_units
-    columns = model.axes, model.unit_names, lower.tolist(), upper.tolist(), now.tolist()
+    # The motion of a kinematic station is its input, so that its axes need no motors.
+    passive = robot.gains.passive & config.engine.moves_by_forces
+    columns = model.axes, model.unit_names, lower.tolist(), upper.tolist(), now.tolist(), passive.tolist()
     axes = [
-        {"name": axis, "aliases": list(model.axes[axis].aliases), "unit": unit, "low": low, "high": high, "now": at}
-        for axis, unit, low, high, at in zip(*columns, strict=True)
+        {
+            "name": axis,
+            "aliases": list(model.axes[axis].aliases),
+            "unit": unit,
+            "low": low,
+            "high": high,
+            "now": at,
+            "passive": is_passive,
+        }
+        for axis, unit, low, high, at, is_passive in zip(*columns, strict=True)
     ]
     legged = model.feet is not None
     moves = _possible_moves(config, name, model)

@@ -221,6 +221,18 @@ class TaughtRun:
             self.compared = self._compared_by_itself = self.ended[-1]
 
     @property
+    def ghost(self) -> EndedRun | None:
+        """The compared run, if the view is to draw it; None if there is nothing to compare it with.
+
+        Right after a change of the station the robot stands where the compared run began as well. A ghost there would
+        only hide the robot, unless the user has chosen the run.
+        """
+        nothing_ran = self.shown is None and self.reach == 0.0
+        if nothing_ran and self.compared is self._compared_by_itself:
+            return None
+        return self.compared
+
+    @property
     def span(self) -> tuple[float, float]:
         """From when to when there are moments of what is looked at [s]."""
         return (self.shown.begun, self.shown.reached) if self.shown else (0.0, self.reach)
@@ -319,6 +331,8 @@ def shortfall(
     or N].
     """
     unit, off = axis["unit"], done - asked
+    if axis.get("passive", False):  # no motor is to bring it anywhere
+        return Shortfall(off)
     level = level_of(off, unit)
     if abs(torque) >= _FULL * limit:
         return Shortfall(off, "red", "limit")

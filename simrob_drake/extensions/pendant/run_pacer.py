@@ -198,7 +198,8 @@ class RunPacer:
             return
         at, point, target = self.drag
         if self._dragging is None:
-            self._dragging = self.line.add(Change(time=time, drag=DragNow(at=at, point=point, targets=(target,))))
+            unchecked: dict[str, Any] = {"at": at, "point": point, "targets": (target,)}
+            self._dragging = self.line.add(Change(time=time, drag=DragNow(**unchecked)))
         else:
             old = changes[self._dragging]
             assert old.drag is not None

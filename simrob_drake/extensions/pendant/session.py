@@ -100,11 +100,11 @@ class EarlierRuns:
         run = self._client.run
         if self._asked or (run.compared is None and not anew) or self._client.phase in ("opening", "gone"):
             return
-        other, time, self._asked = run.compared, run.time, True
+        other, time, self._asked = run.ghost, run.time, True
 
         def over(_: object = None) -> None:
             self._asked = False
-            if run.compared is not other or run.time != time:
+            if run.ghost is not other or run.time != time:
                 self._follow(anew=True)
 
         positions = None if other is None else other.moments.at(other.within(time))

@@ -1,6 +1,6 @@
 """The station that is taught on: its settings, by which it is opened anew, and what is asked about it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
 from typing import Any
 
@@ -36,7 +36,15 @@ class Setup:
         Returns:
             whether the station could be opened.
         """
-        return self._open_with(settings_with(self._book.settings, {key: value}))
+        return self.set_all({key: value})
+
+    def set_all(self, changes: Mapping[str, Any]) -> bool:
+        """Change several settings of the station, by their dotted keys, and open the station anew once.
+
+        Returns:
+            whether the station could be opened.
+        """
+        return self._open_with(settings_with(self._book.settings, dict(changes)))
 
     def unset(self, key: str) -> bool:
         """Take a setting back."""

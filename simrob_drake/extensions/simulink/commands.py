@@ -7,9 +7,10 @@ from typing import Annotated
 
 import typer
 
+from simrob_drake.base.messages import message, translate
 from simrob_drake.cli.arguments import station_from
 from simrob_drake.cli.options import Force, Settings, StationArgument, with_mesh_path
-from simrob_drake.cli.screen import say
+from simrob_drake.cli.screen import STATION, say_place, say_text
 from simrob_drake.stations.config import StationConfig
 
 Step = Annotated[
@@ -37,7 +38,7 @@ def fmu(
     config = _station_with_steps(station, set_, step)
     target = out or Path(f"{config.name}.fmu")
     file = write_fmu(config, target, version=fmi, force=force)
-    say(f"unit    {file}")
+    say_place(message("simulink.unit", "unit"), file)
 
 
 @with_mesh_path
@@ -63,9 +64,17 @@ def serve(
     station_server = server.StationServer(config, host=host, port=port, token=token)
     with station_server, suppress(KeyboardInterrupt):
         used_port = station_server.server_address[1]
-        say(f"station {station_server.config.name} at {host}, port {used_port}")
-        say(f"token   {station_server.token}")
-        say(f"client  {server.CLIENT}; end with Ctrl+C")
+        place = message(
+            "simulink.served_at",
+            "{station} at {host}, port {port}",
+            station=station_server.config.name,
+            host=host,
+            port=used_port,
+        )
+        say_place(STATION, translate(place))
+        say_place(message("simulink.token", "token"), station_server.token)
+        say_place(message("simulink.client", "client"), server.CLIENT)
+        say_text(message("simulink.end_with", "end with Ctrl+C"))
         station_server.serve_forever()
 
 

@@ -7,7 +7,7 @@ from statistics import median
 import numpy as np
 from scipy.stats import binomtest, quantile_test
 
-from simrob_drake.base.messages import compound, message
+from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.extensions.tuning.journal import COMPLETED, Row
 
 START, WON = "start", "winner"  # what is compared: where a search began, and what it found
@@ -56,7 +56,7 @@ def conclusion(rows: Sequence[Row], undoubted: Sequence[str] = (), *, moved: boo
                 message("tuning.start_does_not", " (start {count})", count=len(theirs) - _held(theirs)) if start else ""
             )
             fallen = [row for row in ours if not _holds(row)]
-            ends = ", ".join(
+            ends = join_texts(
                 dict.fromkeys(
                     message("tuning.beyond_a_limit", "beyond a limit") if _ended(row) else str(row["ended"])
                     for row in fallen
@@ -88,13 +88,13 @@ def conclusion(rows: Sequence[Row], undoubted: Sequence[str] = (), *, moved: boo
     )
     words += [compound("{counted}: {named}.", counted=counted, named=named)] if beyond else []
     words += (
-        [message("tuning.not_doubted", "Not doubted: {undoubted}.", undoubted=", ".join(undoubted))]
+        [message("tuning.not_doubted", "Not doubted: {undoubted}.", undoubted=join_texts(undoubted))]
         if undoubted
         else []
     )
     proven = not worse and all(less for less, _ in cheaper) and (moved or not start)
     reasons = (
-        [message("tuning.less_sure_under", "it is less sure under {worse}", worse=", ".join(worse))] if worse else []
+        [message("tuning.less_sure_under", "it is less sure under {worse}", worse=join_texts(worse))] if worse else []
     )
     reasons += (
         [message("tuning.not_less_throughout", "it does not cost less throughout")]
@@ -107,7 +107,9 @@ def conclusion(rows: Sequence[Row], undoubted: Sequence[str] = (), *, moved: boo
         else []
     )
     return proven, [
-        "Proven." if proven else message("tuning.not_proven", "Not proven: {reasons}.", reasons="; ".join(reasons)),
+        message("tuning.proven", "Proven.")
+        if proven
+        else message("tuning.not_proven", "Not proven: {reasons}.", reasons=join_texts(reasons, "; ")),
         *words,
     ]
 
@@ -148,7 +150,7 @@ def _compared(name: str, own: Sequence[Row], start: Sequence[Row]) -> tuple[bool
             error=error,
         )
     sure = less >= _MOST * len(pairs) and gain > (error or 0.0) and least > 0
-    return sure, f"{sentence}."
+    return sure, compound("{sentence}.", sentence=sentence)
 
 
 def _numerical_error(name: str, pairs: Sequence[tuple[Row, Row]]) -> float | None:

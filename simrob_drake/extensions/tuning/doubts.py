@@ -175,7 +175,7 @@ def _slippery(thought: _Thought) -> _Space:
     space = dict[str, Distribution]()
     for name, robot in thought.station.robots.items():
         limits = robot.gains.torque_limit
-        if np.isfinite(limits).all():
+        if np.isfinite(limits).all() and not robot.gains.passive.any():
             key = f"{thought.key(name)}.drives.friction"
             space |= _of_axes(key, limits, [_times(limit, _JOINT_FRICTION) for limit in limits])
     return space
@@ -220,7 +220,9 @@ def _sagging(thought: _Thought) -> _Space:
     space = dict[str, Distribution]()
     for name, robot in thought.station.robots.items():
         if np.isfinite(limits := robot.gains.torque_limit).all() and thought.alone(name, "servo"):
-            lower = [(limits * part).tolist() for part in np.linspace(*_TORQUE, _FACTORS)]
+            # A passive axis has no limit. A key needs a positive number for it, which does not count.
+            stated = np.where(robot.gains.passive, 1.0, limits)
+            lower = [(stated * part).tolist() for part in np.linspace(*_TORQUE, _FACTORS)]
             space[f"{thought.own(name, 'servo')}.torque_limit"] = Choice(values=lower)
     return space
 

@@ -49,9 +49,12 @@ def measures(run: RecordedRun) -> dict[str, float | None]:
         moving = high - low > _STILL
         beyond = np.maximum(position - high, low - position)[:, moving] / (high - low)[moving]
         limit = robot.gains.torque_limit
+        driven = np.flatnonzero(~robot.gains.passive)
+        if len(driven) < len(robot.axes):  # no servo holds passive axes at their references
+            error = error[:, driven]
         own = {
-            "tracking_error": float(np.sqrt(np.mean(error**2))),
-            "final_error": float(np.abs(error[-1]).max()),
+            "tracking_error": float(np.sqrt(np.mean(error**2))) if len(driven) else None,
+            "final_error": float(np.abs(error[-1]).max()) if len(driven) else None,
             "overshoot": float(max(beyond.max(), 0.0)) if moving.any() else None,
             "peak_torque": float(torque_shares(run, robot).max()) if np.isfinite(limit).all() else None,
             "work": mechanical_work(run, name),

@@ -13,7 +13,7 @@ from simrob_drake.base.arguments import as_path
 from simrob_drake.base.distributions import AnyDistribution, Choice, Values
 from simrob_drake.base.errors import InvalidConfig, SimrobError, one_of
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.packages import Border
 from simrob_drake.base.sampling import Draws, Space, applying, at, distinct, seeded
 from simrob_drake.base.sections import Boolean, Integer, NotNegative, Number, Positive, Strict, validated
@@ -282,8 +282,12 @@ class Study(Strict):
 
 
 def in_table(value: Any) -> str:
-    """Return a value as tables show it; a dash for a key that is left as it is."""
-    return "–" if value is None else f"{value:.5g}" if isinstance(value, float) else str(value)
+    """Write a value for a table. None, the value of a key that the search does not change, is a dash."""
+    if value is None:
+        return "–"
+    if isinstance(value, float):
+        return compound("{value:.5g}", value=value)
+    return str(value)
 
 
 def named(costs: Vector) -> dict[str, float]:

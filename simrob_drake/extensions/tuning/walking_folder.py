@@ -140,7 +140,7 @@ class PushTrial(WalkTrial):
         subject = subject_of(scene.config, spec.at)
         weight = subject.mass * STANDARD_GRAVITY
         first = spec.first or _FIRST * weight
-        fork = runner_of(scene.config).fork(self.moment, reference=scene.reference)
+        fork = runner_of(scene.config).branch(self.moment, reference=scene.reference)
 
         def outcome(turn: float, force: float) -> Outcome:
             return fork.outcome({_PUSH: self._push((force * subject.along(np.deg2rad(turn))).tolist())})

@@ -19,7 +19,7 @@ from contextlib import suppress
 from typing import IO, Any, cast
 
 from simrob_drake.base.errors import shortened
-from simrob_drake.base.messages import compound, message
+from simrob_drake.base.messages import Message, as_data, compound, from_data, join_texts, message, message_of
 from simrob_drake.robots.imports import ImportReport
 
 MAX_OUTPUT = 20_000_000  # of one line that the process says [bytes]
@@ -72,9 +72,9 @@ def in_child(
                 else message("importer.its_process_ended", "its process ended with code {code}", code=child.wait())
             )
     if "problem" in end:
-        raise ChildFailed(str(end["problem"]))
+        raise ChildFailed(_received(end["problem"]))
     if end["unconfined"]:
-        missing = " and ".join(end["unconfined"])
+        missing = join_texts(end["unconfined"], message("base.and", " and "))
         report.add(
             "read",
             "",
@@ -118,23 +118,44 @@ def ask(kind: str, about: str) -> Any:
     return json.loads(sys.stdin.readline())
 
 
+def _received(problem: Any) -> str:
+    """Read the problem that the process reported: a message as data, or a text."""
+    try:
+        return str(from_data(problem))
+    except (LookupError, TypeError, ValueError, RecursionError):
+        # The process is confined because it may be deceived: what it says is not trusted.
+        return shortened(str(problem), _LONGEST_PROBLEM)
+
+
+def _in_one_line(problem: Exception) -> str:
+    """Message of an error, or its text on one line; the name of its class if it has no text."""
+    found = message_of(problem)
+    if isinstance(found, Message):
+        return found.limited_to(_LONGEST_PROBLEM)
+    return shortened(" ".join(found.split()), _LONGEST_PROBLEM) or type(problem).__name__
+
+
+_LONGEST_PROBLEM = 400
+"""Largest count of characters of a problem that the process reports."""
+
+
 def serve(work: Callable[[dict[str, Any]], dict[str, Any]], seconds: int) -> None:
     """Serve one job, in the process: confined from now on, with so much processor time."""
     missing = confine(seconds)
     try:
         end = {**work(json.loads(sys.stdin.readline())), "unconfined": missing}
     except MemoryError:
-        end = {
-            "problem": message(
-                "importer.takes_too_much_memory",
-                "it takes more than {megabytes} MB of memory",
-                megabytes=MEMORY // 1_000_000,
-            )
-        }
+        too_much = message(
+            "importer.takes_too_much_memory",
+            "it takes more than {megabytes} MB of memory",
+            megabytes=MEMORY // 1_000_000,
+        )
+        end = {"problem": as_data(too_much)}
     except OSError as problem:
-        end = {"problem": compound("{filename}: {strerror}", filename=problem.filename, strerror=problem.strerror)}
+        why = compound("{filename}: {strerror}", filename=problem.filename, strerror=problem.strerror)
+        end = {"problem": as_data(why)}
     except Exception as problem:
-        end = {"problem": shortened(" ".join(str(problem).split()), 400) or type(problem).__name__}
+        end = {"problem": as_data(_in_one_line(problem))}
     print(json.dumps(end), flush=True)
 
 

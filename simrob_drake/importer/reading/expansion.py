@@ -17,7 +17,7 @@ import xacro
 import yaml
 from xacro import substitution_args
 
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import from_data, message
 from simrob_drake.importer.reading.child import ask, serve
 from simrob_drake.importer.reading.expressions import Function, NotAllowed, bounded, evaluate, symbols
 
@@ -131,7 +131,7 @@ def _ask(kind: str, about: str) -> Any:
     if "missing" in answer:
         raise FileNotFoundError(2, answer["missing"], about)
     if "refused" in answer:
-        raise LookupError(answer["refused"])
+        raise LookupError(from_data(answer["refused"]))
     return answer["found"]
 
 
@@ -140,7 +140,7 @@ def _cause(problem: Exception) -> Exception:
     cause: Any = problem
     while getattr(cause, "exc", None) is not None:
         cause = cause.exc
-    return cause if isinstance(cause, LookupError | MemoryError | OSError | SyntaxError) else problem
+    return cause if isinstance(cause, NotAllowed | LookupError | MemoryError | OSError | SyntaxError) else problem
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ from typing import Any
 from simrob_drake.base.errors import InvalidModel, shortened
 from simrob_drake.base.extras import lacking
 from simrob_drake.base.files import NotRead, text_of
-from simrob_drake.base.messages import compound, message
+from simrob_drake.base.messages import as_data, compound, join_texts, message, message_of
 from simrob_drake.base.packages import Border, OutsideBorder, sorted_entries
 from simrob_drake.importer.meshes.places import unknown_package
 from simrob_drake.importer.reading.child import ChildFailed, in_child
@@ -52,7 +52,7 @@ def expanded(path: Path, text: str, options: ImportOptions, report: ImportReport
         try:
             end = in_child(_EXPANSION, job, files.answer, report, seconds=TIME_LIMIT)
         except ChildFailed as failure:
-            problem = str(failure)
+            problem = message_of(failure)
         offers = outline(files.texts.values(), files.package)
         # an argument that was asked for before its declaration, if that gives a plain value
         found = _UNDEFINED.match(problem)
@@ -78,18 +78,8 @@ def expanded(path: Path, text: str, options: ImportOptions, report: ImportReport
         else ""
     )
     if problem:
-        raise report.refusal(
-            "",
-            "; ".join(
-                filter(
-                    None,
-                    (
-                        message("importer.xacro_cannot_expand", "xacro cannot expand it: {problem}", problem=problem),
-                        summary,
-                    ),
-                )
-            ),
-        )
+        refusal: str = message("importer.xacro_cannot_expand", "xacro cannot expand it: {problem}", problem=problem)
+        raise report.refusal("", join_texts([refusal, summary], "; ") if summary else refusal)
     if offers.macros and not _LINK.search(end["urdf"]):
         raise report.refusal("", _only_macros(offers.macros, files.border.root))
     if summary:
@@ -120,9 +110,9 @@ class _Files:
         except FileNotFoundError as problem:
             return {"missing": problem.strerror}
         except (LookupError, InvalidModel) as problem:  # which say what and where
-            return {"refused": str(problem)}
+            return {"refused": as_data(message_of(problem))}
         except (OutsideBorder, NotRead) as problem:
-            return {"refused": compound("{about}: {problem}", about=about, problem=problem)}
+            return {"refused": as_data(compound("{about}: {problem}", about=about, problem=problem))}
 
     def package(self, name: str) -> Path:
         """Return the folder of a package; raises LookupError: there is none that may be read."""

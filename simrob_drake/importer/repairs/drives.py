@@ -1,8 +1,12 @@
-"""Repair the drives of a robot (a URDF): every joint that moves has one motor that Drake reads.
+"""Repair the drives of a robot (a URDF): every joint that has a motor has one motor that Drake reads.
 
 The format describes a motor by an ``<actuator>`` in a ``<transmission>``, and its largest torque or force (effort) and
 speed by the ``<limit>`` of the joint. Efforts that are missing are estimated from what hangs on the joint. Every change
 adds an entry to the report of the import.
+
+A joint without a motor is *passive*: it moves freely. Many files do not describe motors at all, such as those that CAD
+programs export. In these files every joint gets a motor. Where a file describes the motors of some joints, by
+transmissions or by efforts, the others are passive.
 """
 
 import math
@@ -17,6 +21,7 @@ from simrob_drake.base.messages import message
 from simrob_drake.importer.repairs.base import find_base
 from simrob_drake.importer.repairs.names import FreeNames
 from simrob_drake.importer.repairs.structure import number
+from simrob_drake.robots.fingers import FOLLOWS
 from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import (
     DRAKE,
@@ -32,6 +37,7 @@ from simrob_drake.robots.urdf import (
     name_of,
     outward,
     pose_of,
+    remove_motors,
     root_link,
     written,
 )
@@ -61,12 +67,19 @@ _LEAST_GEAR_VALUES = {"mechanicalReduction": -math.inf, "gear_ratio": 0.0, "roto
 
 
 def repair_drives(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
-    """Give every movable joint of a robot one simple transmission, an effort and a velocity, in place."""
+    """Give every joint that has a motor one simple transmission, an effort and a velocity, in place.
+
+    Passive joints have no transmission, and the effort 0.
+    """
     movable = dict.fromkeys(movable_joints(robot))  # names in file order; a dict finds each of thousands at once
     driven = set[str]()  # names of the joints that have a motor
     for drive in list(robot.iterfind("transmission")):
         driven.update(_repair_transmission(robot, drive, movable, driven, report))
-    idle = [joint for joint in movable if joint not in driven]
+    passive = _passive_joints(robot, driven)
+    remove_motors(robot, passive)
+    if passive:
+        _make_passive(robot, passive, report)
+    idle = [joint for joint in movable if joint not in driven and joint not in passive]
     for joint in idle:
         add_motor(robot, joint, drive=f"{joint}_drive")
     if idle:
@@ -77,7 +90,60 @@ def repair_drives(robot: ET.Element, options: ImportOptions, report: ImportRepor
             message("importer.motor_made_for_each", "no transmission drives them; a motor made for each"),
         )
     _rename_duplicate_motors(robot, report)
-    _repair_efforts_and_speeds(robot, options, report)
+    _repair_efforts_and_speeds(robot, options, report, passive)
+
+
+def _passive_joints(robot: ET.Element, driven: Collection[str]) -> list[str]:
+    """Find the joints that have no motor in a file that describes the motors of other joints, in file order.
+
+    These are joints without a transmission, if others have one, and joints with an effort of exactly 0, if others have
+    a positive effort or a motor. An axis that follows another one is never passive: stations couple the two, and where
+    the solver does not hold the coupling, its own motor does.
+
+    Args:
+        robot: the robot, whose transmissions are repaired.
+        driven: names of the joints that have a transmission.
+    """
+    joints = [joint for joint in robot.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS]
+    efforts = {name_of(joint): number(joint.find("limit"), "effort") for joint in joints}
+    without_effort = {name for name, effort in efforts.items() if effort == 0}
+    # Zeros that would leave the robot without any motor stand for unknown efforts, as CAD programs write them.
+    if driven:
+        are_zeros_meant = bool(set(driven) - without_effort)
+    else:
+        are_zeros_meant = any(effort is not None and effort > 0 for effort in efforts.values())
+
+    passive = []
+    for joint in joints:
+        name = name_of(joint)
+        has_no_transmission = bool(driven) and name not in driven
+        has_no_effort = are_zeros_meant and name in without_effort
+        if (has_no_transmission or has_no_effort) and joint.find(FOLLOWS) is None:
+            passive.append(name)
+    return passive
+
+
+def _make_passive(robot: ET.Element, passive: Collection[str], report: ImportReport) -> None:
+    """Set the effort of passive joints to 0, remove speed limits of 0, and report the joints.
+
+    A speed limit of 0 stands for a missing one. Passive joints get no estimated one, as no motor limits their speed.
+    """
+    for joint in robot.iterfind("joint"):
+        limit = joint.find("limit")
+        if name_of(joint) not in passive or limit is None:
+            continue
+        limit.set("effort", "0")
+        if (number(limit, "velocity") or 0.0) <= 0:
+            limit.attrib.pop("velocity", None)
+    report.add(
+        "read",
+        message("importer.joints_called", "joints '{names}'", names="', '".join(passive)),
+        message(
+            "importer.passive",
+            "passive: the file gives motors to other joints, and none to these. A station gives them motors by"
+            " servo.passive: [] and servo.torque_limit",
+        ),
+    )
 
 
 def _rename_duplicate_motors(robot: ET.Element, report: ImportReport) -> None:
@@ -220,8 +286,17 @@ def _repair_gears(actuator: ET.Element, where: str, report: ImportReport) -> Non
             )
 
 
-def _repair_efforts_and_speeds(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
-    """Give every movable joint of a robot a positive effort and velocity, in place, and report doubtful efforts."""
+def _repair_efforts_and_speeds(
+    robot: ET.Element, options: ImportOptions, report: ImportReport, passive: Collection[str]
+) -> None:
+    """Give every joint that has a motor a positive effort and velocity, in place, and report doubtful efforts.
+
+    Args:
+        robot: the robot.
+        options: options of the import.
+        report: report of the import.
+        passive: names of the joints without a motor.
+    """
     loads = _loads(robot)
     rotors = _rotor_inertias(robot)
     base, _ = find_base(robot, options)
@@ -235,8 +310,9 @@ def _repair_efforts_and_speeds(robot: ET.Element, options: ImportOptions, report
         )
         report.add("open", message("robots.limit_of_joint", "joint '{joint}' <limit>", joint=name), text)
     movable = [joint for joint in robot.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS]
-    revolute = [joint for joint in movable if joint.get("type") != "prismatic"]
-    prismatic = [joint for joint in movable if joint.get("type") == "prismatic"]
+    with_motor = [joint for joint in movable if name_of(joint) not in passive]
+    revolute = [joint for joint in with_motor if joint.get("type") != "prismatic"]
+    prismatic = [joint for joint in with_motor if joint.get("type") == "prismatic"]
     _repair_efforts(revolute, LEAST_TORQUE, loads, rotors, floating_mass, report)
     _repair_speeds(revolute, REVOLUTE_SPEED, "rad/s", report)
     _repair_efforts(prismatic, LEAST_FORCE, loads, rotors, floating_mass, report)

@@ -18,6 +18,7 @@ from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.importer.repairs.materials import DEFAULT_RGBA
 from simrob_drake.importer.repairs.names import FreeNames
 from simrob_drake.importer.repairs.shapes import PLAIN
+from simrob_drake.importer.repairs.structure import number
 from simrob_drake.importer.sdf.frames import MODEL, SCOPE, WORLD, Frames, named, own_pose
 from simrob_drake.importer.trees import ROOT, add_between
 from simrob_drake.robots.imports import ImportReport
@@ -31,6 +32,7 @@ from simrob_drake.robots.urdf import (
     name_of,
     place,
     text,
+    transmissions_of,
     written,
 )
 from simrob_drake.robots.urdf_check import SHAPE_SIZES, numbers_in
@@ -133,6 +135,7 @@ class RobotWriter:
             link = self._frames.link_of(name_of(frame))
             pose = self._origins[link].inverse() @ self._frames.pose(name_of(frame))
             add_frame(self.robot, taken.take(name_of(frame)), self._names[link], pose)
+        _add_described_motors(self.robot)
         return self.robot
 
     def _edge(self, full: str) -> _Edge | None:
@@ -311,6 +314,22 @@ def write_drive(
         motor = add_motor(robot, name_of(joint), drive=f"{name_of(joint)}_drive")
         for key, value in gears.items():
             ET.SubElement(motor, f"{DRAKE}{key}", value=value)
+
+
+def _add_described_motors(robot: ET.Element) -> None:
+    """Add the motors of a file that describes motors: one for each joint whose effort is not 0, in place.
+
+    A joint without an effort has a motor without a limit in SDF. Files in which no joint has the effort 0 and no joint
+    has Drake's elements of a motor do not describe motors, and get no motors here.
+    """
+    joints = [joint for joint in robot.iterfind("joint") if joint.get("type") != "fixed"]
+    without_effort = [joint for joint in joints if number(joint.find("limit"), "effort") == 0]
+    driven = transmissions_of(robot)
+    if not (without_effort or driven):
+        return
+    for joint in joints:
+        if joint not in without_effort and name_of(joint) not in driven:
+            add_motor(robot, name_of(joint), drive=f"{name_of(joint)}_drive")
 
 
 def text_at(element: ET.Element, path: str) -> str:

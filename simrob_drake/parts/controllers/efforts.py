@@ -240,10 +240,16 @@ class MotorProtection(LoopSection):
             force_limit(self.force)
 
     def _limits(self, key: str, robot: ResolvedRobot) -> tuple[Vector, Vector]:
-        """Return the limits and the nominal torques, shape (n,); infinite where there are none."""
+        """Spread the limits and the nominal torques over the axes, shape (n,) each [N·m or N].
+
+        They are infinite for axes without one, and for passive axes.
+        """
         limit, nominal = ({} if values is None else values for values in (self.limit, self.nominal))
         spread = robot.model.axis_vector
-        return spread(limit, f"{key}.limit", math.inf), spread(nominal, f"{key}.nominal", math.inf)
+        limits = spread(limit, f"{key}.limit", math.inf)
+        nominals = spread(nominal, f"{key}.nominal", math.inf)
+        passive = robot.gains.passive
+        return np.where(passive, math.inf, limits), np.where(passive, math.inf, nominals)
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         limit, nominal = self._limits(key, robot)

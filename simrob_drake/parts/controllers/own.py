@@ -47,7 +47,8 @@ def declare_output(
     every = size == 1 or axes is None or by_axis is None
     indices = tuple(index for index, entry in enumerate(entries) if every or entry in (axes or ()))
     names = (output,) if size == 1 else tuple(f"{output}.{entries[index]}" for index in indices)
-    panel = Panel(f"controller_{name}", f"the block '{name}'", called, f"{called} [{unit}]", names, tuple(components))
+    heading = message("parts.the_block", "the block '{name}'", name=name)
+    panel = Panel(f"controller_{name}", heading, called, f"{called} [{unit}]", names, tuple(components))
     picked = indices if len(indices) < size else None
     units = tuple(unit.split(", ")) if ", " in unit else (unit,) * len(names)
     site.outputs.add(output, port, Signal(names, units, "own", output, picked, part=name, panel=panel))

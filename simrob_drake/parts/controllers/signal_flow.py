@@ -96,7 +96,13 @@ class FlowForce(Strict):
             site.spatial_forces.append(block.get_spatial_forces_output_port())
             what, unit = ("torque", "N·m") if turns else ("force", "N")
             site.picture.draw(output, "force", f"{what.capitalize()} '{name}'\nat {self.at}")
-            title = f"applied {what} '{name}' at {self.at}, in its axes"
+            title = message(
+                "parts.applied_force", "applied force '{name}' at {place}, in its axes", name=name, place=self.at
+            )
+            if turns:
+                title = message(
+                    "parts.applied_torque", "applied torque '{name}' at {place}, in its axes", name=name, place=self.at
+                )
             site.outputs.add(output, ports[output], applied_signal(output, unit, title, part=name))
 
 

@@ -71,7 +71,12 @@ def add_monitor(
     if builder is not None:
         monitor = Monitor(trigger.condition, hold=trigger.hold, after=trigger.after)
         builder.AddNamedSystem(f"monitor.{name}", monitor)
-        site.picture.draw(f"monitor.{name}", "sensor", f"Monitor\n{name}", None if robot is None else site.robot(robot))
+        site.picture.draw(
+            f"monitor.{name}",
+            "sensor",
+            message("parts.block_monitor", "Monitor\n{name}", name=name),
+            None if robot is None else site.robot(robot),
+        )
         for output in trigger.condition.watched:
             builder.Connect(site.port(builder, output), monitor.GetInputPort(output))
 

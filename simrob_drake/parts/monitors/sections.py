@@ -77,7 +77,7 @@ class TorqueLimit(MonitorSection):
             )
 
     def _limits(self, robot: ResolvedRobot) -> Vector:
-        own = robot.gains.torque_limit
+        own = robot.gains.judged_limit
         return own if self.limit is None else robot.model.axis_vector(self.limit, "limit", own)
 
     def condition(self, name: str, station: Surroundings) -> Condition:

@@ -222,7 +222,7 @@ class CameraSensor(Sensor):
             block = CameraBlock(self.lens, parent=parent, pose=pose)
             query = site.plant.scene_graph.get_query_output_port()
             site.outputs.images[f"image.{name}"] = fed(builder, f"sensor.{name}", block, query)
-            site.picture.draw(f"sensor.{name}", "sensor", sensor_label("Camera", name))
+            site.picture.draw(f"sensor.{name}", "sensor", sensor_label(message("parts.block_camera", "Camera"), name))
 
     def mount(self, plant: StationPlant) -> tuple[FrameId, RigidTransform]:
         """Return the frame of the geometry that it moves with, and its pose in that."""

@@ -13,8 +13,9 @@ from pydrake.systems.framework import BasicVector, Context, DiagramBuilder
 
 from simrob_drake.base.frames import transform_from_pose, transform_from_xyz_quaternion, xyz_quaternion_from_transform
 from simrob_drake.base.lifetime import weakly
+from simrob_drake.base.messages import message
 from simrob_drake.base.sections import ORIGIN, Boolean, Integer, NotNegative, Pose
-from simrob_drake.base.signals import POSE, VELOCITY, Panel, Signal
+from simrob_drake.base.signals import POSE, QUANTITY_WORDS, VELOCITY, Panel, Signal
 from simrob_drake.blocks.block import Block, fed
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.resolved import WORLD, Surroundings
@@ -59,10 +60,19 @@ class Imu(SampledSensor):
         block = InertialUnit(self, site.plant.plant, frame_of(site.plant, frame))
         signals = {}
         for part, (axes, unit) in _INERTIAL.items():
-            names, quantity = axis_names(part, name, axes), part.replace("_", " ")
-            panel = Panel(f"imu_{name}", f"the IMU '{name}'", quantity, f"{quantity} [{unit}]", names)
+            names = axis_names(part, name, axes)
+            heading = message("parts.the_imu", "the IMU '{name}'", name=name)
+            panel = Panel(f"imu_{name}", heading, QUANTITY_WORDS[part], QUANTITY_WORDS[part], names)
             signals[part] = Signal(names, (unit,) * len(names), "inertial", part=name, panel=panel)
-        self._give(builder, site, name, block=block, title="IMU", inputs={"state": site.state}, signals=signals)
+        self._give(
+            builder,
+            site,
+            name,
+            block=block,
+            title=message("parts.block_imu", "IMU"),
+            inputs={"state": site.state},
+            signals=signals,
+        )
         site.outputs.notes[name] = {"kind": self.kind, "frame": frame}
 
     def _frame_name(self, station: Surroundings, key: str) -> str:
@@ -165,10 +175,13 @@ class FrameSensor(Sensor):
         )
         block = RelativeMotion(plant=site.plant.plant, ends=ends, axes=self.axes, turning=self.turning)
         fed(builder, f"sensor.{name}", block, site.state)
-        site.picture.draw(f"sensor.{name}", "sensor", sensor_label("Transform sensor", name))
+        site.picture.draw(
+            f"sensor.{name}", "sensor", sensor_label(message("parts.block_transform_sensor", "Transform sensor"), name)
+        )
         for part, (columns, units, quantity) in _RELATIVE.items():
             names, output = axis_names("frame", name, columns), f"frame_{part}.{name}"
-            panel = Panel(f"frame_{name}", f"'{self.frame}' from '{self.base}'", part, quantity, names[:3])
+            heading = message("parts.frame_from", "'{frame}' from '{base}'", frame=self.frame, base=self.base)
+            panel = Panel(f"frame_{name}", heading, QUANTITY_WORDS[part], quantity, names[:3])
             signal = Signal(names, units, "pose" if part == "pose" else "motion", output, part=name, panel=panel)
             site.outputs.add(output, block.GetOutputPort(part), signal)
         site.outputs.notes[name] = {"kind": self.kind, "frame": self.frame, "base": self.base}

@@ -10,7 +10,7 @@ from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Integer, NotNegative, Positive
-from simrob_drake.base.signals import Panel, Signal, sensor_panel
+from simrob_drake.base.signals import QUANTITY_WORDS, Panel, Signal, sensor_panel
 from simrob_drake.blocks.block import fed, joined, mapped
 from simrob_drake.blocks.command_bus import rounded
 from simrob_drake.blocks.joint_torque import JointTorqueSensor
@@ -52,11 +52,21 @@ class Encoders(SampledSensor):
         for output, suffix in (("position", ""), ("velocity", "/s")):
             names = axis_names(output, name, robot.axes)
             units = tuple(f"{unit.si}{suffix}" for unit in robot.model.units)
-            label = f"{output} [{', '.join(dict.fromkeys(units))}]"
-            panel = Panel(f"encoders_{name}", f"the encoders '{name}'", output, label, names)
+            heading = message("parts.the_encoders", "the encoders '{name}'", name=name)
+            quantity = QUANTITY_WORDS[output]
+            panel = Panel(f"encoders_{name}", heading, quantity, quantity, names)
             signals[output] = Signal(names, units, "motion", part=name, panel=panel)
         inputs = {"position": site.port(builder, f"{robot.prefix}position")}
-        self._give(builder, site, name, block=block, title="Encoders", inputs=inputs, signals=signals, robot=robot)
+        self._give(
+            builder,
+            site,
+            name,
+            block=block,
+            title=message("parts.block_encoders", "Encoders"),
+            inputs=inputs,
+            signals=signals,
+            robot=robot,
+        )
         site.outputs.notes[name] = {"kind": self.kind}
 
 
@@ -121,7 +131,7 @@ class JointTorque(Sensor):
         """Add ``joint_torque.<sensor>`` (n) [N·m or N]."""
         robot, output = site.robot(self.robot), f"joint_torque.{name}"
         names, units = axis_names("joint_torque", name, robot.axes), robot.model.effort_units
-        panel = sensor_panel(f"joint torque '{name}'", "torque", names, units)
+        panel = sensor_panel(message("parts.joint_torque_of", "joint torque '{name}'", name=name), "torque", names)
         port = _port(builder, site, name, robot)
         site.outputs.add(output, port, Signal(names, tuple(units), "effort", output, part=name, panel=panel))
 
@@ -130,7 +140,9 @@ def _port(builder: DiagramBuilder, site: Site, name: str, robot: StationRobot) -
     if not site.station.engine.moves_by_forces:  # what inverse dynamics gives is what the joints hand on
         return site.outputs[f"{robot.prefix}torque"]
     block = JointTorqueSensor(joints=robot.joints, signs=robot.axis_map.signs)
-    site.picture.draw(f"sensor.{name}", "sensor", sensor_label("Joint torques", name), robot)
+    site.picture.draw(
+        f"sensor.{name}", "sensor", sensor_label(message("parts.block_joint_torques", "Joint torques"), name), robot
+    )
     return fed(builder, f"sensor.{name}", block, site.plant.plant.get_reaction_forces_output_port())
 
 
@@ -167,8 +179,12 @@ class ExternalTorque(SampledSensor):
         signals = {}
         for port, (axes, units) in contents.items():
             names, force = axis_names(port, name, axes), port == "external_force"
-            title = f"force at the tool, estimated by '{name}', in its axes" if force else f"external torque '{name}'"
-            panel = sensor_panel(title, "force" if force else "torque", names, units)
+            title = message("parts.external_torque_of", "external torque '{name}'", name=name)
+            if force:
+                title = message(
+                    "parts.estimated_force", "force at the tool, estimated by '{name}', in its axes", name=name
+                )
+            panel = sensor_panel(title, "force" if force else "torque", names)
             shown = panel if force or not robot.tcp else None
             signals[port] = Signal(names, tuple(units), "estimate", part=name, panel=shown)
         self._give(
@@ -176,7 +192,7 @@ class ExternalTorque(SampledSensor):
             site,
             name,
             block=observer,
-            title="Momentum observer",
+            title=message("parts.block_momentum_observer", "Momentum observer"),
             inputs={"state": site.state, "torque": torque},
             signals=signals,
             robot=robot,

@@ -36,7 +36,7 @@ from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.frames import Vector, rotation_of, xyz_quaternion_from_transform
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Boolean, Positive
-from simrob_drake.base.signals import POSE, VELOCITY, Panel, Signal
+from simrob_drake.base.signals import POSE, QUANTITY_WORDS, VELOCITY, Panel, Signal
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.resolved import ResolvedRobot, Surroundings, named
 from simrob_drake.parts.sensors.sensor import SampledSensor, axis_names
@@ -153,11 +153,21 @@ class LegOdometry(SampledSensor):
         )
         signals = {}
         for output, (columns, units, label) in _PARTS.items():
-            names, title = axis_names(output, name, columns), output.replace("_", " ")
-            panel = Panel(f"odometry_{name}", f"leg odometry '{name}'", title, label, names[:3])
+            names = axis_names(output, name, columns)
+            heading = message("parts.leg_odometry_of", "leg odometry '{name}'", name=name)
+            panel = Panel(f"odometry_{name}", heading, QUANTITY_WORDS[output], label, names[:3])
             signals[output] = Signal(names, units, "estimate", part=name, panel=panel)
         inputs = {what: known[output] for what, output in outputs.items()}
-        self._give(builder, site, name, block=block, title="Leg odometry", inputs=inputs, signals=signals, robot=robot)
+        self._give(
+            builder,
+            site,
+            name,
+            block=block,
+            title=message("parts.block_leg_odometry", "Leg odometry"),
+            inputs=inputs,
+            signals=signals,
+            robot=robot,
+        )
 
 
 def _of_kind(sensors: Mapping[str, Any], kind: str) -> list[str]:

@@ -13,7 +13,7 @@ from pydrake.systems.primitives import ZeroOrderHold
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.lifetime import release_with
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Boolean, NotNegative, Positive, Strict
 from simrob_drake.base.signals import Compute, Recorded, Signal
 from simrob_drake.blocks.block import fed
@@ -101,8 +101,16 @@ def axis_names(signal: str, sensor: str, axes: Sequence[str] = "xyz") -> tuple[s
 
 
 def sensor_label(kind: str, name: str, rate: float | None = None) -> str:
-    """Return what a sensor's block says in the picture."""
-    return f"{kind}\n{name}" + (", sampled" if rate is not None else "")
+    """Label of a sensor's block in the picture.
+
+    Args:
+        kind: words for the kind of the sensor.
+        name: name of the sensor.
+        rate: rate of its samples [Hz]. None if it is not sampled, or if its kind always is.
+    """
+    if rate is None:
+        return compound("{kind}\n{name}", kind=kind, name=name)
+    return message("parts.block_sampled", "{kind}\n{name}, sampled", kind=kind, name=name)
 
 
 class SampledSensor(Sensor):
@@ -174,7 +182,13 @@ def _after_the_run(
     if block not in recorded.memo:
         recorded.memo[block] = replayed(recorded, block=block, inputs=inputs)
     period, rows = recorded.memo[block]
-    return np.asarray(rows[output][np.clip((times / period + 1e-9).astype(int), 0, len(rows[output]) - 1)])
+    first_tick = _first_tick(recorded, period)
+    return np.asarray(rows[output][np.clip((times / period + 1e-9).astype(int) - first_tick, 0, len(rows[output]) - 1)])
+
+
+def _first_tick(recorded: Recorded, period: float) -> int:
+    """Number of the first sample within a run, at the time number * ``period``: 0 for a run that begins at 0."""
+    return int(np.ceil(recorded.step_times[0] / period - 1e-9))
 
 
 def replayed(
@@ -182,10 +196,13 @@ def replayed(
 ) -> tuple[float, dict[str, Vector]]:
     """Let a sampled block go through a past run; return its period [s], and its outputs at each sample, (k, size)."""
     period = block.GetUniquePeriodicDiscreteUpdateAttribute().period_sec()
-    ticks = period * np.arange(int(np.floor(recorded.step_times[-1] / period + 1e-9)) + 1)
+    end_tick = int(np.floor(recorded.step_times[-1] / period + 1e-9)) + 1
+    ticks = period * np.arange(_first_tick(recorded, period), end_tick)
     ports = {name: source for name, source in inputs.items() if isinstance(source, OutputPort)}
     values = dict(zip(ports, recorded.sample(list(ports.values()), ticks), strict=True))
-    before = np.maximum(ticks - period, 0.0)  # while stepping, sensors that sample together see each other's last
+    before = np.maximum(
+        ticks - period, recorded.step_times[0]
+    )  # while stepping, sensors that sample together see each other's last
     values |= {name: source(recorded, before) for name, source in inputs.items() if not isinstance(source, OutputPort)}
     context = block.CreateDefaultContext()
     outputs = [block.get_output_port(index) for index in range(block.num_output_ports())]

@@ -48,9 +48,13 @@ class Distance(ShapeSensor):
         scene_graph = site.plant.scene_graph
         block = DistanceSensor(body=body, other=other, inspector=scene_graph.model_inspector())
         distance = fed(builder, f"sensor.{name}", block, scene_graph.get_query_output_port())
-        site.picture.draw(f"sensor.{name}", "sensor", sensor_label("Distance sensor", name, self.rate))
+        site.picture.draw(
+            f"sensor.{name}",
+            "sensor",
+            sensor_label(message("parts.block_distance_sensor", "Distance sensor"), name, self.rate),
+        )
         port, output = sampled(builder, f"sensor.{name}.hold", distance, self.rate), f"distance.{name}"
-        panel = sensor_panel(f"distance '{name}'", "distance", [output], ["m"])
+        panel = sensor_panel(message("parts.distance_of", "distance '{name}'", name=name), "distance", [output])
         site.outputs.add(output, port, Signal((output,), ("m",), "distance", output, part=name, panel=panel))
 
 
@@ -126,13 +130,19 @@ class Force(ShapeSensor):
         block = ForceSensor(plant=plant, body=body, other=other, frame=frame, normal_only=normal_only)
         poses = site.plant.stepped.get_body_poses_output_port()
         wrench = fed(builder, f"sensor.{name}", block, _contacts(builder, site), poses)
-        site.picture.draw(f"sensor.{name}", "sensor", sensor_label("Force sensor", name, self.rate))
+        site.picture.draw(
+            f"sensor.{name}",
+            "sensor",
+            sensor_label(message("parts.block_force_sensor", "Force sensor"), name, self.rate),
+        )
         split = Demultiplexer([3, 3])
         fed(builder, f"sensor.{name}.split", split, self._reported(builder, f"sensor.{name}.hold", wrench))
         tangential = self._tangential(site, body[0])
         balance = MomentumBalance(site, frame, body, other) if tangential == "momentum balance" else None
         site.outputs.notes[name]["tangential"] = tangential
-        across = "" if tangential == "contact" else f" (along the surface: {tangential})"
+        title = message("parts.contact_force_of", "contact force '{name}'", name=name)
+        if tangential != "contact":
+            title += message("parts.along_the_surface", " (along the surface: {source})", source=tangential)
         names, moments = axis_names("force", name), axis_names("moment", name)
         felt = Signal(
             names,
@@ -140,7 +150,7 @@ class Force(ShapeSensor):
             "force",
             f"force.{name}",
             part=name,
-            panel=sensor_panel(f"contact force '{name}'{across}", "force", names, ["N"]),
+            panel=sensor_panel(title, "force", names),
             adjust=None if balance is None else balance.with_friction,
         )
         site.outputs.add(f"force.{name}", split.get_output_port(0), felt)

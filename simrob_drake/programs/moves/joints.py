@@ -1,6 +1,6 @@
 """Axes that go to their targets at the same time (SimRob's TestMove and AddMove)."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -16,6 +16,7 @@ from simrob_drake.programs.moves.move_j import plan_move_abs_j
 from simrob_drake.programs.stateful_station import StatefulStation
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.coupled_references import with_partners
+from simrob_drake.stations.servos import passive_axis
 
 Targets = Annotated[dict[str, Number], Field(min_length=1)]
 """Where axes are to be [deg], and m for a prismatic one, by name or alias; the others stay where they were."""
@@ -41,6 +42,7 @@ class JointMove(Move):
         planning = cell.planning(robot)
         posture = planning.start.copy()
         targets = targets_on(planning.model, self.target_deg, message("programs.the_target", "the target"))
+        check_motors_of(cell, planning.robot, targets)
         for place, position in targets.items():
             posture[place] = position
         posture = with_partners(cell.model.resolved, planning.robot, posture, targets)
@@ -48,8 +50,28 @@ class JointMove(Move):
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Check the targets; moves of joints that follow each other are made one stage of by who runs them."""
-        targets_on(robot.model, self.target_deg, name, self.duration)
+        targets = targets_on(robot.model, self.target_deg, name, self.duration)
+        check_motors_of(robot.cell, robot.name, targets)
         return lambda robot: None
+
+
+def check_motors_of(cell: StatefulStation, robot: str, targets: Collection[int]) -> None:
+    """Check that the axes of a move have motors. Those of a kinematic station need none.
+
+    Args:
+        cell: the station.
+        robot: name of the robot.
+        targets: indices of the axes that have targets.
+
+    Raises:
+        Unsuitable: an axis is passive.
+    """
+    own = cell.robot(robot)
+    if not cell.config.engine.moves_by_forces:
+        return
+    for index in targets:
+        if own.gains.passive[index]:
+            raise passive_axis(f"target_deg.{own.axes[index]}", own.axes[index])
 
 
 def move_of(target_deg: Mapping[str, Any], duration: Any = MOVE_TIME) -> JointMove:

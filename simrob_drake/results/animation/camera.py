@@ -73,17 +73,18 @@ def robots_to_follow(robots: Iterable[str], controllers: Mapping[str, Controller
 
 def framed_time(result: RecordedRun) -> float:
     """Return up to when a run is to be in the picture [s]."""
-    return result.stop_time * (_TRUSTED if result.stopped_by == DIVERGED else 1.0)
+    share = _TRUSTED if result.stopped_by == DIVERGED else 1.0
+    return result.start_time + share * result.simulated_time
 
 
-def frame_times(end: float, frames_per_second: float) -> Vector:
-    """Return the times [s] of a motion's frames, its end the last one; raises InvalidParameter: no positive rate."""
+def frame_times(end: float, frames_per_second: float, *, begin: float = 0.0) -> Vector:
+    """Return the times of a motion's frames from ``begin`` to ``end`` [s]; raises InvalidParameter: a wrong rate."""
     if not (np.isfinite(frames_per_second) and frames_per_second > 0):
         raise InvalidParameter(
             "frames_per_second", frames_per_second, message("results.positive_rate", "a positive rate [1/s]")
         )
-    count = max(int(np.ceil(end * frames_per_second - 1e-9)), 0)
-    return np.append(np.arange(count) / frames_per_second, end)
+    count = max(int(np.ceil((end - begin) * frames_per_second - 1e-9)), 0)
+    return np.append(begin + np.arange(count) / frames_per_second, end)
 
 
 def walked_way(result: RecordedRun) -> Way | None:
@@ -96,7 +97,9 @@ def walked_way(result: RecordedRun) -> Way | None:
     if len(result.plant.robots) != 1 or not followed:
         return None
     base = result.pose("base", followed.pop())
-    times = np.linspace(0.0, framed_time(result), max(round(framed_time(result) / _EVERY), 1) + 1)
+    begin = result.start_time
+    end = framed_time(result)
+    times = np.linspace(begin, end, max(round((end - begin) / _EVERY), 1) + 1)
     places = [np.interp(times, result.times, column) for column in base[:, :2].T]
     ground = result.plant.ground
     height = base[0, 2] - ground.beneath(base[:1, :3])[0]

@@ -71,7 +71,11 @@ def film_strip(result: RecordedRun, *, frames: Frames = 7, height: int | None = 
     """
     check_frames(frames)
     events = events_of(result) if frames == "events" else []
-    times = np.array([time for time, _ in events]) if events else np.linspace(0.0, result.stop_time, int(frames))
+    times = (
+        np.array([time for time, _ in events])
+        if events
+        else np.linspace(result.start_time, result.stop_time, int(frames))
+    )
     height = (_HEIGHT if len(times) <= _FEW else _LOW) if height is None else height
     if height < 16:
         raise InvalidParameter("height", height, message("results.least_pixels", "at least 16 [pixels]"))
@@ -105,7 +109,7 @@ def save_video(result: RecordedRun, file: Path, *, frames_per_second: float = 30
     """
     frame_writer()
     width, height = _VIDEO_SIZE
-    times = frame_times(result.stop_time, frames_per_second)
+    times = frame_times(result.stop_time, frames_per_second, begin=result.start_time)
     if not file.parent.is_dir():
         raise OutputError(
             message(
@@ -221,7 +225,7 @@ class Studio:
         self._result = result
         self.walked = walked = walked_way(result)  # how far a robot that walks goes; None where nothing walks
         self.way = way = walked if follow else None  # of the camera; None where it stands still
-        gone = None if walked is None else walked(np.linspace(0.0, result.stop_time, _PLACES))
+        gone = None if walked is None else walked(np.linspace(result.start_time, result.stop_time, _PLACES))
         config = result.config if gone is None else with_floor_under(result.config, gone)
         self._scene = scene = ViewedStation(config, engine=MakeRenderEngineVtk(_engine_params()), way=gone)
         azimuth = side(scene.station) if azimuth is None else azimuth

@@ -1,14 +1,15 @@
 // What a recording adds to Meshcat's page: lines on the floor, a lamp straight above whose shadows tell what is over
 // what, a view that goes along with a robot that walks, how the run ended, a clock, a bar to play by, a legend and
 // switches. RUN is written before this:
-//   name    of the station; message: how the run ended, stopped: whether before its time; end: when [s]
+//   name    of the station; message: how the run ended, stopped: whether before its time; begin and end: times [s]
 //   legend  of colours: [colour, what has it]; axes: colours of the world's x, y and z
 //   way     how far the robot has gone in each frame, [x, y, z] [m]; empty where nobody walks
 //   rate    frames of the animation in a second
 //   middle  of what is seen in the first frame, [x, y, z], and radius of a ball around that [m]
 //   lines   on the floor, [begin, end] of [x, y, z] [m], and their spacing [m]; none without a floor
 (() => {
-  const { way, rate, middle, radius, lines, spacing, legend, axes, end } = RUN;
+  const { way, rate, middle, radius, lines, spacing, legend, axes, begin: start, end } = RUN;
+  const length = end - start;  // [s]; the animation begins at 0
   const three = MeshCat.THREE;
 
   // In short parts: some browsers leave a line out whose one end is behind the eye.
@@ -59,7 +60,7 @@
   const button = add(bar, "button", { type: "button", onclick: () => play(!animator.playing) });
   button.innerHTML = '<svg width="12" height="12"><path/></svg>';
   const sign = button.querySelector("path");
-  const slider = add(bar, "input", { type: "range", min: 0, max: end, step: 0.001, ariaLabel: "time" });
+  const slider = add(bar, "input", { type: "range", min: 0, max: length, step: 0.001, ariaLabel: "time" });
   const clock = add(bar, "span", { id: "clock" });
   const paces = add(bar, "select", { ariaLabel: "pace" });
   for (const pace of [0.1, 0.25, 0.5, 1, 2, 4]) add(paces, "option", { value: pace, selected: pace === 1 }, `× ${pace}`);
@@ -77,9 +78,9 @@
     play(!animator.playing);
   });
   const tell = () => {
-    const time = Math.min(animator.time, end);
+    const time = Math.min(animator.time, length);
     if (document.activeElement !== slider || animator.playing) slider.value = time;
-    clock.textContent = `${time.toFixed(2)} / ${end.toFixed(2)} s`;
+    clock.textContent = `${(start + time).toFixed(2)} / ${end.toFixed(2)} s`;
     sign.setAttribute("d", animator.playing ? "M2 1h3v10H2zM7 1h3v10H7z" : "M2 1l9 5l-9 5z");
     button.ariaLabel = animator.playing ? "pause" : "play";
   };

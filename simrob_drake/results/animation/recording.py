@@ -36,7 +36,7 @@ _LOOPS = 1_000_000  # "for ever", which Meshcat cannot say
 
 def save_recording(result: RecordedRun, file: Path, *, frames_per_second: float = 32.0) -> Path:
     """Write a run's motion and tools' paths as a looping ``.html``; raises InvalidParameter: the rate; OutputError."""
-    page = _page(result, frame_times(result.stop_time, frames_per_second), frames_per_second)
+    page = _page(result, frame_times(result.stop_time, frames_per_second, begin=result.start_time), frames_per_second)
     gc.collect()  # Drake's diagrams are cycles: without this Meshcat would go on listening for a while
     with replaced_at_once(file) as work:
         work.write_text(page, encoding="utf-8")
@@ -69,6 +69,7 @@ def _page(result: RecordedRun, times: Vector, frames_per_second: float) -> str:
         "name": result.config.name,
         "message": result.end_in_words,
         "stopped": result.stopped_by is not None,
+        "begin": result.start_time,
         "end": result.stop_time,
         "legend": _legend(result),
         "axes": AXES,

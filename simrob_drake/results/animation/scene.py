@@ -87,7 +87,7 @@ class ViewedStation(PosedStation):
 
     def extents_of_run(self, result: RecordedRun, way: Way | None = None) -> Vector:
         """Return points, shape (m, 3) [m], around the motion of a run; of its robot alone if a way is taken from it."""
-        even = np.linspace(0.0, framed_time(result), _LOOKS)
+        even = np.linspace(result.start_time, framed_time(result), _LOOKS)
         times = np.union1d(even, begins_of(*result.parts)[1:-1])  # where moves rest they reach furthest
         positions = result.positions_at(times)
         if way is None:

@@ -14,14 +14,18 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import Formatter, MaxNLocator
+from matplotlib.ticker import Formatter, MaxNLocator, ScalarFormatter
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message, translate, with_decimal_sign
 from simrob_drake.results.colours import COLOURS, RED
 from simrob_drake.results.record.run import DIVERGED, RecordedRun
 
 VALUE, REFERENCE, ERROR = COLOURS[:3]
 ERROR_HEIGHT = 0.65  # of the plot of an error under that of its value [inches]
+
+TIME_LABEL = message("results.time_label", "time [s]")
+"""Label of the axis of time."""
 
 Span = tuple[float, float]  # begin and end of the time that is shown [s]
 
@@ -96,10 +100,13 @@ def grid_figure(
     of each stack for that [inches]; ``span`` is the part of the run to show, a ``remark`` stands below the title.
     """
     if len(stacks) > _MOST:
-        title, stacks = f"{title}: the first {_MOST} of {len(stacks)}", stacks[:_MOST]
+        title = message(
+            "results.first_stacks", "{title}: the first {most} of {count}", title=title, most=_MOST, count=len(stacks)
+        )
+        stacks = stacks[:_MOST]
     columns = columns or (len(stacks) if len(stacks) <= 3 else int(np.ceil(np.sqrt(len(stacks)))))
     grid = _Grid(result, stacks, columns)
-    grid.draw(span or (0.0, result.stop_time), legends=legend > 0)
+    grid.draw(span or (result.start_time, result.stop_time), legends=legend > 0)
     grid.arrange(title, max(_FRAME, width / columns - 0.8 - legend), legend, remark)
     return grid.figure
 
@@ -115,8 +122,9 @@ def style(axes: Axes, title: str) -> None:
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=_TICK)
     axes.yaxis.set_major_formatter(_Numbers())
+    axes.xaxis.set_major_formatter(_LocalNumbers())
     axes.spines[["top", "right"]].set_visible(False)
-    axes.set_title(title, loc="left", fontsize=10, y=1.0)  # matplotlib would measure for a place
+    axes.set_title(translate(title), loc="left", fontsize=10, y=1.0)  # matplotlib would measure for a place
 
 
 def trusted(result: RecordedRun, values: Vector) -> Vector:
@@ -129,7 +137,7 @@ class _Numbers(Formatter):
 
     def __call__(self, value: float, pos: int | None = None) -> str:
         """Return one of them."""
-        return f"{value:g}"
+        return with_decimal_sign(f"{value:g}")
 
     def format_ticks(self, values: Sequence[float]) -> list[str]:
         """Return what stands at each: as many digits as tell them apart."""
@@ -140,7 +148,15 @@ class _Numbers(Formatter):
             texts = [f"{value:.{digits}{kind}}" for value in values]
             if np.abs(np.array(texts, dtype=float) - values).max(initial=0.0) <= 1e-3 * step:
                 break
-        return [self.fix_minus(text) for text in texts]
+        return [self.fix_minus(with_decimal_sign(text)) for text in texts]
+
+
+class _LocalNumbers(ScalarFormatter):
+    """Numbers at an axis of time as matplotlib writes them, with the decimal sign of the language of the output."""
+
+    def __call__(self, value: float, pos: int | None = None) -> str:
+        """Write one number."""
+        return with_decimal_sign(super().__call__(value, pos))
 
 
 class _Grid:
@@ -163,17 +179,18 @@ class _Grid:
                 lines = self._draw_curves(axes, plot, within, 0.8 if thin else 1.6)
                 axes.set_xlim(begin, begin + 1.04 * (end - begin)) if end > begin else axes.set_xlim(-0.1, 1.0)
                 axes.tick_params(labelbottom=axes is frames[-1])
-                axes.set_ylabel(plot.label if self._is_labelled(index) else "", fontsize=9)
+                axes.set_ylabel(translate(plot.label) if self._is_labelled(index) else "", fontsize=9)
                 if not legends:
                     self._explained |= lines
                 elif len(lines) > 1:
                     _write_legend(axes, lines, 8, loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.0)
             if index + self._columns >= len(self._stacks):
-                frames[-1].set_xlabel("time [s]")
+                frames[-1].set_xlabel(translate(TIME_LABEL))
         if self._result.stopped_by:
-            looks: dict[str, Any] = {"color": RED, "linewidth": 1.4, "linestyle": ":", "label": "stop"}
+            stop = translate(message("results.stop", "stop"))
+            looks: dict[str, Any] = {"color": RED, "linewidth": 1.4, "linestyle": ":", "label": stop}
             for axes in self.figure.axes:
-                self._explained["stop"] = axes.axvline(self._result.stop_time, **looks)
+                self._explained[stop] = axes.axvline(self._result.stop_time, **looks)
 
     def arrange(self, title: str, frame: float, legend: float, remark: str) -> None:
         """Give the figure its head and size, and the frames, of a width [inches], and their labels a place."""
@@ -182,7 +199,7 @@ class _Grid:
         left, pitch = _MARGIN + _LABEL + numbers, frame + legend + _GAP + numbers + _LABEL * labels
         width = left + (self._columns - 1) * pitch + frame + max(legend, _MARGIN)
         words = ((remark, _GREY), (self._result.end_in_words if self._result.stopped_by else "", RED))
-        lines = [(line, colour) for text, colour in words for line in textwrap.wrap(text, int(14 * width))]
+        lines = [(line, colour) for text, colour in words for line in textwrap.wrap(translate(text), int(14 * width))]
         head = _HEAD + _LEGEND * bool(self._explained)
         tops, down = self._tops(head + _LINE * len(lines))
         height = down + _LABEL
@@ -193,7 +210,7 @@ class _Grid:
                 axes.set_position((x / width, y / height, frame / width, plot.height / height))
                 axes.yaxis.set_label_coords(-(numbers + 0.08) / frame, 0.5)
                 axes.xaxis.set_label_coords(0.5, -_BELOW / plot.height)
-        self._write_head(f"{self._result.config.name}: {title}", lines, head)
+        self._write_head(f"{self._result.config.name}: {translate(title)}", lines, head)
 
     def _tops(self, down: float) -> tuple[dict[Axes, float], float]:
         """Return how far below the top of the figure the frames begin, the first row at ``down``, and where all end."""
@@ -223,13 +240,14 @@ class _Grid:
     def _draw_curves(self, axes: Axes, plot: Plot, within: npt.NDArray[np.bool_], width: float) -> dict[str, Line2D]:
         """Draw what a plot shows, with lines of a width [points]; return them by label."""
         axes.yaxis.set_major_locator(MaxNLocator(5 if plot.height > 1 else 3, steps=[1, 2, 2.5, 5, 10]))
-        axes.set_title(plot.note, loc="right", fontsize=8, color=RED, y=1.0)
+        axes.set_title(translate(plot.note), loc="right", fontsize=8, color=RED, y=1.0)
         times = self._result.times[within]
         marker = "o" if len(times) == 1 else None  # a run that was stopped at its start
         lines = {}
         for curve in plot.curves:
             looks: dict[str, Any] = {"color": curve.colour, "linewidth": curve.weight * width, "marker": marker}
-            (lines[curve.label],) = axes.plot(times, curve.values[within], curve.line, label=curve.label, **looks)
+            label = translate(curve.label)
+            (lines[label],) = axes.plot(times, curve.values[within], curve.line, label=label, **looks)
         shown = np.array([curve.values[within] for curve in plot.curves])
         values = _readable(trusted(self._result, shown))
         middle = (values.min() + values.max()) / 2

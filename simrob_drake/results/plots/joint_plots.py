@@ -8,6 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from simrob_drake.base.frames import Vector, matrices_from_xyz_quaternions, poses_from_matrices
+from simrob_drake.base.messages import compound, join_texts, message, translate
+from simrob_drake.base.signals import QUANTITY_WORDS
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.colours import COLOURS, RED
 from simrob_drake.results.plots.grid import (
@@ -28,8 +30,20 @@ from simrob_drake.results.record.walks import headings, tilts
 
 _SIDES = {"right": (COLOURS[0], 1.5), "left": (COLOURS[2], 0.8), "middle": (COLOURS[7], 1.0)}
 """Colours and weights of lines, so that both sides are seen where they are equal."""
+_SIDE_WORDS = {
+    "right": message("results.right", "right"),
+    "left": message("results.left", "left"),
+    "middle": message("results.middle", "middle"),
+}
+_REFERENCE = message("results.reference", "reference")
+_TOOL = message("results.tool_centre_point", "tool centre point")
 _NEAR = 1.3  # a limit up to so many times the largest torque is drawn; one further away would flatten the curve
-QUANTITIES = {"deg": "position", "N·m": "torque", "N": "force", "m": "position"}
+QUANTITIES = {
+    "deg": QUANTITY_WORDS["position"],
+    "m": QUANTITY_WORDS["position"],
+    "N·m": QUANTITY_WORDS["torque"],
+    "N": QUANTITY_WORDS["force"],
+}
 """Quantities of joints by the unit in which they are shown."""
 
 
@@ -49,7 +63,7 @@ class SideGroup:
     def curves(self, values: Vector, label: str, colour: str) -> list[Curve]:
         """Return the curves of the group's columns in values (m, n); label and colour hold where there are no sides."""
         return [
-            Curve(values[:, place], side or label, *_SIDES.get(side, (colour, 1.0)))
+            Curve(values[:, place], _SIDE_WORDS.get(side, label), *_SIDES.get(side, (colour, 1.0)))
             for side, place in self.places.items()
         ]
 
@@ -80,38 +94,58 @@ def position_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
     stacks = []
     for group in side_groups(robot):
         unit = robot.model.unit_names[group.first]
-        curves = group.curves(reached, "position", VALUE)
-        curves += [dashed(reference[:, place], "reference", REFERENCE) for place in group.places.values()]
-        plots = [Plot(f"{QUANTITIES[unit]} [{unit}]", curves)]
+        curves = group.curves(reached, QUANTITY_WORDS["position"], VALUE)
+        curves += [dashed(reference[:, place], _REFERENCE, REFERENCE) for place in group.places.values()]
+        plots = [Plot(_with_unit(QUANTITIES[unit], unit), curves)]
         if result.config.engine.moves_by_forces:
-            errors = group.curves(error, "error: reference - position", ERROR)
-            plots.append(Plot(f"error [{unit}]", errors, ERROR_HEIGHT))
+            label = message("results.error_of_position", "error: reference - position")
+            errors = group.curves(error, label, ERROR)
+            plots.append(Plot(_with_unit(_ERROR, unit), errors, ERROR_HEIGHT))
         stacks.append(Stack(group.name, plots))
     return stacks
 
 
 def torque_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
-    """Return the torque of each axis, with its limit."""
-    torques, limits = result.axes("tau", robot.name), robot.gains.torque_limit
+    """Make the plots of the torque of each axis, with its limit."""
+    torques = result.axes("tau", robot.name)
+    limits = robot.gains.judged_limit  # infinite for axes without a motor
     stacks = []
     for group in side_groups(robot):
         unit, places = robot.model.effort_units[group.first], list(group.places.values())
-        curves = group.curves(torques, "torque", VALUE)
+        curves = group.curves(torques, QUANTITY_WORDS["torque"], VALUE)
         own = np.unique(limits[places])
+        limit_label = message("results.torque_limit", "torque limit")
         for bound in (*own, *-own):
             if _NEAR * (np.sign(bound) * torques[:, places]).max() >= abs(bound):
-                curves.append(dashed(np.full(len(torques), bound), "torque limit", RED))
-        shown = " / ".join(f"±{limit:g} {unit}" if np.isfinite(limit) else "none" for limit in own)
-        note = f"limit {shown}" if np.isfinite(own).any() else "no limit"
-        stacks.append(Stack(group.name, [Plot(f"{QUANTITIES[unit]} [{unit}]", curves, note=note)]))
+                curves.append(dashed(np.full(len(torques), bound), limit_label, RED))
+        note = message("results.no_limit", "no limit")
+        if robot.gains.passive[places].all():
+            note = message("results.no_motor", "no motor")
+        elif np.isfinite(own).any():
+            shown = [
+                compound("±{limit:g} {unit}", limit=limit, unit=unit)
+                if np.isfinite(limit)
+                else message("results.none", "none")
+                for limit in own
+            ]
+            note = message("results.limit_of_torque", "limit {limits}", limits=join_texts(shown, " / "))
+        stacks.append(Stack(group.name, [Plot(_with_unit(QUANTITIES[unit], unit), curves, note=note)]))
     return stacks
+
+
+_ERROR = message("results.error", "error")
+
+
+def _with_unit(quantity: str, unit: str) -> str:
+    """Label of an axis: a quantity with its unit, such as "position [deg]"."""
+    return compound("{quantity} [{unit}]", quantity=quantity, unit=unit)
 
 
 _PARTS = ("x", "y", "z", "Rz", "Ry", "Rx")
 _PLACE, _ORIENTATION = slice(0, 3), slice(3, 6)
 _ERROR_UNITS = np.array([1e3, 1e3, 1e3, 1.0, 1.0, 1.0])  # mm and deg
 _LOCKED = 80.0  # deg of Ry, from where on small turns are large angles Rz and Rx
-_LOCK = "large where Ry is near ±90"
+_LOCK = message("results.near_gimbal_lock", "large where Ry is near ±90")
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of a run that diverged
@@ -130,12 +164,18 @@ def tcp_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
     errors = (targets - shown) * _ERROR_UNITS
     stacks = []
     for place, part in enumerate(_PARTS):
-        label, unit = ("position [m]", "mm") if place < _PLACE.stop else ("orientation [deg]", "deg")
-        curves = [Curve(shown[:, place], "tool centre point", VALUE), dashed(targets[:, place], "reference", REFERENCE)]
+        is_position = place < _PLACE.stop
+        label = _with_unit(QUANTITY_WORDS["orientation"], "deg")
+        unit = "deg"  # of the error
+        if is_position:
+            label = _with_unit(QUANTITY_WORDS["position"], "m")
+            unit = "mm"
+        curves = [Curve(shown[:, place], _TOOL, VALUE), dashed(targets[:, place], _REFERENCE, REFERENCE)]
         plots = [Plot(label, curves, note=locked if part in ("Rz", "Rx") else "")]
         if result.config.engine.moves_by_forces:
-            error = Curve(errors[:, place], "error: reference - tool centre point", ERROR)
-            plots.append(Plot(f"error [{unit}]", [error], ERROR_HEIGHT))
+            error_label = message("results.error_of_tool", "error: reference - tool centre point")
+            error = Curve(errors[:, place], error_label, ERROR)
+            plots.append(Plot(_with_unit(_ERROR, unit), [error], ERROR_HEIGHT))
         stacks.append(Stack(part, plots))
     return stacks
 
@@ -183,13 +223,16 @@ def base_figure(result: RecordedRun, robot: StationRobot, title: str) -> Figure:
     pose = result.pose("base", robot.name)
     heading = headings(result.plant, robot, pose)
     yaw = np.rad2deg(heading - heading[0])
+    tilt = message("results.tilt", "tilt")
+    turn = message("results.yaw", "yaw")
     plots = [
         Plot("x, y [m]", [Curve(pose[:, 0], "x", _X), Curve(pose[:, 1], "y", _Y)]),
-        Plot("height z [m]", [Curve(pose[:, 2], "z", _Z)]),
-        Plot("tilt [deg]", [Curve(np.rad2deg(tilts(pose)), "tilt", _TILT)]),
-        Plot("yaw [deg]", [Curve(yaw, "yaw", _FACING)]),
+        Plot(_with_unit(message("results.height_z", "height z"), "m"), [Curve(pose[:, 2], "z", _Z)]),
+        Plot(_with_unit(tilt, "deg"), [Curve(np.rad2deg(tilts(pose)), tilt, _TILT)]),
+        Plot(_with_unit(turn, "deg"), [Curve(yaw, turn, _FACING)]),
     ]
-    figure = grid_figure(result, title, [Stack("over time", plots)], width=_WIDTH, legend=_RIGHT + 0.2)
+    stack = Stack(message("results.over_time", "over time"), plots)
+    figure = grid_figure(result, title, [stack], width=_WIDTH, legend=_RIGHT + 0.2)
     first, last = (figure.axes[place].get_position() for place in (0, -1))
     inch = 1 / figure.get_size_inches()[0]
     area = first.x1 + _LEFT * inch, last.y0, (_RIGHT - _LEFT) * inch, first.y1 - last.y0
@@ -199,7 +242,7 @@ def base_figure(result: RecordedRun, robot: StationRobot, title: str) -> Figure:
 
 def _draw_path(axes: Axes, path: Vector, heading: Vector) -> None:
     """Draw the path (2, m) [m] with arrows that show where the robot faced."""
-    style(axes, "seen from above")
+    style(axes, message("results.seen_from_above", "seen from above"))
     frame = axes.get_window_extent()
     low, high = path.min(axis=1), path.max(axis=1)
     size = np.array([frame.width, frame.height]) / frame.width
@@ -211,8 +254,11 @@ def _draw_path(axes: Axes, path: Vector, heading: Vector) -> None:
     arrows = _ARROW * span * np.array([np.cos(heading[shown]), np.sin(heading[shown])])
     looks: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.005}
     axes.quiver(*path[:, shown], *arrows, color=_FACING, **looks)
-    axes.plot(*path[:, :1], "o", color=_PATH, markerfacecolor="white", label="start")
-    axes.plot(*path[:, -1:], "s", color=_PATH, label="end")
-    axes.plot([], [], marker=">", markersize=7, linestyle="", color=_FACING, label="faces")
+    start = translate(message("results.start", "start"))
+    end = translate(message("results.end", "end"))
+    heading_label = translate(message("results.heading", "heading"))
+    axes.plot(*path[:, :1], "o", color=_PATH, markerfacecolor="white", label=start)
+    axes.plot(*path[:, -1:], "s", color=_PATH, label=end)
+    axes.plot([], [], marker=">", markersize=7, linestyle="", color=_FACING, label=heading_label)
     axes.set(xlabel="x [m]", ylabel="y [m]")
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, fontsize=8, borderaxespad=0.0)

@@ -14,11 +14,12 @@ from matplotlib.figure import Figure
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter, UnknownName
 from simrob_drake.base.files import column_names, read_columns, text_of
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import join_texts, message, translate
 from simrob_drake.base.yaml_files import parse_json
 from simrob_drake.parts.references import TIME_COLUMN
 from simrob_drake.results.colours import looks
 from simrob_drake.results.files import SIGNALS, SUMMARY
+from simrob_drake.results.plots.grid import TIME_LABEL
 from simrob_drake.results.plots.joint_plots import QUANTITIES
 from simrob_drake.results.plots.own import panels
 from simrob_drake.results.record.servos import servo_in_words
@@ -73,7 +74,8 @@ def read_signals(folder: Path) -> SavedSignals:
     times = columns.pop(TIME_COLUMN)
     # Older results have no gains in their summary.
     gains_of_robots = [servo_in_words(servo) for servo in summary.get("servos", {}).values()]
-    name = ": ".join([str(folder), *gains_of_robots[:1]])
+    # The gains of the first robot are enough to tell two results of one station apart.
+    name = join_texts([str(folder), *gains_of_robots[:1]], ": ")
     return SavedSignals(name, times, columns, units=summary.get("units", {}))
 
 
@@ -97,7 +99,7 @@ def overlay_figure(results: Sequence[SavedSignals], patterns: Sequence[str] = ()
     row_count = ceil(len(names) / column_count)
     width, height = _FRAME
     figure, frames = panels(
-        "results over each other",
+        message("results.overlaid", "results over each other"),
         row_count,
         column_count,
         size=(column_count * width, row_count * height + 0.9),
@@ -110,13 +112,15 @@ def overlay_figure(results: Sequence[SavedSignals], patterns: Sequence[str] = ()
         shown_unit, factor = _USER_UNITS.get(unit, (unit, 1.0))
         for result, (colour, line) in zip(results, styles, strict=True):
             if name in result.columns:
-                how: dict[str, Any] = {"color": colour, "linestyle": line, "linewidth": 1.4, "label": result.name}
-                axes.plot(result.times, factor * result.columns[name], **how)
-        quantity = QUANTITIES.get(shown_unit, "") if _OF_JOINTS.fullmatch(name) else ""
-        axes.set_ylabel(f"{quantity} [{shown_unit}]".lstrip(), fontsize=9)
+                curve: dict[str, Any] = {"color": colour, "linestyle": line, "linewidth": 1.4}
+                values = factor * result.columns[name]
+                axes.plot(result.times, values, label=translate(result.name), **curve)
+        quantity = QUANTITIES.get(shown_unit) if _OF_JOINTS.fullmatch(name) else None
+        label = f"[{shown_unit}]" if quantity is None else f"{translate(quantity)} [{shown_unit}]"
+        axes.set_ylabel(label, fontsize=9)
     lowest_of_columns = frames.flat[max(len(names) - column_count, 0) : len(names)]
     for axes in lowest_of_columns:
-        axes.set_xlabel("time [s]")
+        axes.set_xlabel(translate(TIME_LABEL))
         axes.tick_params(labelbottom=True)
     for axes in frames.flat[len(names) :]:
         axes.set_visible(False)

@@ -16,7 +16,7 @@ from matplotlib.font_manager import FontProperties
 from simrob_drake.base.errors import shortened
 from simrob_drake.base.extension import ExtensionWarning, usable_objects
 from simrob_drake.base.folders import writing
-from simrob_drake.base.messages import compound, message
+from simrob_drake.base.messages import compound, message, translate
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.colours import looks
 from simrob_drake.results.plots.formats import UNDATED, PlotFormat, plot_format
@@ -53,7 +53,7 @@ def panels(
     for index, axes in enumerate(frames.flat):
         style(axes, titles[index] if index < len(titles) else "")
         axes.set_prop_cycle(color=colours, linestyle=lines)
-    figure.set_label(title)  # save_figure() writes it: over a legend, if there is one
+    figure.set_label(translate(title))  # save_figure() writes it: over a legend, if there is one
     return figure, np.asarray(frames)
 
 
@@ -182,21 +182,32 @@ def _figures(result: RecordedRun) -> Iterator[tuple[str, Figure]]:
 
 def _robot_figures(result: RecordedRun, robot: StationRobot, whose: str) -> Iterator[tuple[str, Figure]]:
     servo = servos_of(result).get(robot.name)
-    how = {"remark": f"servos: {servo_in_words(servo)}"} if servo else {}
-    for name, stacks_of in {"position": position_stacks, "torque": torque_stacks}.items():
-        yield from _with_detail(result, Sheet(name, f"joint {name}s{whose}", stacks_of(result, robot), how))
+    how = {}
+    if servo:
+        how = {"remark": message("results.servos", "servos: {servo}", servo=servo_in_words(servo))}
+    positions = message("results.joint_positions", "joint positions{whose}", whose=whose)
+    yield from _with_detail(result, Sheet("position", positions, position_stacks(result, robot), how))
+    torques = message("results.joint_torques", "joint torques{whose}", whose=whose)
+    yield from _with_detail(result, Sheet("torque", torques, torque_stacks(result, robot), how))
     if robot.tcp:
-        title = f"tool '{robot.tcp}' in the world{whose}"
+        title = message("results.tool_in_world", "tool '{tool}' in the world{whose}", tool=robot.tcp, whose=whose)
         yield "tcp", grid_figure(result, title, tcp_stacks(result, robot), columns=3)
     if robot.name in legged_robots(result):
-        yield "base", base_figure(result, robot, f"way of the base{whose}")
+        title = message("results.path_of_base", "path of the base{whose}", whose=whose)
+        yield "base", base_figure(result, robot, title)
 
 
 def _with_detail(result: RecordedRun, sheet: Sheet) -> Iterator[tuple[str, Figure]]:
     """Yield a figure, and some seconds of the middle of a long run where its curves run together."""
     yield sheet.name, grid_figure(result, sheet.title, sheet.stacks, **sheet.layout)
-    if result.stop_time >= _LONG and is_dense(stack.plots[0] for stack in sheet.stacks):
-        begin = (result.stop_time - _DETAIL) / 2
-        title = f"{sheet.title}, {begin:.2f} to {begin + _DETAIL:.2f} s"
+    if result.simulated_time >= _LONG and is_dense(stack.plots[0] for stack in sheet.stacks):
+        begin = result.start_time + (result.simulated_time - _DETAIL) / 2
+        title = message(
+            "results.title_of_detail",
+            "{title}, {begin:.2f} to {end:.2f} s",
+            title=sheet.title,
+            begin=begin,
+            end=begin + _DETAIL,
+        )
         figure = grid_figure(result, title, sheet.stacks, span=(begin, begin + _DETAIL), **sheet.layout)
         yield f"{sheet.name}_detail", figure

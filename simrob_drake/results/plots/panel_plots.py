@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import Message, compound, join_texts, message
 from simrob_drake.base.signals import Panel, Signal
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.colours import COLOURS, looks
@@ -60,8 +61,11 @@ class _Quantity:
 
     @property
     def value(self) -> str:
-        """Its last value, in words."""
-        return f"{float(self.values[-1]):.4g}" + ("" if self.unit == "1" else f" {self.unit}")
+        """Its last value with the unit."""
+        value = float(self.values[-1])
+        if self.unit == "1":
+            return compound("{value:.4g}", value=value)
+        return compound("{value:.4g} {unit}", value=value, unit=self.unit)
 
 
 _Panels = Mapping[Panel, Sequence[_Quantity]]
@@ -75,7 +79,7 @@ def panel_sheets(result: RecordedRun) -> Iterator[Sheet]:
     found = {signal.panel: _quantities(result, signal) for signal in result.signals if signal.panel in result.panels}
     for name in dict.fromkeys(panel.figure for panel in found if panel):
         panels = {panel: ones for panel, ones in found.items() if panel and panel.figure == name}
-        title = ", ".join(dict.fromkeys(panel.heading for panel in panels))
+        title = join_texts(dict.fromkeys(panel.heading for panel in panels))
         by_axis = {panel: robot for panel in panels if (robot := _robot_of(panel, result)) is not None}
         if few := {panel: ones for panel, ones in panels.items() if panel not in by_axis}:
             yield _few_sheet(name, title, few)
@@ -95,7 +99,14 @@ def _quantities(result: RecordedRun, signal: Signal) -> list[_Quantity]:
         values, own = scale * result[column], signal.role == "own"
         if own and len(values) > 1 and values[0] == 0 and abs(values[1]) > _JUMP * np.ptp(_finite(values)):
             values[0] = np.nan
-        found.append(_Quantity(f"{panel.title} {name}" if name.isdecimal() else name, values, unit, not own))
+        found.append(
+            _Quantity(
+                compound("{title} {name}", title=panel.title, name=name) if name.isdecimal() else name,
+                values,
+                unit,
+                not own,
+            )
+        )
     return found
 
 
@@ -111,14 +122,18 @@ def _few_sheet(name: str, title: str, panels: _Panels) -> Sheet:
     varying = {panel: [one for one in ones if one.needed or one.varies] for panel, ones in panels.items()}
     shown = {panel: ones for panel, ones in varying.items() if ones} or panels
     constant = [
-        f"{panel.title} {one.name if len(ones) > 1 else ''}".strip() + f" {one.value}"
+        join_texts([panel.title, one.name, one.value] if len(ones) > 1 else [panel.title, one.value], " ")
         for panel, ones in panels.items()
         for one in ones
         if one not in shown.get(panel, ())
     ]
     names = [one.name for ones in shown.values() if len(ones) > 1 for one in ones]
     legend = _HANDLE + _CHARACTER * max(map(len, names), default=0)
-    remark = f"left out, as it does not change: {', '.join(constant)}" if constant else ""
+    remark = ""
+    if constant:
+        remark = message(
+            "results.left_out_constant", "left out, as it does not change: {values}", values=join_texts(constant)
+        )
     stacks = [_stack(panel, ones) for panel, ones in shown.items()]
     return Sheet(name, title, stacks, {"columns": 1, "width": PAPER, "legend": legend, "remark": remark})
 
@@ -148,9 +163,15 @@ def _axes_sheet(name: str, title: str, panels: _Panels, robot: StationRobot) -> 
     groups = {group: {robot.axes[place] for place in group.places.values()} for group in side_groups(robot)}
     groups = {group: axes for group, axes in groups.items() if axes & named}
     moving = [group for group, axes in groups.items() if axes & moved] or list(groups)
-    still = [group.name for group in groups if group not in moving]
-    still += [f"{panel.title} of every axis" for panel in panels if panel not in changing]
-    remark = f"left out, as they hardly change: {', '.join(still)}" if still else ""
+    still: list[str] = [group.name for group in groups if group not in moving]
+    still += [
+        message("results.of_every_axis", "{title} of every axis", title=panel.title)
+        for panel in panels
+        if panel not in changing
+    ]
+    remark = ""
+    if still:
+        remark = message("results.left_out_still", "left out, as they hardly change: {names}", names=join_texts(still))
     stacks = [Stack(group.name, _axis_plots(group, robot, changing)) for group in moving]
     return Sheet(name, title, stacks, {"columns": min(2, len(stacks)), "width": PAPER, "remark": remark})
 
@@ -170,7 +191,10 @@ def _axis_plots(group: SideGroup, robot: StationRobot, panels: _Panels) -> list[
 
 
 def _label(panel: Panel, unit: str) -> str:
-    """Return what stands at an upright axis: "force [N]"."""
+    """Label of the upright axis, with the unit, such as "force [N]"."""
+    if isinstance(panel.label, Message):
+        return panel.label if unit == "1" else compound("{quantity} [{unit}]", quantity=panel.label, unit=unit)
+    # A plain text shows by its brackets whether it takes a unit.
     quantity, bracket, _ = panel.label.partition(" [")
     return f"{quantity}{bracket}{unit}]" if bracket and unit != "1" else quantity
 

@@ -9,13 +9,14 @@ change at certain times only; and *abstract* values, arbitrary objects.
 """
 
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.common.value import AbstractValue
+from pydrake.common.value import AbstractValue, Value
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, EventStatus
@@ -60,6 +61,7 @@ class Recorder:
         *watchers: Callable[[Context], None],
         look: "Callable[[StateHistory], bool] | None" = None,
         pace: Callable[[Context], None] | None = None,
+        inspect: "Iterable[Callable[[Recorder], None]]" = (),
     ) -> None:
         """Begin to record a simulator, whose present state becomes row 0.
 
@@ -68,7 +70,9 @@ class Recorder:
             watchers: callbacks after each step, with the context of the diagram.
             look: callback for the steps since its last call, about every 20 steps. It returns True to end the run.
             pace: callback before each record, which may change the length of the next steps.
+            inspect: callbacks after each step with the recorder, before the watchers.
         """
+        self._inspect = tuple(inspect)
         self.times = array("d")
         self.failure: BaseException | None = None
         # Values of all records, one record after another: of the continuous state, and of all discrete groups.
@@ -116,6 +120,8 @@ class Recorder:
             self._drop_last()
         self._copy(time, context)
         try:
+            for inspect in self._inspect:
+                inspect(self)
             for watcher in self._watchers:
                 watcher(context)
         except (Exception, SystemExit) as problem:
@@ -253,6 +259,16 @@ class StateHistory:
     discrete: list[Vector] = field(default_factory=list)
     abstract: list[list[AbstractValue]] = field(default_factory=list)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Content of a pickled history: Drake's abstract values as the Python objects that they contain."""
+        values = [[_plain_value(value) for value in row] for row in self.abstract]
+        return {**self.__dict__, "abstract": values}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore a pickled history."""
+        self.__dict__.update(state)
+        self.__dict__["abstract"] = [[_abstract_value(*value) for value in row] for row in state["abstract"]]
+
     @property
     def end(self) -> float:
         """Time of the last state [s]."""
@@ -376,6 +392,11 @@ class StateHistory:
             abstract=[*self.abstract[: int(kept.sum())], *later.abstract],
         )
 
+    def rows(self, part: slice) -> "StateHistory":
+        """The states of some rows, as views of the same memory."""
+        groups = [group[part] for group in self.discrete]
+        return StateHistory(self.times[part], self.continuous[part], groups, self.abstract[part])
+
     def last(self, count: int = 1) -> "StateHistory":
         """Copy the last ``count`` states, or all states if there are fewer.
 
@@ -387,6 +408,27 @@ class StateHistory:
             [group[-count:].copy() for group in self.discrete],
             self.abstract[-count:],
         )
+
+
+def python_value(value: AbstractValue) -> Any:
+    """Object in an abstract value. It is None for types of Drake's own that Python does not know.
+
+    A discrete plant of a user's diagram has such a value. It can be copied, but not read.
+    """
+    try:
+        return value.get_value()
+    except RuntimeError:
+        return None
+
+
+def _plain_value(value: AbstractValue) -> tuple[Any, bool]:
+    """Object in an abstract value, and whether it is declared as any Python object instead of a type of Drake's."""
+    return python_value(value), isinstance(value, Value[object])
+
+
+def _abstract_value(content: Any, is_any_object: bool) -> AbstractValue:
+    """Make an abstract value of an object, as :func:`_plain_value` gives it."""
+    return Value[object](content) if is_any_object else AbstractValue.Make(content)
 
 
 def _hermite(part: Vector, low: Vector, high: Vector, low_slope: Vector, high_slope: Vector) -> Vector:
@@ -403,6 +445,15 @@ def _hermite(part: Vector, low: Vector, high: Vector, low_slope: Vector, high_sl
     return np.asarray(
         left**2 * ((1 + 2 * part) * low + part * low_slope) + part**2 * ((3 - 2 * part) * high - left * high_slope)
     )
+
+
+class FlightCheck(NamedTuple):
+    """A check, at the end of a step, whether a floating body touches nothing, see `simulation.pace.Flight`."""
+
+    time: float  # of the check [s]
+    steps: int  # count of steps up to the check, in the same diagram
+    is_flying: bool  # whether a body touches nothing
+    speeds: Vector  # vertical velocities of the floating bodies, shape (k,) [m/s]
 
 
 _PART = 1000  # rows that are evaluated at once

@@ -78,7 +78,7 @@ def _evaluated_samples(times: Vector) -> Indices:
     Args:
         times: times of all samples, shape (m,) [s].
     """
-    duration = float(times[-1])
+    duration = float(times[-1] - times[0])
     evaluations = min(EVALUATION_RATE * duration, float(MOST_EVALUATIONS))
     step = int(np.ceil(len(times) / max(evaluations, 1.0)))
     return np.arange(0, len(times), max(step, 1))

@@ -5,10 +5,12 @@ run, whose parts are the runs. Signals are recorded as named *columns*, such as 
 An *event* is a pair of a time [s] and a short text.
 """
 
+import pickle
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self, TypeAlias
+from zlib import compress, decompress
 
 import numpy as np
 from pydrake.multibody.plant import ContactResults
@@ -22,12 +24,16 @@ from simrob_drake.blocks.references import Reference, Samples
 from simrob_drake.parts.resolved import named
 from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.results.record.piece_contacts import ContactSample, sample_piece_contacts
-from simrob_drake.results.record.state import State
+from simrob_drake.results.record.rebuilt import FORMAT, REBUILT, RebuiltRun, check_format, pickled_fields
+from simrob_drake.results.record.state import State, Trace
 from simrob_drake.results.record.touch import Event, Touch, onsets
 from simrob_drake.stations.config import StationConfig
 
 Ending = Literal["completed", "monitor", "diverged", "interrupted", "failed"]
 """How a run ended: at its full duration, by a monitor, by divergence, by the user, or because a block failed."""
+
+ContactsAt: TypeAlias = Callable[[Vector], Iterator[ContactResults]]
+"""Function that yields Drake's contact results at times (k,) [s] of a run."""
 
 DIVERGED = "diverged"
 INTERRUPTED = "interrupted"
@@ -73,6 +79,7 @@ class AskedMove:
         speed: planned speed of the tool [m/s]; None if none was asked for.
         place: name of the move in its program, such as ``move 3``.
         search: segments of the paths that a search for the move tried, shape (k, 2, 3) [m]. Recordings show them.
+        verdict: the verdict about the move, if its run was pickled: ``tool`` and ``approaches`` are lost then.
     """
 
     kind: str
@@ -84,6 +91,11 @@ class AskedMove:
     speed: float | None = None
     place: str = message("results.the_move", "the move")
     search: Vector = field(default_factory=lambda: np.zeros((0, 2, 3)))
+    verdict: Any = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Content of a pickled move, without its functions, which need a plant."""
+        return {**self.__dict__, "tool": None, "approaches": None}
 
 
 @dataclass(frozen=True)
@@ -139,6 +151,9 @@ class RecordedRun:
             run, so this is the only record of when each of them began. Moves that were not begun are left out.
         program: for a program, the YAML text that repeats it; empty if it cannot be written as YAML.
         commanded: names of walks that the user commanded during the run; their sections contain the commands.
+        wandering: for a program, names of the pieces that change hands.
+        trace: recorded states, from which the run can be continued; None for a program, and for other engines.
+        in_own_diagram: whether the station was part of a diagram of the user's own.
     """
 
     config: StationConfig
@@ -159,7 +174,7 @@ class RecordedRun:
     start: State | None = None
     references: dict[str, Reference | Samples] = field(default_factory=dict)
     solver_warnings: list[str] = field(default_factory=list)
-    contacts_at: Callable[[Vector], Iterator[ContactResults]] | None = None
+    contacts_at: ContactsAt | None = None
     context: Callable[[], Context] | None = None
     shortened: int | None = None
     did: str = ""
@@ -171,6 +186,45 @@ class RecordedRun:
     move_spans: tuple[MoveSpan, ...] = ()
     program: str = ""
     commanded: tuple[str, ...] = ()
+    wandering: tuple[str, ...] = ()
+    trace: Trace | None = None
+    in_own_diagram: bool = False
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Content of a pickled run: its fields, but for the plant and what is computed from it."""
+        # Compressed at the fastest level, states take less than two thirds of the memory.
+        return {"format": FORMAT, "content": compress(pickle.dumps(self._pickled_content()), level=1)}
+
+    def _pickled_content(self) -> dict[str, Any]:
+        """Fields of the pickled run, by name."""
+        return pickled_fields(self)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore a pickled run; raises SimrobError: another version of the package has pickled it."""
+        check_format(state.get("format"))
+        kept = pickle.loads(decompress(state["content"]))
+        self.__dict__["_pickled"] = {key: kept.pop(key) for key in ("has_contacts", "has_context", "motion")}
+        self.__dict__.update(kept)
+
+    if not TYPE_CHECKING:  # all fields are declared
+
+        def __getattr__(self, name: str) -> Any:
+            """Make a field again that was not pickled, when it is first used."""
+            if name not in REBUILT or "_pickled" not in self.__dict__:
+                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+            self.__dict__.update(self._rebuilt_fields())
+            return self.__dict__[name]
+
+    def _rebuilt_fields(self) -> dict[str, Any]:
+        """Fields of a pickled run that are computed from its plant, by name."""
+        pickled = self.__dict__["_pickled"]
+        rebuilt = RebuiltRun(self, has_contacts=pickled["has_contacts"], motion=pickled["motion"])
+        return {
+            "plant": rebuilt.plant,
+            "positions_at": rebuilt.positions_at,
+            "contacts_at": rebuilt.contacts_at,
+            "context": rebuilt.context if pickled["has_context"] else None,
+        }
 
     def __getitem__(self, name: str) -> Vector:
         """Signal by the name of its column, such as ``q.joint_2``, shape (m,).
@@ -287,6 +341,16 @@ class RecordedRun:
         return float(self.times[-1])
 
     @property
+    def start_time(self) -> float:
+        """Start of the run, in simulated time [s]: zero, unless the run continues another one."""
+        return float(self.times[0])
+
+    @property
+    def simulated_time(self) -> float:
+        """Length of the run: from its start to its end, in simulated time [s]."""
+        return self.stop_time - self.start_time
+
+    @property
     def end_in_words(self) -> str:
         """How the run ended, in words, with the name of the monitor if one ended it."""
         return (
@@ -317,7 +381,7 @@ class RecordedRun:
     @property
     def realtime_rate(self) -> float:
         """Simulated time divided by wall-clock time; 0 if no wall-clock time was measured."""
-        return self.stop_time / self.wall_time if self.wall_time > 0 else 0.0
+        return self.simulated_time / self.wall_time if self.wall_time > 0 else 0.0
 
     @cached_property
     def _indices(self) -> dict[str, int]:
@@ -351,7 +415,7 @@ def move_title(index: int) -> Message:
 
 def begins_of(*runs: RecordedRun) -> Vector:
     """Times at which runs that follow each other begin, and the end of the last run [s], shape (k + 1,)."""
-    return np.cumsum([0.0, *(run.stop_time for run in runs)])
+    return np.cumsum([0.0, *(run.simulated_time for run in runs)])
 
 
 def fallen(result: RecordedRun) -> str | None:
@@ -372,9 +436,11 @@ def all_events(result: RecordedRun) -> list[Event]:
 
     In a program, the ends of its runs and the pieces that are attached and released between them are events, too.
     """
-    events = [(0.0, "start"), *result.marks]
+    events = [(result.start_time, "start"), *result.marks]
     for begin, run in zip(begins_of(*result.parts), result.parts, strict=False):
-        events += [(float(begin + time), text) for time, text in run.onsets]
+        # The times of a single run are absolute, and those of a program count from its first run.
+        shift = float(begin) - run.start_time if result.runs else 0.0
+        events += [(time + shift, text) for time, text in run.onsets]
     events.sort(key=lambda event: event[0])
     end = f"stopped: {result.stopped_by}" if result.ending == "monitor" else "end"
     return [*events, (result.stop_time, end)]
@@ -384,10 +450,10 @@ def events_of(result: RecordedRun) -> list[Event]:
     """Select the most important events of :func:`all_events`, at most two dozen, far enough apart for a picture."""
     everything = all_events(result)
     share = _LEAST_GAP
-    events = _events_apart(everything, share * result.stop_time)
+    events = _events_apart(everything, share * result.simulated_time)
     while len(events) > _MOST_EVENTS:
         share *= 1.5
-        events = _events_apart(everything, share * result.stop_time)
+        events = _events_apart(everything, share * result.simulated_time)
     return events
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.results.record.run import RecordedRun
 
 _NAMES = ("kp", "ki", "kd")
@@ -29,18 +30,21 @@ def servo_in_words(servo: Mapping[str, Any]) -> str:
     Args:
         servo: an entry of :func:`servos_of`.
     """
-    parts = []
+    parts = list[str]()
     for name in _NAMES:
         values = list(servo[name].values())
         if any(values):
-            parts.append(f"{name} {_range(values)}")
+            parts.append(compound("{name} {values}", name=name, values=_range(values)))
     if servo["feedforward"] != "none":
-        parts.append(f"feedforward {servo['feedforward'].replace('_', ' ')}")
-    return ", ".join(parts)
+        kind = servo["feedforward"].replace("_", " ")
+        parts.append(message("results.feedforward", "feedforward {kind}", kind=kind))
+    return join_texts(parts)
 
 
 def _range(values: Sequence[float]) -> str:
     """Write the smallest and the largest of some values, or the only value if all are equal."""
     least = min(values)
     largest = max(values)
-    return f"{least:g}" if least == largest else f"{least:g} to {largest:g}"
+    if least == largest:
+        return compound("{value:g}", value=least)
+    return message("results.range", "{least:g} to {largest:g}", least=least, largest=largest)

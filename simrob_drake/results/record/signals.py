@@ -245,7 +245,7 @@ def _recorded_groups(diagram: Diagram, root: Context) -> dict[OutputPort, int]:
         own = dict[OutputPort, int]()
         if isinstance(system, Diagram):
             own = _recorded_groups(system, root)
-        if isinstance(system, SampledBlock) or system.get_name() == "plant":
+        if isinstance(system, SampledBlock) or system.get_name().rpartition(".")[2] == "plant":
             # Sampled blocks, and another engine in place of Drake's plant, have an attribute with the group of each
             # output by its name. Drake's own plant has no such attribute.
             group_of_output: dict[str, int] = getattr(system, "outputs", {})

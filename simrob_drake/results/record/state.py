@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import GetPydanticSchema, PlainSerializer
+from pydantic import Field, GetPydanticSchema, PlainSerializer
 from pydantic_core.core_schema import no_info_after_validator_function
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint
@@ -25,9 +25,11 @@ from simrob_drake.blocks.monitor import Monitor
 from simrob_drake.parts.resolved import ResolvedRobot
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationPlant
+from simrob_drake.results.record.history import FlightCheck, StateHistory, python_value
 from simrob_drake.stations.config import StationConfig
 
 _LARGEST = 10_000_000  # bytes of a file
+_TRACED_STEPS = 80  # count of the last steps of a run that its final state contains, see Trace.last
 _OF_ROBOTS, _OF_PLANT = ("positions", "velocities", "references"), ("joints", "blocks")
 
 
@@ -69,7 +71,7 @@ class BlockState:
 
 
 def _json_value(value: Any) -> Any:
-    """Return an abstract value; None in place of one that JSON does not know."""
+    """Check an abstract value. Returns the value, or None if JSON cannot write it."""
     try:
         return value if json.loads(json.dumps(value)) == value else None
     except (TypeError, ValueError):
@@ -84,20 +86,63 @@ _Value = Annotated[Any, PlainSerializer(_json_value)]
 
 
 class _Kept(Strict):
-    """What stands in the file of a state."""
+    """Content of a file of a state."""
 
     of_any_size = True
     positions: dict[str, _Array]
     velocities: dict[str, _Array]
     references: dict[str, _Array]
+    time: Number = 0.0
+    origins: dict[str, _Array] = Field(default_factory=dict)
     joints: dict[str, tuple[_Array, _Array]]
     blocks: dict[str, tuple[_Array, tuple[_Array, ...], tuple[_Value, ...]]]
     """Continuous state, discrete groups, abstract values."""
 
 
 @dataclass(frozen=True)
+class MotionOrigin:
+    """The run that a motion began with, from which the motion can be repeated.
+
+    Attributes:
+        config: configuration of the station in this run.
+        start: state in which it began; None for the initial state of the station.
+        begin: its start, in simulated time [s].
+        begins_in_motion: whether it continued the motion of another run.
+    """
+
+    config: StationConfig
+    start: "State | None"
+    begin: float
+    begins_in_motion: bool
+
+
+@dataclass(frozen=True)
+class Trace:
+    """States of a run at its steps, with what another run needs to continue it to the last bit.
+
+    Attributes:
+        history: states at the ends of the accepted steps: of the whole run, or of its last steps.
+        flight_checks: the last checks of flight, in order; empty for other schemes than ``cenic``.
+        origin: the run that the motion began with.
+        free_row: last row of the history that does not depend on when the run ended. A solver that chooses its steps
+            shortens those that would go beyond the end.
+    """
+
+    history: StateHistory
+    flight_checks: tuple[FlightCheck, ...]
+    origin: MotionOrigin
+    free_row: int
+
+    def last(self, count: int) -> "Trace":
+        """Copy the last states of the trace: up to ``count`` states before ``free_row``, and all after it."""
+        first_row = max(self.free_row - count, 0)
+        history = self.history.last(len(self.history.times) - first_row)
+        return replace(self, history=history, free_row=self.free_row - first_row)
+
+
+@dataclass(frozen=True)
 class State:
-    """Where a station is: for each joint, each block with a memory, and each robot's reference.
+    """The state of a station: of each joint, each block with a memory, and each robot's reference.
 
     Everything goes by name, so the state fits a station that was rebuilt and changed: with a piece on another parent,
     other gains, another solver. Joints and blocks that the new station does not have are left out, and new ones begin
@@ -109,6 +154,12 @@ class State:
         references: what each robot's reference was last, shape (n,); references of the next run begin there.
         joints: by ``<model instance>/<joint>``, of plants that are stepped.
         blocks: by the block's name.
+        time: simulated time of the state [s]. A run continues at this time with ``start_time="keep"``, and otherwise
+            begins at zero.
+        origins: positions (n,) at which the references of the configuration began, by robot; empty if they began in
+            the initial posture. A run with ``start_time="keep"`` continues these references.
+        trace: the last steps of the run that ended in this state, with which ``start_time="keep"`` continues it to the
+            last bit; None if they are not known, as in a state from a file.
     """
 
     positions: dict[str, Vector]
@@ -116,6 +167,10 @@ class State:
     references: dict[str, Vector]
     joints: dict[str, JointState] = field(default_factory=dict)
     blocks: dict[str, BlockState] = field(default_factory=dict)
+    time: float = 0.0
+    origins: dict[str, Vector] = field(default_factory=dict)
+    trace: Trace | None = field(default=None, repr=False)
+    _traced: tuple[Any, ...] = field(default=(), repr=False)  # the values of this state when its trace was set
 
     def __repr__(self) -> str:
         robots = ", ".join(f"{name} ({len(positions)} axes)" for name, positions in self.positions.items())
@@ -145,10 +200,10 @@ class State:
             if own.num_continuous_states() or own.num_discrete_state_groups() or own.num_abstract_states():
                 has_continuous = own.num_continuous_states() > 0
                 groups, values = range(own.num_discrete_state_groups()), range(own.num_abstract_states())
-                blocks[system.get_name()] = BlockState(
+                blocks[_block_name(system, ports)] = BlockState(
                     own.get_continuous_state_vector().CopyToVector() if has_continuous else np.zeros(0),
                     tuple(own.get_discrete_state(group).value().copy() for group in groups),
-                    tuple(deepcopy(own.get_abstract_state(index).get_value()) for index in values),
+                    tuple(deepcopy(python_value(own.get_abstract_state(index))) for index in values),
                 )
         joints = {}
         if diagram.HasSubsystemNamed(plant.get_name()):
@@ -156,7 +211,29 @@ class State:
             q, v = plant.GetPositions(own), plant.GetVelocities(own)
             known = joints_of(ports.plant.plant)
             joints = {name: JointState(q[places], v[speeds]) for name, places, speeds in known}
-        return cls(of_robots("position"), of_robots("velocity"), of_robots("reference"), joints, blocks)
+        positions, velocities, references = map(of_robots, ("position", "velocity", "reference"))
+        return cls(positions, velocities, references, joints, blocks, time=context.get_time())
+
+    def with_trace(self, trace: Trace | None) -> "State":
+        """Copy the state, with the last steps of the run that ended in it.
+
+        Args:
+            trace: the run; None if it cannot be continued.
+        """
+        if trace is None:
+            return self
+        return replace(self, trace=trace.last(_TRACED_STEPS), _traced=self._values())
+
+    @property
+    def valid_trace(self) -> Trace | None:
+        """The trace, or None if there is none or the state was changed since."""
+        is_unchanged = all(now is before for now, before in zip(self._values(), self._traced, strict=False))
+        return self.trace if is_unchanged else None
+
+    def _values(self) -> tuple[Any, ...]:
+        """List the values of the state. An entry that is another object later has been changed."""
+        everything: list[dict[str, Any]] = [self.positions, self.velocities, self.references, self.joints, self.blocks]
+        return tuple(value for entries in everything for value in entries.values())
 
     def check(self) -> None:
         """Check that a run can begin here; raises InvalidParameter: what is no number, as after a block failed."""
@@ -192,7 +269,7 @@ class State:
                 self._check(robot.name, values.get(robot.name), len(robot.axes))
         plant = ports.plant.stepped
         for system in _with_memory(diagram, plant):
-            kept = self.blocks.get(system.get_name())
+            kept = self.blocks.get(_block_name(system, ports))
             if kept is not None:
                 self._put_block(system, kept, context)
         if diagram.HasSubsystemNamed(plant.get_name()):
@@ -243,7 +320,9 @@ class State:
         Abstract values that JSON does not know are left out: their blocks begin with those that they declare.
         """
         own = {key: {name: tuple(vars(one).values()) for name, one in getattr(self, key).items()} for key in _OF_PLANT}
-        return _Kept.model_construct(**{**vars(self), **own}).model_dump_json(indent=1)
+        kept: dict[str, Any] = {key: getattr(self, key) for key in (*_OF_ROBOTS, "time", "origins")}
+        left_out = {key for key in ("time", "origins") if not kept[key]}
+        return _Kept.model_construct(**kept | own).model_dump_json(indent=1, exclude=left_out)
 
     @classmethod
     def from_json(cls, text: str, where: Path | str = "state") -> "State":
@@ -251,11 +330,12 @@ class State:
         kept = validated(_Kept, parse_json(text, where), where)
         joints = {name: JointState(*joint) for name, joint in kept.joints.items()}
         blocks = {name: BlockState(*block) for name, block in kept.blocks.items()}
-        return cls(kept.positions, kept.velocities, kept.references, joints, blocks)
+        vectors = kept.positions, kept.velocities, kept.references
+        return cls(*vectors, joints, blocks, time=float(kept.time), origins=kept.origins)
 
     @classmethod
     def at_start_of(cls, config: StationConfig) -> "State | None":
-        """Return the state that a station's file says it begins in; None where it says none.
+        """Read the state in which a station begins. Returns None if the station names no such state.
 
         Raises:
             InvalidConfig: a file that cannot be read or holds no state.
@@ -309,6 +389,12 @@ class State:
                 message("results.state_in_which", "a state in which '{name}' is {found}", name=name, found=found),
                 message("results.station_of_size", "of a station where it is of {size}", size=size),
             )
+
+
+def _block_name(system: System, ports: Site) -> str:
+    """Name of a block in a state: its name in the diagram, without that of the station there."""
+    name = str(system.get_name())
+    return name.removeprefix(f"{ports.name}.") if ports.name else name
 
 
 def _with_memory(diagram: Diagram, plant: System) -> Iterator[System]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from simrob_drake.base.frames import Vector, pose_from_transform, transform_from_xyz_quaternion
 from simrob_drake.base.messages import join_texts, message
-from simrob_drake.results.record.run import DIVERGED, RecordedRun
+from simrob_drake.results.record.run import DIVERGED, RecordedRun, begins_of
 from simrob_drake.results.record.servos import servos_of
 from simrob_drake.results.record.walks import legged_robots, locomotion
 from simrob_drake.results.verdict.verdict import Verdict
@@ -20,7 +20,7 @@ _MOST_SPANS = 3  # count of spans of time that a remark lists
 
 def remarks_of(run: RecordedRun) -> list[str]:
     """Sentences of a station's controllers about a run, such as the times at which a walk was asked for too much."""
-    begins = np.cumsum([0.0, *(part.stop_time for part in run.parts)])
+    begins = begins_of(*run.parts) + run.start_time
     return [remark for begin, part in zip(begins, run.parts, strict=False) for remark in _remarks(part, float(begin))]
 
 
@@ -29,9 +29,9 @@ def _remarks(run: RecordedRun, begin: float) -> Iterator[str]:
 
     Args:
         run: the run.
-        begin: time at which it began, since the beginning of the whole program [s].
+        begin: time at which it began, since the beginning of the whole program [s]; for a single run its start.
     """
-    times = begin + run.times
+    times = begin + run.times - run.start_time
     for name, section in run.config.controllers.items():
         for output, remark in section.remarks.items():
             spans = _spans_of_nonzero(run[f"{name}.{output}"], times)

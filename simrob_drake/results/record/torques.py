@@ -17,6 +17,6 @@ def torque_shares(run: RecordedRun, robot: StationRobot) -> Vector:
     if run.config.engine.moves_by_forces:
         shares = robot.gains.torque_shares(torque, run.axes("v", robot.name))
     else:
-        shares = np.abs(torque) / robot.gains.torque_limit
+        shares = np.abs(torque) / robot.gains.judged_limit
     shares[:, list(robot.model.fingers)] = 0.0
     return shares

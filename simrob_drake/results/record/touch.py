@@ -42,7 +42,7 @@ def onsets(
     for time, results in zip(steps.tolist(), contacts_at(steps), strict=True):
         pairs = {frozenset(_body(station, shape) for shape in pair) for pair in pressing(results)}
         for pair in sorted(pairs - before, key=sorted):
-            if time > 0 and time - touched.get(pair, -np.inf) > _APART:
+            if time > step_times[0] and time - touched.get(pair, -np.inf) > _APART:
                 yield time, f"{' on '.join(sorted(pair - {'world'}))} touches"
         touched |= dict.fromkeys(pairs, time)
         before = pairs

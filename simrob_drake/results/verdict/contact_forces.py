@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from simrob_drake.base.frames import Vector, transform_from_xyz_quaternion
+from simrob_drake.base.messages import join_texts, message
 from simrob_drake.parts.couplings import Between
 from simrob_drake.results.record.piece_contacts import ContactSample
 from simrob_drake.results.record.run import RecordedRun
@@ -144,7 +145,7 @@ def measure_friction_share(run: RecordedRun) -> Measured | None:
                 continue
             friction_force = float(np.linalg.norm(force - normal_force * contact.normal))
             share = friction_force / (contact.friction * normal_force)
-            subject = f"{piece} and {contact.partner}"
+            subject = join_texts([piece, contact.partner], message("base.and", " and "))
             observations.append(Observation(subject, share, time=float(run.times[window.first])))
     return _largest_of_each(observations)
 
@@ -204,7 +205,7 @@ def _windows(run: RecordedRun, piece: str) -> Iterator[ContactWindow]:
     # In a long run contacts are evaluated rarely: then windows are longer, to contain enough contact samples.
     interval = float(run.times[contacts[1].sample] - run.times[contacts[0].sample])
     duration = max(WINDOW, (LEAST_CONTACT_SAMPLES + 1) * interval)
-    begins = np.arange(0.0, run.stop_time, duration)
+    begins = np.arange(run.start_time, run.stop_time, duration)
     bounds = np.searchsorted(run.times, begins).tolist()  # the first sample of each window
     for first, last in pairwise(bounds):
         inside = [contact for contact in contacts if first <= contact.sample <= last]

@@ -10,6 +10,7 @@ axes.
 
 import warnings
 from collections.abc import Callable, Mapping
+from functools import wraps
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ import numpy as np
 from simrob_drake.base.errors import shortened
 from simrob_drake.base.extension import ExtensionWarning, register_core_names, usable_objects
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import join_texts, message
 from simrob_drake.blocks.servo import AT_LIMIT
 from simrob_drake.parts.couplings import Between
 from simrob_drake.parts.station_plant import StationRobot
@@ -72,6 +74,7 @@ MeasureOfRobot = Callable[[RecordedRun, StationRobot], AxisValues | None]
 def _of_each_robot(measure: MeasureOfRobot) -> MeasureOfRun:
     """Decorator: extend a measure of one robot to all robots of a run. The subjects are the axes of all robots."""
 
+    @wraps(measure)  # the name of the decorated function, by which pickle finds this one
     def of_run(run: RecordedRun) -> Measured | None:
         """Measure all robots, and join the values of their axes. Returns None if no robot has anything to measure."""
         names = list[str]()
@@ -140,9 +143,11 @@ def _errors(run: RecordedRun, robot: StationRobot) -> Vector | None:
 def _without_error(run: RecordedRun, robot: StationRobot) -> dict[int, str]:
     """Axes of a robot that are not expected at their reference, by index, each with the reason.
 
-    These are fingers, and axes without a motor: their servo has no gain, and they had no torque at all in the run.
+    These are fingers, and axes without a motor: passive ones, and those whose servo has no gain and that had no torque
+    at all in the run.
     """
     left_out = _fingers(robot)
+    left_out |= dict.fromkeys(np.flatnonzero(robot.gains.passive).tolist(), _IDLE)
     has_torque = run.axes("tau", robot.name).any(axis=0)
     idle = (robot.gains.kp == 0) & ~has_torque
     if not idle.all():  # in a robot without any motor, all axes are judged
@@ -375,7 +380,8 @@ def _penetration(run: RecordedRun) -> Measured | None:
     if not depths:
         return None
     values, times = np.array(list(depths.values())).T
-    return Measured([f"{first} and {second}" for first, second in depths], values, times)
+    pairs = [join_texts(bodies, message("base.and", " and ")) for bodies in depths]
+    return Measured(pairs, values, times)
 
 
 def _foot_slip(run: RecordedRun) -> Measured | None:

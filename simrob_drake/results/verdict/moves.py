@@ -104,15 +104,26 @@ def judge_move(run: "RecordedRun", asked: "AskedMove") -> MoveVerdict:
 
     Args:
         run: a run that begins with the move.
-        asked: the planned move.
+        asked: the planned move. If its run was pickled, the verdict was found before.
     """
+    if asked.verdict is not None:
+        known: MoveVerdict = asked.verdict
+        return known
     # Samples of the run up to the end of the move, or of the run if that ended first.
     last = min(int(np.searchsorted(run.times, asked.duration - _ROUNDING)), len(run.times) - 1)
     rows = slice(0, last + 1)
     times = run.times[rows]
-    tool_poses = asked.tool(run.axes("q", asked.robot)[rows])  # (m, 4, 4)
-    planned_poses = asked.tool(run.axes("q_ref", asked.robot)[rows])
-    target = asked.tool(asked.end[np.newaxis])[0]
+    postures = run.axes("q", asked.robot)[rows]
+    planned_postures = run.axes("q_ref", asked.robot)[rows]
+    end_posture = asked.end
+    passive = run.plant.robots[asked.robot].gains.passive
+    if passive.any():
+        # No servo brings a passive axis anywhere: targets and path are judged for passive axes where they really were.
+        planned_postures = np.where(passive, postures, planned_postures)
+        end_posture = np.where(passive, postures[-1], end_posture)
+    tool_poses = asked.tool(postures)  # (m, 4, 4)
+    planned_poses = asked.tool(planned_postures)
+    target = asked.tool(end_posture[np.newaxis])[0]
     positions = tool_poses[:, :3, 3]
     planned_positions = planned_poses[:, :3, 3]
 
@@ -242,11 +253,11 @@ def table_of_moves(moves: Sequence[MoveVerdict]) -> list[list[str]]:
     for move in moves:
         row = [
             move.move,
-            f"{move.end:.2f}",
-            "yes" if move.reached else "no",
-            f"{1e3 * move.position_error:.1f}",
-            f"{1e3 * move.following_error:.1f}",
-            f"{move.speed:.3g}",
+            compound("{time:.2f}", time=move.end),
+            message("results.yes", "yes") if move.reached else message("results.no", "no"),
+            compound("{error:.1f}", error=1e3 * move.position_error),
+            compound("{error:.1f}", error=1e3 * move.following_error),
+            compound("{speed:.3g}", speed=move.speed),
             _in_table(move.distance),
             _in_table(move.own_distance),
         ]

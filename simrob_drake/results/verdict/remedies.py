@@ -16,6 +16,7 @@ from simrob_drake.blocks.servo import AT_LIMIT
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.torques import torque_shares
+from simrob_drake.stations.solver_config import ContinuousSolver
 
 
 class WorstValue(Protocol):
@@ -121,7 +122,21 @@ def contact_with_floor(run: RecordedRun, entry: WorstValue) -> Remedy | None:
         )
         return Remedy(text)
     text = message("results.remedy_no_contact", "this station has no contact: its floor is only drawn. Turn contact on")
-    return Remedy(text, key="contact", value={})
+    solver = run.config.solver
+    if not isinstance(solver, ContinuousSolver) or solver.engine.holds_joint_limits:
+        return Remedy(text, key="contact", value={})
+    # Other schemes with error control shorten their steps to microseconds where a body hits the floor: an arm that does
+    # so at full speed takes radau3 hours, and the discrete solver sap about as long as the motion lasts.
+    text = message(
+        "results.remedy_contact_in_steps",
+        "this station has no contact: its floor is only drawn. Turn contact on, with a solver of fixed steps",
+    )
+    further: dict[str, object] = {"solver.kind": "discrete"}
+    for robot in run.plant.robots.values():
+        if _may_be_implicit(run, robot):
+            # Servos as blocks act once a step, which makes stiff ones unstable.
+            further[_servo_key(run, robot, "realization")] = "implicit"
+    return Remedy(text, key="contact", value={}, further=tuple(further.items()))
 
 
 def stiffer_contact(run: RecordedRun, entry: WorstValue) -> Remedy | None:
@@ -184,6 +199,12 @@ def _takes_feedforward(run: RecordedRun, robot: StationRobot) -> bool:
     """
     servo = run.config.servo_of(robot.name)
     return servo.law != "computed_torque" and servo.feedforward == "none" and robot.model.base != "floating"
+
+
+def _may_be_implicit(run: RecordedRun, robot: StationRobot) -> bool:
+    """Whether the servos of a robot may become part of the solver: not those with a model or an admittance."""
+    servo = run.config.servo_of(robot.name)
+    return servo.law == "pid" and not servo.admittance_gain and not run.config.prescribed
 
 
 def _is_saturated_at_rest(run: RecordedRun, robot: StationRobot) -> bool:

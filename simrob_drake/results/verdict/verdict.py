@@ -61,7 +61,7 @@ class Measured:
     slides: Sequence[bool] = ()
     limits: Vector | None = None
     limit_units: Sequence[str] = ()
-    left_out: Mapping[str, str] = field(default_factory=lambda: NOTHING_LEFT_OUT)
+    left_out: Mapping[str, str] = field(default_factory=dict)
 
 
 class MeasuredValue(NamedTuple):
@@ -107,6 +107,8 @@ class Criterion:
             None for no bound. The criteria of the core have theirs in :class:`VerdictConfig`.
         remedy: finds what most likely brings the value within its bound; None if nothing is known about that.
         shows_share: whether tables show a share of a limit in per cent; otherwise as an amount, such as 37.2 N·m.
+        catalogue: first word of the ids ``<catalogue>.title_<name>`` and ``<catalogue>.beyond_<name>`` under which
+            other languages have title and sentence. An extension gives the name under which it announces its messages.
     """
 
     name: str
@@ -119,11 +121,12 @@ class Criterion:
     default_bound: float | None = None
     remedy: MakeRemedy | None = None
     shows_share: bool = False
+    catalogue: str = "results"
 
     @property
     def title_message(self) -> Message:
         """The title, for all languages."""
-        return message(f"results.title_{self.name}", self.title)
+        return message(f"{self.catalogue}.title_{self.name}", self.title)
 
     @property
     def bound_keys(self) -> tuple[str, ...]:
@@ -231,7 +234,7 @@ class Measure:
 
     criterion: Criterion
     entries: tuple[MeasuredValue, ...]
-    left_out: Mapping[str, str] = field(default_factory=lambda: NOTHING_LEFT_OUT)
+    left_out: Mapping[str, str] = field(default_factory=dict)
     remedy: Remedy | None = None
 
     @cached_property
@@ -253,7 +256,7 @@ class Measure:
             return ""
         worst = self.worst
         sentence = message(
-            f"results.beyond_{self.criterion.name}",
+            f"{self.criterion.catalogue}.beyond_{self.criterion.name}",
             self.criterion.sentence,
             of=worst.subject,
             value=in_words(worst.value, worst.unit),

@@ -381,8 +381,9 @@ async def test_it_speaks_spanish():
 
 
 def test_a_pose_reads_in_millimetres_and_degrees():
-    assert pose_words([0.35, -0.1, 0.3004, 0, 12.345, 180]) == f"x 350 y {MINUS}100 z 300.4 mm · Rz 0° Ry 12.3° Rx 180°"
-    assert pose_words([0.35, -0.1, 0.3]) == f"x 350 y {MINUS}100 z 300 mm"
+    pose = [0.35, -0.1, 0.3004, 0, 12.345, 180]
+    assert pose_words(t, pose) == f"x 350 y {MINUS}100 z 300.4 mm · Rz 0° Ry 12.3° Rx 180°"
+    assert pose_words(t, [0.35, -0.1, 0.3]) == f"x 350 y {MINUS}100 z 300 mm"
 
 
 def test_lines_that_were_not_taught_here_show_their_figures():

@@ -63,7 +63,7 @@ def test_only_a_robot_that_can_is_driven():
 
 @pytest.mark.parametrize(
     ("language", "begin", "asked"),
-    [("en", "Drive by hand", "asked: ahead 0.10"), ("es", "Conducir a mano", "pedido: adelante 0.10")],
+    [("en", "Drive by hand", "asked: ahead 0.10"), ("es", "Conducir a mano", "pedido: adelante 0,10")],
 )
 def test_a_tab_drives_and_tells_how_and_what_comes_of_it(language, begin, asked):
     async def scenario(user, session):
@@ -79,7 +79,8 @@ def test_a_tab_drives_and_tells_how_and_what_comes_of_it(language, begin, asked)
         assert not labelled(user, begin).visible
         await user.should_see(asked)
         await user.should_see("-20°/s")
-        await user.should_see("0.12")  # it looks along -90° of its base, which has turned by 90°
+        # it looks along -90° of its base, which has turned by 90°
+        await user.should_see(words(language).decimals(0.12, 2))
         await user.should_see(" 10°/s")
         (steer,) = (one for one in pad._event_listeners.values() if one.type == "steer")
         steer.handler(SimpleNamespace(args={"detail": [0.5, 0, -1]}))

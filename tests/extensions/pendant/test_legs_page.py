@@ -526,7 +526,7 @@ def test_the_page_is_spanish_where_that_is_asked_for():
     async def script(user, session):
         for text in ("1. Articulaciones y ángulos", "2. Probar", "3. Añadir", "4. Simular", "Resetear"):
             await user.should_see(text)
-        assert lines(user)[0] == "1. hombro izquierdo: brazo adelante 30°, cadera derecha: pierna adelante 20° en 1.5 s"
+        assert lines(user)[0] == "1. hombro izquierdo: brazo adelante 30°, cadera derecha: pierna adelante 20° en 1,5 s"
 
     shown(script, LegsSession(moves=STORED), "es")
 

@@ -163,7 +163,16 @@ def test_each_icon_of_the_page_has_one_meaning():
 )
 def test_limits_are_rounded_inward_and_have_no_more_digits_than_are_read(value, unit, is_upper, text):
     """An arm's limits had three digits behind the point."""
-    assert limit_text(value, unit, is_upper=is_upper) == text
+    assert limit_text(words("en"), value, unit, is_upper=is_upper) == text
+
+
+def test_numbers_have_the_decimal_sign_of_the_language():
+    assert limit_text(words("es"), 0.7504, " m", is_upper=True) == "0,75 m"
+    assert words("es").figure(-23.5) == f"{MINUS}23,5"
+    assert words("en").figure(-23.5) == f"{MINUS}23.5"
+    assert words("es").decimals(2.0, 2) == "2,00"
+    spanish = Phrases(words("es"), [{"name": "left_elbow", "aliases": [], "unit": "deg"}])
+    assert spanish.target("left_elbow", 30.25).endswith("30,25°")
 
 
 def test_a_limit_as_it_is_shown_can_be_entered():

@@ -451,6 +451,21 @@ def test_the_last_ten_runs_are_kept_and_two_are_compared(teach):
     assert session.run.compared is None
 
 
+def test_a_ghost_does_not_hide_a_robot_that_stands_where_the_run_before_began(teach):
+    """After a change of the station the ghost lay upon the robot, which looked blue, until something was run."""
+    session, _ = teach("humanoid")
+    session.book.insert(0, {"target_deg": {"left_elbow": 30}, "duration": 0.4})
+    heard(session, session.simulate())
+    told = []
+    session.listen_to_view(lambda kind, commands: told.append(commands) if kind == "compared" else None)
+    assert session.setup.set("servo.kp", 300.0)
+    session.hear()
+    assert session.run.compared is session.run.ended[0], "its curves stay in the plots"
+    assert [command["type"] for commands in told for command in commands if command["type"] != "delete"] == []
+    heard(session, session.simulate())
+    assert {command["type"] for command in told[-1]} == {"copy", "set_transform"}
+
+
 @pytest.mark.long
 def test_a_run_before_is_scrubbed_with_the_ghost_of_another_beside_it(teach):
     """Both stand where their own run had them at the same moment, though the station has other gains by now."""

@@ -22,6 +22,7 @@ from simrob_drake.extensions.pendant.pages import shell
 from simrob_drake.extensions.pendant.pages.elements import KEYS
 from simrob_drake.extensions.pendant.pages.words import languages, texts_of, words
 from simrob_drake.extensions.pendant.pendant import Pendant
+from simrob_drake.extensions.pendant.run import EndedRun, Moments
 from simrob_drake.results.verdict.judge import CRITERIA
 from simrob_drake.results.verdict.verdict import CriterionRow, Measure, MeasuredValue
 from simrob_drake.robots.catalog import robot_names
@@ -279,6 +280,21 @@ def test_the_bar_follows_a_run_and_play_does_what_comes_next():
     visit(scenario)
 
 
+def test_the_view_says_which_run_its_ghost_is():
+    async def scenario(user, pendant):
+        run = pendant.session.run
+        run.ended.append(EndedRun(4, "program", 0.0, 0.1, "completed", {}, Moments()))
+        run.compared = run.ended[0]
+        run.reach = 0.1
+        await heard(pendant.session, "tick")
+        await user.should_see(ES["shell.ghost"].format(run="ejecución 4"))
+        run.compared = None
+        await heard(pendant.session, "history")
+        await user.should_not_see("En azul")
+
+    visit(scenario, Pendant(opened, "humanoid", language="es"))
+
+
 def test_the_way_back_is_the_user_s_and_no_echo_of_the_run():
     async def scenario(user, pendant):
         session = pendant.session
@@ -387,7 +403,14 @@ def test_a_remedy_that_is_a_key_of_the_station_has_a_button_that_sets_it():
         assert not apply.enabled, "the station is loaded anew by it"
         await heard(pendant.session, "phase", phase="idle")
         press(user, apply)
-        assert ("set", "servo.feedforward", "gravity") in pendant.session.calls
+        assert ("set_all", {"servo.feedforward": "gravity"}) in pendant.session.calls
+
+        contact = Remedy("turn contact on", "contact", {}, further=(("solver.kind", "discrete"),))
+        await heard(pendant.session, "message", message=Notice.of_remarks([remarks[0], Remark("warning", "", contact)]))
+        (apply,) = (one for one in elements(user) if isinstance(one, ui.button) and one.text.startswith("Apply"))
+        assert apply.text.endswith(", solver.kind = discrete")
+        press(user, apply)
+        assert ("set_all", {"contact": {}, "solver.kind": "discrete"}) in pendant.session.calls
 
     visit(scenario)
 

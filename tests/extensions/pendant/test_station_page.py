@@ -288,10 +288,10 @@ def test_what_a_check_finds_and_what_ended_a_run_are_told():
     async def scenario(user, session):
         await user.should_see("base: it tips over")
         await user.should_see("En orden (1)")
-        ending = {"ending": "monitor", "time": 1.35, "message": "fall: the base is at 0.1 m"}
+        ending = {"ending": "monitor", "time": 0.0, "reached": 1.35, "message": "fall: the base is at 0.1 m"}
         session.told("message", message=Notice(fills={"text": ending["message"]}, wrong=True), ending=ending)
         await settled(0.2)
-        await user.should_see("1.35 s: fall: the base is at 0.1 m")
+        await user.should_see("1,35 s: fall: the base is at 0.1 m")
 
     on_page(scenario, language="es")
 

@@ -16,7 +16,8 @@ from simrob_drake.base.errors import InvalidConfig
 from simrob_drake.extensions.pendant.pages import shell
 from simrob_drake.extensions.pendant.pendant import Pendant
 from simrob_drake.extensions.pendant.session import Session
-from simrob_drake.extensions.pendant.tours import TourProgress, tours
+from simrob_drake.extensions.pendant.tours import Tour, TourProgress, tours
+from simrob_drake.programs.timeline import Change, PushNow
 from simrob_drake.robots.catalog import robot_names
 from simrob_drake.stations.load import load_station, station_names
 
@@ -113,6 +114,20 @@ def test_a_damaged_lesson_of_a_teacher_is_refused_by_its_name(tmp_path, content,
     (tmp_path / "mine.yaml").write_text(content)
     with pytest.raises(InvalidConfig, match=rf"mine\.yaml.*{why}"):
         tours(tmp_path)
+
+
+def test_a_push_counts_although_another_one_was_deleted():
+    """The changes were counted: with one deleted in the step, its new push was none."""
+    old, new = (Change(time=time, push=PushNow(force=(60.0, 0.0, 0.0), duration=0.1)) for time in (0.05, 0.5))
+    session = StubSession("humanoid")
+    session.book.changes = (old,)
+    step = {"text": {"en": "Push it."}, "checks": [{"pushed": True}]}
+    progress = TourProgress(Tour.model_validate({"title": {"en": "Mine"}, "subject": "humanoid", "steps": [step]}))
+    assert not progress.look(session), "it was pushed before the step"
+    session.book.changes = ()
+    assert not progress.look(session)
+    session.book.changes = (new,)
+    assert progress.look(session)
 
 
 def test_a_lesson_is_shown_step_by_step(tmp_path):

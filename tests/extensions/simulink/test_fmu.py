@@ -163,7 +163,7 @@ def test_parameters_are_set_before_the_first_step(pendulum):
 @pytest.mark.parametrize(
     ("values", "told"),
     [
-        ({"gravity": 1e6}, "parameters: gravity: input should be less than or equal to 10000"),
+        ({"gravity": 1e6}, "parameters: gravity: must be at most 10000"),
         ({"servo__kp__joint_1": -3.0}, "a gain is of 0 to"),
     ],
 )

@@ -138,7 +138,7 @@ def test_what_goes_on_from_a_moment_is_the_whole_run(station, force, more, monke
     scene = Scene.of(station, {"duration": 0.4, "forces.push": push, **more})
     runner = Runner(scene.config)
     result = runner.run(reference=scene.reference)
-    fork = runner.fork(moment, reference=scene.reference)
+    fork = runner.branch(moment, reference=scene.reference)
     fork.outcome({"push": {"start": moment, "force": [0, force, 0]}})
     assert fork.outcome({"push": {"start": moment, "force": [force, 0, 0]}}).ending == result.ending == "completed"
     whole, _, other, again = histories
@@ -307,4 +307,4 @@ def test_a_trial_that_cannot_be_made_withstands_nothing(block):
 @pytest.mark.parametrize("moment", [0.0, 0.1, 3.0])
 def test_a_run_is_left_at_a_moment_within_it(moment):
     with pytest.raises(InvalidParameter, match=r"at is .*a moment within the run, over 0 and below 0.1 s"):
-        Runner(load_station("double_pendulum", {"duration": 0.1})).fork(moment)
+        Runner(load_station("double_pendulum", {"duration": 0.1})).branch(moment)

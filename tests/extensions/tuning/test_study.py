@@ -123,7 +123,7 @@ def test_a_fall_may_be_a_cost_and_several_costs_are_apart():
         ),
         ({"proof": {"cases": [{"reference.target_deg": 1e6}]}}, "proof.cases.0: reference of joint_1 is .* limits"),
         ({"proof": {"cases": [{"start": "/etc/passwd"}]}}, "start: /etc/passwd lies outside of the allowed folders"),
-        ({"trials": "200"}, "trials: input should be a valid integer"),
+        ({"trials": "200"}, "trials: must be an integer"),
         ({"search": {"seeds": ["1"]}}, "search.seeds"),
         ({"method": "annealing"}, "method"),
         ({"station": "pendulum"}, "double_pendulum"),

@@ -4,6 +4,7 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -56,11 +57,10 @@ class DriveWriter:
         """Write limits, friction, motors, couplings and closed loops, and propose home and gains."""
         for actuator in range(len(self.model.actuator_trntype)):
             self._read_actuator(actuator)
-        idle = [name_of(joint.element) for joint in self.joints if joint.joint not in self._drives]
         for joint in self.joints:
             self._write_joint(joint)
-        if idle:
-            listed = "', '".join(idle)
+        if not self._drives:
+            listed = "', '".join(name_of(joint.element) for joint in self.joints)
             self.report.add(
                 "defaulted",
                 message("mujoco.joints_called", "joints '{names}'", names=listed),
@@ -77,6 +77,13 @@ class DriveWriter:
             self.report.add(
                 "lost", message("mujoco.tendon_called", "tendon '{name}'", name=self.model.tendon_name[tendon]), text
             )
+
+    @cached_property
+    def _followers(self) -> set[int]:
+        """Indices of the joints that follow another joint by an active equality."""
+        model = self.model
+        equalities = zip(model.eq_type, model.eq_active0, model.eq_obj1id, strict=True)
+        return {int(joint) for kind, is_active, joint in equalities if kind == _COUPLED and is_active}
 
     def _read_actuator(self, actuator: int) -> None:
         model, where = (
@@ -108,6 +115,10 @@ class DriveWriter:
             )
             self.report.add("approximated", where, text)
         gain, bias = model.actuator_gainprm[actuator], model.actuator_biasprm[actuator]
+        if plain and not model.actuator_dyntype[actuator] and not gain.any() and not bias.any():
+            text = message("mujoco.has_no_force", "its gain is 0, so that it has no force; it is no motor")
+            self.report.add("dropped", where, text)
+            return
         for joint, lever in levers.items():
             drive = self._drives.setdefault(joint, _Drive())
             if model.actuator_forcelimited[actuator]:
@@ -152,9 +163,18 @@ class DriveWriter:
         dof = model.jnt_dofadr[number] + joint.part
         friction = {"damping": model.dof_damping[dof], "friction": model.dof_frictionloss[dof]}
         ET.SubElement(element, "dynamics", {key: written(value) for key, value in friction.items() if value})
-        motor = add_motor(self.robot, name_of(element), drive=f"{name_of(element)}_drive")
-        if model.dof_armature[dof] > 0:
-            ET.SubElement(motor, f"{DRAKE}rotor_inertia", value=written(model.dof_armature[dof]))
+        # In a file with actuators, joints without one are passive, unless an equality makes them follow other joints.
+        if number in self._drives or number in self._followers or not self._drives:
+            motor = add_motor(self.robot, name_of(element), drive=f"{name_of(element)}_drive")
+            if model.dof_armature[dof] > 0:
+                ET.SubElement(motor, f"{DRAKE}rotor_inertia", value=written(model.dof_armature[dof]))
+        elif model.dof_armature[dof] > 0:
+            armature = message(
+                "mujoco.armature_without_motor",
+                "no actuator drives it, and an armature ({armature:g}) is simulated as the rotor of a motor only",
+                armature=model.dof_armature[dof],
+            )
+            self.report.add("lost", message("mujoco.joint_called", "joint '{name}'", name=name_of(element)), armature)
         if model.jnt_stiffness[number] > 0:
             text = message(
                 "mujoco.joint_spring",

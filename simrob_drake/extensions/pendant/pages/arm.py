@@ -24,7 +24,6 @@ from simrob_drake.extensions.pendant.pages.words import (
     WORLD,
     Phrases,
     Words,
-    figure,
     frame_words,
     joint_words,
     motions,
@@ -218,7 +217,7 @@ def build_targets(session: Session, t: Words) -> None:
 
 def _target(session: Session, t: Words, name: str, taught: Mapping[str, Any]) -> None:
     frame = taught["frame"]
-    parts = [pose_words(taught["pose"]), "" if frame == WORLD else t("arm.in_frame", frame=frame), taught["tool"]]
+    parts = [pose_words(t, taught["pose"]), "" if frame == WORLD else t("arm.in_frame", frame=frame), taught["tool"]]
     with ui.element("li").classes("w-full"), ui.row().classes("w-full items-center gap-2 no-wrap"):
         ui.label(name).classes("font-medium").style("min-width: 3rem; overflow-wrap: anywhere")
         ui.label(" · ".join(filter(None, parts))).classes("grow text-sm")
@@ -311,7 +310,7 @@ def _reasons(phrases: Phrases, branch: Mapping[str, Any]) -> list[str]:
 def _load(phrases: Phrases, branch: Mapping[str, Any]) -> str:
     axis = branch["load"]["axis"]
     share, torque, limit = 100 * branch["load"]["share"], abs(branch["torque"][axis]), branch["limit"][axis]
-    numbers = {"share": f"{share:.0f}", "torque": figure(round(torque, 2)), "limit": figure(limit)}
+    numbers = {"share": f"{share:.0f}", "torque": phrases.t.figure(round(torque, 2)), "limit": phrases.t.figure(limit)}
     return phrases.t("arm.load", axis=joint_words(phrases, axis), **numbers)
 
 
@@ -327,9 +326,9 @@ def _gap(phrases: Phrases, branch: Mapping[str, Any]) -> str:
     (first, second), distance = branch["gap"]["between"], round(branch["gap"]["distance"] / MILLI)
     key = "arm.inside" if distance < 0 else "arm.gap"
     things = {"first": first.replace("_", " "), "other": second.replace("_", " ")}
-    return phrases.t(key, distance=figure(distance), depth=figure(-distance), **things)
+    return phrases.t(key, distance=phrases.t.figure(distance), depth=phrases.t.figure(-distance), **things)
 
 
 def _position(phrases: Phrases, axis: str, value: float) -> str:
     digits = 1 if phrases.unit(axis) == "°" else 3
-    return f"{figure(round(value, digits))}{phrases.unit(axis)}"
+    return f"{phrases.t.figure(round(value, digits))}{phrases.unit(axis)}"

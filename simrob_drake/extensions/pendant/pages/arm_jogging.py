@@ -11,7 +11,7 @@ from nicegui import background_tasks, context, ui
 
 from simrob_drake.extensions.pendant.pages.elements import Dial, NumberField, follow, set_keys, set_label
 from simrob_drake.extensions.pendant.pages.joints import Marks, axis_dial
-from simrob_drake.extensions.pendant.pages.words import MILLI, Phrases, figure, frame_words, joint_words
+from simrob_drake.extensions.pendant.pages.words import MILLI, Phrases, frame_words, joint_words
 from simrob_drake.extensions.pendant.run import level_of
 from simrob_drake.extensions.pendant.session import Session
 
@@ -142,6 +142,7 @@ class Jogging:
         """Tell how far the tool is from where it should be [m, deg], if that can be seen."""
         levels = {level_of(distance, "m"), level_of(turn, "deg")} - {""}
         level = max(levels, default="")  # red comes after amber
+        figure = self._t.figure
         values = {"distance": figure(round(distance / MILLI, 1)), "turn": figure(round(turn, 1))}
         self._off.classes(replace=f"text-sm pendant-off {level}").set_text(
             self._t("shortfall.tool", **values) if level else ""

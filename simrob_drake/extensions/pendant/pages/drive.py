@@ -54,20 +54,21 @@ def build(session: Session, t: Words) -> None:
             tell(limits or {})
 
     def tell(limits: dict[str, float]) -> None:
-        asked.text = t("drive.asked", **_words(driving.asked))
+        asked.text = t("drive.asked", **_words(t, driving.asked))
         speeds = _speeds(session.run.history.get(signal_of(session, _POSE), ()), radians(limits.get("facing_deg", 0.0)))
-        done.text = t("drive.done", **_words(speeds))
-        clock.text = t("run.ratio", ratio=f"{session.run.ratio:.1f}") + f"  {session.run.time:.2f} s"
+        done.text = t("drive.done", **_words(t, speeds))
+        clock.text = t("run.ratio", ratio=t.decimals(session.run.ratio, 1)) + f"  {t.decimals(session.run.time, 2)} s"
 
     button.on_click(lambda: driving.begin(client.id))
     follow(session, show, "description", "phase", "tick")
     ui.run_javascript(f"window.drivePad(getHtmlElement({pad.id}))")
 
 
-def _words(speeds: Sequence[float]) -> dict[str, str]:
+def _words(t: Words, speeds: Sequence[float]) -> dict[str, str]:
     digits = {"ahead": 2, "left": 2, "turn": 0}
     return {
-        name: f"{round(value, digits[name]) + 0.0:.{digits[name]}f}" for name, value in zip(digits, speeds, strict=True)
+        name: t.decimals(round(value, digits[name]) + 0.0, digits[name])
+        for name, value in zip(digits, speeds, strict=True)
     }
 
 

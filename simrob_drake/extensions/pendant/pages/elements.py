@@ -8,7 +8,7 @@ from weakref import WeakKeyDictionary
 
 from nicegui import Client, ElementFilter, context, core, ui
 
-from simrob_drake.extensions.pendant.pages.words import Words, figure
+from simrob_drake.extensions.pendant.pages.words import Words
 
 _DIGITS = 3  # behind the point
 _DIGITS_OF_ANGLES = 1  # behind the point of a limit in degrees
@@ -21,13 +21,14 @@ _SAME = 1e-6
 _DEBOUNCE = 600  # after the last key until a typed number counts, unless the user ends it with Enter [ms]
 
 
-def limit_text(value: float, unit: str, *, is_upper: bool) -> str:
+def limit_text(t: Words, value: float, unit: str, *, is_upper: bool) -> str:
     """Write a limit with its unit, so that the value that is read can be entered.
 
     A limit of an angle has one digit behind the point. It is rounded to the nearest number if that is accepted (165°
     for a limit of 2.87979 rad, which is 164.9998°), otherwise towards the inside.
 
     Args:
+        t: texts in the language of the page.
         value: the limit.
         unit: unit behind the number, as :class:`Phrases` has it.
         is_upper: whether it is an upper limit.
@@ -38,7 +39,7 @@ def limit_text(value: float, unit: str, *, is_upper: bool) -> str:
     nearest = round(value * scale) / scale
     inside = (floor if is_upper else ceil)(value * scale) / scale
     shown = nearest if abs(nearest - value) <= slack_of(unit) else inside
-    return f"{figure(shown)}{unit}"
+    return f"{t.figure(shown)}{unit}"
 
 
 def slack_of(unit: str) -> float:
@@ -102,7 +103,9 @@ class NumberField:
         within = value is None or self.low - slack <= value <= self.high + slack
         if within and not (self._whole and value is not None and value % 1):
             return None
-        low, high = (limit_text(limit, self._unit, is_upper=limit == self.high) for limit in (self.low, self.high))
+        low, high = (
+            limit_text(self._t, limit, self._unit, is_upper=limit == self.high) for limit in (self.low, self.high)
+        )
         kind = "whole_limits" if self._whole else "limits"
         if low and high:
             return self._t(f"legs.{kind}", low=low, high=high)
@@ -142,7 +145,7 @@ class Dial:
         far to either ``side`` where no limit is nearer. With ``live`` something moves with it: a number that is typed
         counts after a while, or with Enter. ``moved`` is called after each change by the user, also to what cannot be.
         """
-        self._moved, self._unit, self._side, self._quiet = moved, unit, side, False
+        self._t, self._moved, self._unit, self._side, self._quiet = t, moved, unit, side, False
         self._marked: object = None
         with ui.row().classes("pendant-dial w-full items-center gap-x-2 gap-y-0 px-2 rounded") as self.row:
             with ui.column().classes("gap-0 grow").style("flex-basis: 11rem"):
@@ -175,8 +178,13 @@ class Dial:
         self._slider.props["min"], self._slider.props["max"] = (round(end, _DIGITS) for end in ends)
         self._slider.update()
         low_label, high_label = self._ends
-        low_label.text = limit_text(low, self._unit, is_upper=False)
-        high_label.text = limit_text(high, self._unit, is_upper=True)
+        low_label.text = limit_text(self._t, low, self._unit, is_upper=False)
+        high_label.text = limit_text(self._t, high, self._unit, is_upper=True)
+
+    def lock(self) -> None:
+        """Let the user see the value, and not change it."""
+        self.number.field.disable()
+        self._slider.disable()
 
     def show(self, value: float) -> None:
         """Show a value, without moving anything."""

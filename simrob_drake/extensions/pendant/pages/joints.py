@@ -12,7 +12,7 @@ from nicegui import background_tasks, context, ui
 
 from simrob_drake.extensions.pendant.pages import plots
 from simrob_drake.extensions.pendant.pages.elements import Dial, NumberField, follow, icon_button
-from simrob_drake.extensions.pendant.pages.words import Content, Phrases, figure, matches
+from simrob_drake.extensions.pendant.pages.words import Content, Phrases, matches
 from simrob_drake.extensions.pendant.run import shortfall
 from simrob_drake.extensions.pendant.session import Session
 
@@ -139,9 +139,26 @@ class _Row:
 
 
 def axis_dial(phrases: Phrases, axis: Content, name: str, **how: Any) -> Dial:
-    """Build what sets an axis [deg or m], which is refused beyond the limits; ``how`` is as of :class:`Dial`."""
+    """Build the dial that sets an axis [deg or m], within its limits.
+
+    The dial of a passive axis shows its position, and cannot be set.
+
+    Args:
+        phrases: words of the page.
+        axis: the axis, as a description has it.
+        name: name of the axis in words.
+        how: further arguments of :class:`Dial`.
+    """
     low, high, unit = axis["low"], axis["high"], phrases.unit(axis["name"])
-    return Dial(phrases.t, name, low=low, high=high, unit=unit, side=_SIDE[axis["unit"]], **how)
+    is_passive = axis.get("passive", False)
+    if is_passive:
+        about = how.get("about", "")
+        no_motor = phrases.t("legs.no_motor")
+        how["about"] = f"{about} · {no_motor}" if about else no_motor
+    dial = Dial(phrases.t, name, low=low, high=high, unit=unit, side=_SIDE[axis["unit"]], **how)
+    if is_passive:
+        dial.lock()
+    return dial
 
 
 def axis_field(phrases: Phrases, axis: Content, value: float) -> NumberField:
@@ -221,6 +238,7 @@ class Marks:
             return ""
         unit, force = self._phrases.unit(axis["name"]), _FORCES[axis["unit"]]
         digits = 1 if axis["unit"] == "deg" else 4
+        figure = self._phrases.t.figure
         lengths = {name: f"{figure(round(value, digits))}{unit}" for name, value in (("done", done), ("off", abs(off)))}
         forces = {"torque": figure(round(abs(torque), 2)), "limit": f"{figure(limit)} {force}"}
         return self._phrases.t(f"shortfall.{reason}", **lengths, **forces)

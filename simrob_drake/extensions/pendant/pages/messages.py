@@ -70,10 +70,11 @@ class Messages:
         with ui.row().classes("pendant-remark pendant-remedy"):
             ui.icon("arrow_forward").props("aria-hidden=true")
             ui.label(capitalised(self._t.render(remedy.text)))
-            if not remedy.key or remedy.value is None:
+            if not remedy.changes:
                 return
-            text = self._t("run.apply", setting=f"{remedy.key} = {as_text(remedy.value)}")
-            button = ui.button(text, on_click=lambda: self._session.setup.set(remedy.key, remedy.value))
+            shown = ", ".join(f"{key} = {as_text(value)}" for key, value in remedy.changes.items())
+            text = self._t("run.apply", setting=shown)
+            button = ui.button(text, on_click=lambda: self._session.setup.set_all(remedy.changes))
             self._buttons.append(button.props("dense no-caps outline"))
 
     def _build_table(self, criteria: Sequence[CriterionRow], *, is_open: bool) -> None:

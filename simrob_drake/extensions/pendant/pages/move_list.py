@@ -8,7 +8,7 @@ from nicegui import context, ui
 
 from simrob_drake.extensions.pendant.pages.elements import follow, icon_button, set_keys, set_label
 from simrob_drake.extensions.pendant.pages.move_forms import Read, choices_of, stored_form, yaml_form
-from simrob_drake.extensions.pendant.pages.words import Content, Phrases, Words, figure
+from simrob_drake.extensions.pendant.pages.words import Content, Phrases, Words
 from simrob_drake.extensions.pendant.session import Session
 from simrob_drake.programs.moves.move import Move
 from simrob_drake.programs.timeline import GRID
@@ -202,7 +202,7 @@ class ProgramTimeline:
         self._ran: Sequence[Mapping[str, Any]] = ()  # moves of the last run of a program
         self._heard: dict[str, Any] | None = None
         self._now: ui.element | None = None
-        self._place = ui.element("div").classes("pendant-timeline pendant-more").props("aria-hidden=true")
+        self._place = ui.element("div").classes("pendant-timeline").props("aria-hidden=true")
         for event in ("dragstart", "dragover"):
             self._place.on(event, js_handler="(event) => window.timeline.drag(event)")
         for event, act, does in (("drop", "drag", session.book.move_entry), ("pointerdown", "stretch", self._stretch)):
@@ -227,7 +227,7 @@ class ProgramTimeline:
 
     def _block(self, number: int, text: str) -> None:
         duration = self._durations[number]
-        caption = f"{number + 1}. {text}" + (f" · {figure(duration)} s" if duration else "")
+        caption = f"{number + 1}. {text}" + (f" · {self._t.figure(duration)} s" if duration else "")
         with ui.element("div").classes("pendant-block").props(f"draggable=true data-move={number}") as block:
             ui.label(caption)
             if (asked := getattr(self._session.book.program.moves[number], "duration", None)) is not None:

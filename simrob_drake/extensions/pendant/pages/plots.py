@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from nicegui import background_tasks, context, ui
 
 from simrob_drake.extensions.pendant.pages.elements import follow
-from simrob_drake.extensions.pendant.pages.words import Phrases, Words, figure
+from simrob_drake.extensions.pendant.pages.words import Phrases, Words
 from simrob_drake.extensions.pendant.run import EndedRun
 from simrob_drake.extensions.pendant.session import Session
 from simrob_drake.results.colours import looks
@@ -73,7 +73,7 @@ def _comparison(session: Session, t: Words) -> None:
 
 
 def _called(t: Words, run: EndedRun) -> str:
-    times = {"begun": f"{run.begun:.2f}", "reached": f"{run.reached:.2f}"}
+    times = {"begun": t.decimals(run.begun, 2), "reached": t.decimals(run.reached, 2)}
     return t("plots.run", number=run.number, kind=t(f"plots.run_{run.kind}"), **times)
 
 
@@ -160,7 +160,7 @@ class _Scope:
         with self._legend:
             for column in chosen:
                 colour, line = _style(column)
-                limit = f" (± {figure(self._limits[column])})" if self._limits else ""
+                limit = f" (± {self._t.figure(self._limits[column])})" if self._limits else ""
                 _legend_entry(colour, "dashed" if line == "-." else _LINES[line], self._choice.options[column] + limit)
             if self._reference["name"]:
                 _legend_entry("currentColor", "dashed", Phrases(self._t, ()).name("reference"))

@@ -7,6 +7,7 @@ from typing import Any
 
 from nicegui import background_tasks, ui
 
+from simrob_drake.base.messages import number_in_language
 from simrob_drake.extensions.pendant.describe import (
     ALL_AXES,
     BlockMeaning,
@@ -157,7 +158,8 @@ class _Page:
             name = next(iter(wire.signals), "")
             value = at(run.history_of(name), run.time)
             if value is not None and name in about:
-                values[number] = in_brief(as_list(value), about[name], wire.axis)
+                brief = in_brief(as_list(value), about[name], wire.axis)
+                values[number] = number_in_language(brief, self._t.language)
         if values.items() - self._shown_values.items():
             self._shown_values |= values
             self._picture.tell(values)
@@ -248,7 +250,7 @@ class _Page:
         self._changed.clear()
         with self._changed:
             for key, value in self._session.book.settings.items():
-                chip = ui.chip(f"{key}: {as_text(value) or '–'}", removable=True, icon="tune")
+                chip = ui.chip(f"{key}: {as_text(value) or '–'}", removable=True, icon="tune").props("outline")
                 chip.on_value_change(lambda key=key: self._session.setup.unset(key))
 
     def _show_stops(self) -> None:
@@ -275,7 +277,7 @@ class _Page:
             return
         self._heard = ending
         if ending["ending"] not in ("completed", "stopped"):
-            line = f"{ending['time']:.2f} s: {self._t.render(ending['message'])}"
+            line = f"{self._t.decimals(ending['reached'], 2)} s: {self._t.render(ending['message'])}"
             self._endings = [line, *self._endings][:_MOST_ENDINGS]
             self._show_stops()
 

@@ -18,11 +18,16 @@ def build(session: Session, t: Words) -> None:
     """Build the view of a session's run."""
     with ui.element("div").classes("pendant-view") as place:
         opening = ui.label(t("why.opening")).classes("pendant-opening")
+        ghost = ui.label().classes("pendant-ghost")
 
     def tell() -> None:
         opening.set_visibility(session.phase == "opening")
+        run = session.run.ghost
+        ghost.set_visibility(run is not None)
+        if run is not None:
+            ghost.text = t("shell.ghost", run=t("run.earlier", number=run.number))
 
-    follow(session, tell, "phase")
+    follow(session, tell, "phase", "history", "tick")
 
     async def show() -> None:
         can = await ui.run_javascript("window.hasWebGL()", timeout=10.0)
@@ -71,7 +76,7 @@ _DURATION, _LONGEST = 0.1, 60.0  # s
 
 def build_pad(session: Session, t: Words) -> None:
     """Build the pad; its buttons act while a run goes on."""
-    with ui.expansion(t("push.title"), icon="back_hand").classes("w-full pendant-more").props("dense"):
+    with ui.expansion(t("push.title"), icon="back_hand").classes("w-full").props("dense"):
         with ui.row().classes("w-full items-start gap-2"):
             body = ui.select([], label=t("push.body"), with_input=True).props("dense outlined").classes("w-44")
             force = NumberField(t, t("push.force"), _FORCE, low=0.0, high=_MOST, unit=" N")
@@ -151,9 +156,9 @@ def build_bar(session: Session, t: Words) -> None:
         scrubber.props["step"] = _grid(session)
         scrubber.value = session.run.time
         running = session.phase == "running"
-        clock.text = t("run.time", time=f"{session.run.time:.2f}", reach=f"{last:.2f}") + (
-            f"  {t('run.ratio', ratio=f'{session.run.ratio:.1f}')}" if running else ""
-        )
+        times = {"time": t.decimals(session.run.time, 2), "reach": t.decimals(last, 2)}
+        ratio = t("run.ratio", ratio=t.decimals(session.run.ratio, 1))
+        clock.text = t("run.time", **times) + (f"  {ratio}" if running else "")
 
     follow(session, phase, "phase", "program", "description")
     follow(session, time, "tick")
@@ -198,7 +203,7 @@ def _tick(session: Session) -> None:
 
 
 def _pace(session: Session, t: Words) -> None:
-    options = {**{str(pace): f"{pace:g} ×" for pace in PACES}, _FASTEST: t("run.fastest")}
+    options = {**{str(pace): f"{t.figure(pace)} ×" for pace in PACES}, _FASTEST: t("run.fastest")}
     select = ui.select(options, label=t("run.pace")).props("dense options-dense outlined").style("min-width: 6.5rem")
 
     def chosen(value: str) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from simrob_drake.base.errors import one_of
-from simrob_drake.base.messages import in_language, message
+from simrob_drake.base.messages import in_language, message, number_in_language
 from simrob_drake.base.remarks import Remark, Severity, worst_severity
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.extensions.pendant.form import as_text
@@ -44,6 +44,15 @@ class Words:
     def render(self, text: str) -> str:
         """Render a message in the language. Other texts, such as names, are returned as they are."""
         return in_language(text, self.language)
+
+    def figure(self, value: float) -> str:
+        """Write a number as briefly as it can be read, with the decimal sign of the language."""
+        digits = f"{round(value, 3) + 0.0:g}".replace("-", MINUS)
+        return number_in_language(digits, self.language)
+
+    def decimals(self, value: float, count: int) -> str:
+        """Write a number with so many decimals, and the decimal sign of the language."""
+        return number_in_language(f"{value:.{count}f}", self.language)
 
 
 def languages() -> list[str]:
@@ -157,7 +166,7 @@ class Phrases:
 
     def target(self, name: str, value: float) -> str:
         """Return where an axis goes."""
-        return f"{self.axis(name)} {figure(value)}{self.unit(name)}"
+        return f"{self.axis(name)} {self.t.figure(value)}{self.unit(name)}"
 
     def unit(self, name: str) -> str:
         """Return what stands behind a number of an axis."""
@@ -200,7 +209,7 @@ class Phrases:
         if isinstance(value, Mapping):
             return ", ".join(self.target(axis, position) for axis, position in value.items())
         if isinstance(value, (int, float)):
-            return figure(value)
+            return self.t.figure(value)
         is_name = isinstance(labels_of(kind).form.get(key), str) and isinstance(value, str)
         return self.name(value) if is_name else as_text(value)
 
@@ -216,7 +225,9 @@ class Phrases:
 
     def _motion(self, kind: type[ArmMotion], said: Content, targets: Taught) -> str:
         """Return a move of an arm in one line, with the names of taught targets that it goes to."""
-        ways = [_target(kind, said, key, targets) for key in ("via", "targets") if key == "targets" or key in said]
+        ways = [
+            _target(self.t, kind, said, key, targets) for key in ("via", "targets") if key == "targets" or key in said
+        ]
         how = [_how(self, key, said[key]) for key in _HOW if said.get(key) is not None]
         return ", ".join([f"{self.title(kind)} {' → '.join(ways)}", *how])
 
@@ -224,16 +235,16 @@ class Phrases:
         """Return a change of a run in one line; ``grid`` is the program's [s]."""
         t = self.t
         if change.push is not None:
-            at, force = change.push.at or t("legs.robot"), " ".join(map(figure, change.push.force))
-            what = t("legs.told_push", at=at, force=force, seconds=figure(change.push.duration))
+            at, force = change.push.at or t("legs.robot"), " ".join(map(t.figure, change.push.force))
+            what = t("legs.told_push", at=at, force=force, seconds=t.figure(change.push.duration))
         elif change.drag is not None:
-            seconds = figure(len(change.drag.targets) * grid)
+            seconds = t.figure(len(change.drag.targets) * grid)
             what = t("legs.told_drag", at=change.drag.at or t("legs.robot"), seconds=seconds)
         elif change.drive is not None:
             what = t("legs.told_drive", at=change.drive.at or t("legs.robot"), count=len(change.drive.commands))
         else:
             what = ", ".join(f"{key} = {as_text(value)}" for key, value in (change.set or {}).items())
-        return t("legs.told_at", time=figure(change.time), what=what)
+        return t("legs.told_at", time=t.figure(change.time), what=what)
 
     def _named(self, section: str, name: str, otherwise: str | None = None) -> str:
         try:
@@ -252,11 +263,6 @@ def folded(text: str) -> str:
     """Return a text as it is compared: without capitals, accents and what joins words."""
     parts = unicodedata.normalize("NFKD", text.replace("_", " ").casefold())
     return "".join(letter for letter in parts if not unicodedata.combining(letter))
-
-
-def figure(value: float) -> str:
-    """Return a number as briefly as it can be read."""
-    return f"{round(value, 3) + 0.0:g}".replace("-", MINUS)
 
 
 WORLD = "world"
@@ -285,10 +291,10 @@ def work_objects(frames: Iterable[str]) -> list[str]:
     return [frame for frame in frames if frame not in _OWN]
 
 
-def pose_words(pose: Sequence[float]) -> str:
+def pose_words(t: Words, pose: Sequence[float]) -> str:
     """Return a pose [m, deg], or a place [m], in a line."""
-    place = " ".join(f"{name} {_short(value / MILLI)}" for name, value in zip("xyz", pose, strict=False))
-    turns = " ".join(f"{name} {_short(value)}°" for name, value in zip(_TURNS, pose[_PLACE:], strict=False))
+    place = " ".join(f"{name} {_short(t, value / MILLI)}" for name, value in zip("xyz", pose, strict=False))
+    turns = " ".join(f"{name} {_short(t, value)}°" for name, value in zip(_TURNS, pose[_PLACE:], strict=False))
     return " · ".join(filter(None, [f"{place} mm", turns]))
 
 
@@ -297,7 +303,7 @@ def motions() -> dict[str, type[ArmMotion]]:
     return {key: kind for key, kind in KINDS.items() if issubclass(kind, ArmMotion)}
 
 
-def _target(kind: type[ArmMotion], said: Mapping[str, Any], key: str, targets: Taught) -> str:
+def _target(t: Words, kind: type[ArmMotion], said: Mapping[str, Any], key: str, targets: Taught) -> str:
     """Return the name of a taught target, or its figures."""
     rows = said.get(key, said.get(f"{key}_deg"))
     if not isinstance(rows, Sequence) or not rows or isinstance(rows[0], Sequence):
@@ -308,7 +314,7 @@ def _target(kind: type[ArmMotion], said: Mapping[str, Any], key: str, targets: T
         taught = list(target["axes"].values()) if kind.of_axes else target["pose"][: len(rows)]
         if _near(taught, rows) and (kind.of_axes or target["frame"] == (said.get("wobj") or WORLD)):
             return name
-    return " ".join(f"{_short(value)}°" for value in rows) if kind.of_axes else pose_words(rows)
+    return " ".join(f"{_short(t, value)}°" for value in rows) if kind.of_axes else pose_words(t, rows)
 
 
 def _near(some: Sequence[float], others: Sequence[float]) -> bool:
@@ -317,11 +323,11 @@ def _near(some: Sequence[float], others: Sequence[float]) -> bool:
 
 def _how(phrases: Phrases, key: str, value: Any) -> str:
     if key == "speed":
-        return f"{figure(value / MILLI)} mm/s"
+        return f"{phrases.t.figure(value / MILLI)} mm/s"
     if key == "duration":
-        return f"{figure(value)} s"
+        return f"{phrases.t.figure(value)} s"
     return phrases.t("arm.in_frame", frame=as_text(value)) if key == "wobj" else f"{key} {as_text(value)}"
 
 
-def _short(value: float) -> str:
-    return figure(round(value, 1))
+def _short(t: Words, value: float) -> str:
+    return t.figure(round(value, 1))

@@ -8,7 +8,8 @@ from pydantic import ValidationError
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import compound, message
+from simrob_drake.base.value_problems import value_problem
 from simrob_drake.extensions.simulink.mechanics.bodies import PUSH, frame_place
 from simrob_drake.extensions.simulink.mechanics.joints import Freedom
 from simrob_drake.extensions.simulink.model.network import Connections, Place
@@ -166,11 +167,13 @@ class FlowWriter:
 
 
 def _problem(name: str, block: dict[str, Any]) -> str | None:
+    """Find what is wrong with a block of a signal flow: the key and the reason. Returns None if nothing is."""
     try:
         AS_WRITTEN.validate_python(block).check(name)
     except ValidationError as problem:
         found = problem.errors()[0]
-        return f"{'.'.join(map(str, found['loc'][1:]))} {found['msg']}".strip()
+        key = ".".join(map(str, found["loc"][1:]))
+        return compound("{key} {problem}", key=key, problem=value_problem(found)) if key else value_problem(found)
     except InvalidParameter as problem:
         return str(problem)
     return None

@@ -1,21 +1,88 @@
 """The command that measures how much a robot that walks withstands: pushes."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import typer
 from rich.table import Table
 
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import validated
-from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import changes_of, refuse
 from simrob_drake.cli.options import AllowCode, Force, Scheduler, Settings, StationArgument, Workers, with_mesh_path
-from simrob_drake.cli.screen import console, say_place, table
+from simrob_drake.cli.screen import TABLE, console, say_place, table
 from simrob_drake.results.files import default_folder
 
-_SIDES = {0.0: "forward", 90.0: "left", 180.0: "backward", 270.0: "right"}
+_SIDES = {
+    0.0: message("tuning.forward", "forward"),
+    90.0: message("tuning.left", "left"),
+    180.0: message("tuning.backward", "backward"),
+    270.0: message("tuning.right", "right"),
+}
+"""Words for directions of a push [deg], from the robot's heading."""
+
+_NONE = message("tuning.none", "none")
+
+
+def _text_cell(value: Any) -> str:
+    """Cell with a text as it is."""
+    return _NONE if value is None else str(value)
+
+
+def _number_cell(value: float | None) -> str:
+    """Cell with a number of three digits, or "none" if there is no number."""
+    return _NONE if value is None else compound("{value:.3g}", value=value)
+
+
+def _time_cell(value: float | None) -> str:
+    """Cell with a time [s]."""
+    return _NONE if value is None else compound("{value:.4g}", value=value)
+
+
+def _share_cell(value: float | None) -> str:
+    """Cell with a share in per cent."""
+    return _NONE if value is None else compound("{value:.0%}", value=value)
+
+
+def _direction_cell(value: float | None) -> str:
+    """Cell with the direction of pushes [deg]. None stands for all directions together."""
+    if value is None:
+        return message("tuning.all_directions", "all")
+    return _SIDES.get(value) or compound("{angle:g}°", angle=value)
+
+
+class _Column(NamedTuple):
+    """A column of the table of a summary.
+
+    Attributes:
+        title: heading of the column.
+        cell: writes a value of the summary.
+    """
+
+    title: str
+    cell: Callable[[Any], str]
+
+
+_COLUMNS: dict[str, _Column] = {
+    "settings": _Column(message("tuning.settings", "settings"), _text_cell),
+    "direction_deg": _Column(message("tuning.direction", "direction"), _direction_cell),
+    "burden": _Column(message("tuning.burden", "burden"), _text_cell),
+    "pushes": _Column(message("tuning.pushes", "pushes"), _text_cell),
+    "withstood": _Column(message("tuning.withstood", "withstood"), _share_cell),
+    "weakest_force": _Column(message("tuning.weakest_force", "weakest [N]"), _number_cell),
+    "weakest_impulse": _Column(message("tuning.weakest_impulse", "weakest [N·s]"), _number_cell),
+    "weakest_impulse_per_mass": _Column(message("tuning.weakest_per_mass", "weakest [N·s/kg]"), _number_cell),
+    "moment": _Column(message("tuning.moment", "at [s]"), _time_cell),
+    "median_force": _Column(message("tuning.median_force", "median [N]"), _number_cell),
+    "median_impulse": _Column(message("tuning.median_impulse", "median [N·s]"), _number_cell),
+    "median_impulse_per_mass": _Column(message("tuning.median_per_mass", "median [N·s/kg]"), _number_cell),
+    "weakest": _Column(message("tuning.weakest", "weakest"), _number_cell),
+    "median": _Column(message("tuning.median", "median"), _number_cell),
+    "unit": _Column(message("tuning.unit", "unit"), _text_cell),
+}
+"""Columns of the table of a summary by the key of the summary, in the order in which they are shown."""
 
 
 @with_mesh_path
@@ -97,21 +164,16 @@ def pushes(
     place = WalkingFolder(folder, walking, force=force, allow_code=allow_code)
     rows = place.run(workers=workers, scheduler=scheduler)
     console.print(_table(walking.summary(rows)))
-    say_place("table", folder / f"{walking.name}.csv")
+    say_place(TABLE, folder / f"{walking.name}.csv")
     return ExitCode.DONE
 
 
 def _table(rows: list[dict[str, Any]]) -> Table:
-    """Return a summary as a table."""
-    columns = read_yaml(Path(__file__).with_suffix(".yaml"))
-    shown = {key: column for key, column in columns.items() if key in rows[0]}
-    cells = [[_cell(key, row[key], shape) for key, (_, shape) in shown.items()] for row in rows]
-    return table([title for title, _ in shown.values()], *cells, numbers=False)
+    """Make the table of a summary.
 
-
-def _cell(key: str, value: Any, shape: str) -> str:
-    if key == "direction_deg":
-        return "all" if value is None else _SIDES.get(value, f"{value:g}°")
-    if value is None:
-        return "none"
-    return format(value, shape)
+    Args:
+        rows: the rows of the summary, all with the same keys.
+    """
+    shown = {key: column for key, column in _COLUMNS.items() if key in rows[0]}
+    cells = [[column.cell(row[key]) for key, column in shown.items()] for row in rows]
+    return table([column.title for column in shown.values()], *cells, numbers=False)

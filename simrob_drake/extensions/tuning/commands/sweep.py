@@ -3,17 +3,17 @@
 from collections import Counter
 from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING, Annotated, get_args
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
 from simrob_drake.base.errors import InvalidParameter, one_of
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import changes_of, refuse, texts_by_key
 from simrob_drake.cli.options import AllowCode, Force, NoRecording, Saving, Scheduler, Settings, Workers, with_mesh_path
 from simrob_drake.cli.saving import prepared_folder, saved
-from simrob_drake.cli.screen import console, say_place, table
+from simrob_drake.cli.screen import console, say_place, say_text, table
 from simrob_drake.results.files import default_folder
 from simrob_drake.stations.located import located_changes
 
@@ -81,14 +81,15 @@ def sweep(
         place = SweepFolder.there(Path(station), allow_code=allow_code)
     else:
         refuse(message("tuning.effect_with_folder", "it has an effect only with the folder of a sweep"), run=run)
+        distributions = {key: parsed(f"--vary {key}", text) for key, text in texts_by_key(vary, "--vary")}
+        sampled: dict[str, Any] = {"vary": distributions, "sampling": sampling}
+        if sampling is not None:
+            one_of(message("tuning.sampling", "sampling"), sampling, get_args(Sampling))
         content = Sweep(
             station=str(Path(station).resolve()) if Path(station).is_file() else station,
-            vary={key: parsed(f"--vary {key}", text) for key, text in texts_by_key(vary, "--vary")},
             overrides=located_changes(changes_of(set_, "--set"), Path.cwd()),
             seeds=seeds,
-            sampling=None
-            if sampling is None
-            else one_of(message("tuning.sampling", "sampling"), sampling, get_args(Sampling)),
+            **sampled,
             count=count,
         )
         folder = out or default_folder(f"{Path(station).stem}-sweep")
@@ -102,8 +103,8 @@ def sweep(
         )
     rows = place.run(workers=workers, scheduler=scheduler)
     _tell(rows)
-    say_place("table", place.folder / TABLE)
-    say_place("a run", f"simrob sweep {place.folder} --run NUMBER")
+    say_place(TABLE, place.folder / TABLE)
+    say_place(message("tuning.a_run", "a run"), f"simrob sweep {place.folder} --run NUMBER")
     return ExitCode.DONE
 
 
@@ -121,17 +122,49 @@ def _run_again(place: "SweepFolder", number: int, out: Path | None, *, force: bo
     return saved(scene.run(), prepared_folder(scene.config, saving), saving)
 
 
+_ENDING_WORDS = {
+    "completed": message("tuning.ended_completed", "completed"),
+    "diverged": message("tuning.ended_diverged", "diverged"),
+    "failed": message("tuning.ended_failed", "failed"),
+    "interrupted": message("tuning.ended_interrupted", "interrupted"),
+    "refused": message("tuning.ended_refused", "refused"),
+    "killed": message("tuning.ended_killed", "killed"),
+}
+"""Words for how runs ended. A run that a monitor ended has the name of the monitor."""
+
+
 def _tell(rows: "list[Row]") -> None:
-    """Show how the runs ended, and between which runs each measure lies."""
+    """Show how the runs ended, and for each measure its least value, its median and its largest value."""
     from simrob_drake.extensions.tuning.rollout import UNITS, measured
 
     ends = Counter(str(row["ended"]) for row in rows)
-    console.print(", ".join(f"{count} {end}" for end, count in ends.most_common()), highlight=False)
+    counts = [
+        compound("{count} {ending}", count=count, ending=_ENDING_WORDS.get(end, end))
+        for end, count in ends.most_common()
+    ]
+    say_text(join_texts(counts, ", "))
     lines = list[tuple[str, ...]]()
     for name, found in measured(rows).items():
         least, largest = min(found), max(found)
         middle = median(value for value, _ in found)
-        cells = (f"{least[0]:.4g}", str(least[1]), f"{middle:.4g}", f"{largest[0]:.4g}", str(largest[1]))
-        lines.append((name, *cells, UNITS[name.rpartition(".")[2]]))
-    headings = ("measure", "least", "in run", "median", "largest", "in run", "unit")
+        cells = (
+            name,
+            compound("{value:.4g}", value=least[0]),
+            str(least[1]),
+            compound("{value:.4g}", value=middle),
+            compound("{value:.4g}", value=largest[0]),
+            str(largest[1]),
+            UNITS[name.rpartition(".")[2]],
+        )
+        lines.append(cells)
+    in_run = message("tuning.in_run", "in run")
+    headings = (
+        message("tuning.measure", "measure"),
+        message("tuning.least", "least"),
+        in_run,
+        message("tuning.median", "median"),
+        message("tuning.largest", "largest"),
+        in_run,
+        message("tuning.unit", "unit"),
+    )
     console.print(table(headings, *lines, numbers=False))

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, get_args
 import typer
 
 from simrob_drake.base.errors import one_of
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import compound, message
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.options import Force, Scheduler, Workers, with_mesh_path
-from simrob_drake.cli.screen import console, say, say_place, say_text, table
+from simrob_drake.cli.screen import RESULT, console, say_place, say_text, table
 from simrob_drake.results.files import default_folder
 
 if TYPE_CHECKING:
@@ -62,38 +62,61 @@ def tune(
         for name in methods
     }
     for name, place in places.items():
-        console.print(f"{name}:", highlight=False)
+        say_text(f"{name}:")
         _tell(place, place.run(workers=workers, scheduler=scheduler))
     if plots_there():
         found = [study_in_optuna(name, place.study, place.journal.records) for name, place in places.items()]
         save_convergence(whole / "convergence.png", found)
-    say_place("result", whole)
+    say_place(RESULT, whole)
     return ExitCode.DONE
 
 
 def _tell(place: "StudyFolder", proof: "list[Row]") -> None:
-    """Show the best figures, and what the proof says of them and of where the search began."""
+    """Show the values of the start and of the best trial: parameters, cost, and measures of the proof.
+
+    Args:
+        place: folder of the study.
+        proof: runs of the proof, of the start and of the best trial. Empty if the study has no proof.
+    """
     from simrob_drake.extensions.tuning.conclusion import cost_columns
     from simrob_drake.extensions.tuning.study import in_table
 
     parameters, cost = place.best
     rows = [(key, in_table(place.study.start.get(key)), in_table(value)) for key, value in parameters.items()]
-    rows += [("cost", f"{a:.5g}", f"{b:.5g}") for a, b in zip(place.trials[0][1], cost, strict=True)]
-    rows += [("trades", "", f"{len(place.front())} in front.csv")] if len(cost) > 1 else []
-    console.print(table(("key", "start", "best"), *rows, numbers=False))
+    start_word = message("tuning.start", "start")
+    best_word = message("tuning.best", "best")
+    for start_cost, best_cost in zip(place.trials[0][1], cost, strict=True):
+        start_cell = compound("{cost:.5g}", cost=start_cost)
+        rows.append((message("tuning.cost", "cost"), start_cell, compound("{cost:.5g}", cost=best_cost)))
+    if len(cost) > 1:
+        # With several costs there is no single best: the file has all trials that no other one beats in every cost.
+        count = message("tuning.in_front_file", "{count} in front.csv", count=len(place.front()))
+        rows.append((message("tuning.trade_offs", "trade-offs"), "", count))
+    console.print(table((message("tuning.key", "key"), start_word, best_word), *rows, numbers=False))
     if not proof:
-        console.print(message("tuning.no_cases_of_proof", "Not proven: the study has no cases of its own under proof."))
+        say_text(message("tuning.no_cases_of_proof", "Not proven: the study has no cases of its own under proof."))
         return
     runs = [[row for row in proof if row["of"] == of] for of in ("start", "best")]
-    ends = [f"{sum(row['ended'] == 'completed' for row in own)} of {len(own)}" for own in runs]
-    lines = [("completed", *ends, "")]
+    ends = [
+        message(
+            "tuning.count_of",
+            "{count} of {total}",
+            count=sum(row["ended"] == "completed" for row in own),
+            total=len(own),
+        )
+        for own in runs
+    ]
+    lines: list[tuple[str, ...]] = [(message("tuning.completed", "completed"), *ends, "")]
     for name in dict.fromkeys([*cost_columns(proof[0]), *place.study.measures]):
         before, after = (
             mean(found) if (found := [row[name] for row in own if row.get(name) is not None]) else None for own in runs
         )
-        ratio = f"{after / before:.2f}" if before and after and before * after > 0 else ""
+        ratio = ""
+        if before and after and before * after > 0:
+            ratio = compound("{ratio:.2f}", ratio=after / before)
         lines.append((name, in_table(before), in_table(after), ratio))
-    console.print(table(("proof", "start", "best", "ratio"), *lines, numbers=False))
+    headings = (message("tuning.proof", "proof"), start_word, best_word, message("tuning.ratio", "ratio"))
+    console.print(table(headings, *lines, numbers=False))
 
 
 def dashboard(
@@ -112,7 +135,7 @@ def dashboard(
     from simrob_drake.extensions.tuning.study_folder import StudyFolder
 
     shown = Dashboard({str(folder): StudyFolder.there(folder) for folder in folders}, port)
-    say(f"dashboard {shown.address}")
+    say_place(message("tuning.dashboard", "dashboard"), shown.address)
     with suppress(KeyboardInterrupt):
         shown.serve()
     return ExitCode.DONE
@@ -149,5 +172,5 @@ def prove(
     _, words = ProofFolder(folder, proof, force=force).run(workers=workers, scheduler=scheduler)
     for sentence in words:
         say_text(sentence)
-    say_place("page", folder / PAGE)
+    say_place(message("tuning.page", "page"), folder / PAGE)
     return ExitCode.DONE
