@@ -13,6 +13,7 @@ from simrob_drake.parts.controllers.walk import WalkingLoop
 from simrob_drake.stations.station import add_station
 from simrob_drake.walking.body import Body, height_on_slope, slope_through, slope_weights_of
 from simrob_drake.walking.engine import rotation_matrix
+from simrob_drake.walking.knees import Knee
 
 DAMPING = 1e-5  # m², rad²
 LARGEST_STEP = 0.3  # rad
@@ -154,3 +155,22 @@ def test_two_feet_determine_the_slope_along_their_line_only() -> None:
     across = 1j * (pair[0] - pair[1])
     assert height_on_slope(slope, pair[0]) == pytest.approx(0.01)
     assert height_on_slope(slope, across) == pytest.approx(0.0, abs=1e-15)
+
+
+class TestKnees:
+    """Limits that keep a knee on the side to which it is bent."""
+
+    knee = Knee(place=3, straight=0.2, fold=1.0)
+
+    @pytest.mark.parametrize(("angle", "bend"), [(1.0, 0.8), (-0.5, -0.7), (0.2, 0.0), (0.2 + 2 * np.pi, 0.0)])
+    def test_the_bend_is_measured_from_the_straight_leg(self, angle: float, bend: float) -> None:
+        assert self.knee.bend_at(angle) == pytest.approx(bend)
+
+    def test_a_knee_with_a_positive_bend_has_a_higher_lower_limit(self) -> None:
+        assert self.knee.limits_on_side_of(1.0, -2.0, 2.0) == pytest.approx((0.25, 2.0))
+
+    def test_a_knee_with_a_negative_bend_has_a_lower_upper_limit(self) -> None:
+        assert self.knee.limits_on_side_of(-0.5, -2.0, 2.0) == pytest.approx((-2.0, 0.15))
+
+    def test_limits_that_are_narrower_stay(self) -> None:
+        assert self.knee.limits_on_side_of(1.0, 0.5, 2.0) == pytest.approx((0.5, 2.0))
