@@ -215,7 +215,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("changes", "words"), REFUSED)
-def test_a_key_that_needs_its_motor_is_refused(pendulum: WriteStation, changes: dict, words: str) -> None:
+def test_a_key_that_needs_its_motor_is_refused(pendulum: WriteStation, changes: dict[str, Any], words: str) -> None:
     with pytest.raises(SimrobError, match=words) as problem:
         simulate(pendulum(**changes))
     assert "\n" not in str(problem.value)
