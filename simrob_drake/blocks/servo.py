@@ -444,7 +444,8 @@ def add_actuator_servos(
     extra, torque_of = _extra_torques(builder, signals, gains, prefix)
     driven = ~gains.passive
     stiff = bool((gains.kp[driven] > 0).all())
-    ports, columns = [signals.reference], [np.eye(len(gains.kp))]
+    ports = [signals.reference]
+    columns: list[Vector] = [np.eye(len(gains.kp))]
     if stiff:
         # An axis without a motor has no kp, and no actuator that would read its position: its rows are zero.
         ports = [*ports, *extra]

@@ -18,6 +18,7 @@ from simrob_drake import Arm, linearize, load_station, simulate
 from simrob_drake.base.constants import STANDARD_GRAVITY
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.cli.app import run_command
+from simrob_drake.extensions.learning.policy import Policy
 from simrob_drake.importer.importing import import_robot
 from simrob_drake.results.block_diagram.picture import station_dot
 from simrob_drake.results.result import table_of
@@ -214,7 +215,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("changes", "words"), REFUSED)
-def test_a_key_that_needs_its_motor_is_refused(pendulum: WriteStation, changes: dict, words: str) -> None:
+def test_a_key_that_needs_its_motor_is_refused(pendulum: WriteStation, changes: dict[str, Any], words: str) -> None:
     with pytest.raises(SimrobError, match=words) as problem:
         simulate(pendulum(**changes))
     assert "\n" not in str(problem.value)
@@ -327,3 +328,11 @@ def test_a_move_is_judged_by_the_driven_axes(pendulum: WriteStation) -> None:
     assert move.reached
     assert move.position_error < 1e-9
     assert move.following_error < 1e-9
+
+
+def test_a_policy_does_not_move_it(pendulum: WriteStation) -> None:
+    robot = resolve(load_station(pendulum())).robots["robot"]
+    policy = Policy(kind="policy", observes=["position"], moves_deg=10.0)
+    assert policy.axes(robot) == ["elbow"]
+    with pytest.raises(SimrobError, match=r"moves_deg\.shoulder: shoulder is passive"):
+        policy.model_copy(update={"moves_deg": {"shoulder": 10.0}}).reach(robot)

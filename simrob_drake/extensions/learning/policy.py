@@ -26,6 +26,7 @@ from simrob_drake.parts.resolved import ResolvedRobot
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.axis_map import PositiveAxisValues
+from simrob_drake.stations.servos import passive_axis
 
 TURNED = {"attitude": 3, "lean": 2, "heading_error": 1}  # what is observed of the orientation, and of what size it is
 _TURN = 2  # the place in a goal of the rate at which the heading is to turn to the left [rad/s]
@@ -84,9 +85,21 @@ class Policy(LoopSection):
         return [axis for axis, reach in zip(robot.axes, self.reach(robot), strict=True) if reach > 0]
 
     def reach(self, robot: ResolvedRobot) -> Vector:
-        """Return how far an action of 1 moves each axis, shape (n,) [rad or m]; 0 for those that it leaves."""
+        """Compute how far an action of 1 moves each axis, shape (n,) [rad or m].
+
+        It is 0 for axes that the policy leaves alone, and for passive axes, which no motor moves.
+
+        Raises:
+            Unsuitable: a mapping names a passive axis.
+        """
         moves = dict(self.moves_deg) if isinstance(self.moves_deg, dict) else self.moves_deg
-        return robot.model.user_units * robot.model.axis_vector(moves, "moves_deg")
+        passive = robot.gains.passive
+        if isinstance(moves, dict):
+            for axis in moves:
+                if passive[robot.model.axis_index(axis, "moves_deg")]:
+                    raise passive_axis(f"moves_deg.{axis}", axis)
+        reach = robot.model.user_units * robot.model.axis_vector(moves, "moves_deg")
+        return np.where(passive, 0.0, reach)
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> "LearntPolicy":
         for output in self._outputs:

@@ -104,7 +104,9 @@ def reached(
     )
     best = (found.costs + _NEAR * ((found.postures - start) ** 2).sum(axis=1)).argmin()
     values = (found.postures[best] / own.model.user_units).tolist()
-    return {own.axes[axis]: values[axis] for axis in chain.order}
+    # No motor brings a passive axis to a target, unless the motion itself is the input.
+    has_target = ~own.gains.passive | (not cell.config.engine.moves_by_forces)
+    return {own.axes[axis]: values[axis] for axis in chain.order if has_target[axis]}
 
 
 def _posed(cell: Workcell, robot: str, near: Mapping[str, float]) -> StationModel:
