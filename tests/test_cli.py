@@ -246,7 +246,7 @@ MISTAKES = {
     ),
     "an unknown option": (["run", "irb120_dynamic", "--ot", "x"], "there is no option --ot; did you mean '--out'?"),
     "an unknown command": (["rum"], "there is no command 'rum'; did you mean 'run'?"),
-    "no station": (["run"], "simrob run needs STATION; for example: simrob run irb120_dynamic"),
+    "no station": (["run"], "simrob run needs STATION|PROGRAM; for example: simrob run irb120_dynamic"),
     "a folder that cannot be": (["run", "irb120_dynamic", "--out", "/proc/nowhere/x"], "cannot be written"),
     "two durations": (
         ["run", "irb120_dynamic", "--duration", "0.2", "--set", "duration=1e9"],

@@ -30,7 +30,11 @@ EULER = {"solver.scheme": "explicit_euler", "solver.max_step": 1e-3}
         ("bouncing_ball", {"pieces.ball.parent": "robot"}, "a free piece hangs on nothing"),
         ("bouncing_ball", {"contact.stiffness": -1}, r"contact\.stiffness: must be greater than 0"),
         ("bouncing_ball", {"contact.dissipation": -0.1}, r"contact\.dissipation: .* at least 0"),
-        ("bouncing_ball", {"contact.friction.dynamic": 2}, r"contact\.friction: dynamic friction \(2\) is not more"),
+        (
+            "bouncing_ball",
+            {"contact.friction.dynamic": 2},
+            r"contact\.friction: dynamic friction \(2\) must not be more",
+        ),
         ("bouncing_ball", {"monitors.force_limit": {"limit": 0}}, r"monitors\.force_limit\.limit: .*greater than 0"),
         ("bouncing_ball", {"monitors.force_limit": {"limit": "hand"}}, "no body region 'hand'"),
         ("bouncing_ball", {"monitors.contact": {"sensor": "gab"}}, r"distance sensor .* 'gab'; did you mean 'gap'"),
