@@ -26,12 +26,15 @@ class _FormerAttribute:
 
 
 def keep_former_attributes(owner: type, **present_names: str) -> None:
-    """Let the attributes and methods of a class also be read by their former names.
+    """Keep the former names of the attributes and methods of a class, with a warning when one is used.
+
+    A former name only reads the attribute; constructors and `_replace` take the present names.
 
     Args:
         owner: the class that has the present names.
         **present_names: present name by former name.
     """
+    # Set from outside: type checkers then only accept the present names, and a NamedTuple allows no other statement.
     for former, present in present_names.items():
         setattr(owner, former, _FormerAttribute(former, present))
 
@@ -57,6 +60,7 @@ def former_names_of(module: str, present_names: Mapping[str, str]) -> Callable[[
 
 def _warn(former: str, present: str) -> None:
     """Warn the code that used a former name, two callers above this function."""
+    # Level 1 is this function, 2 the lookup of the former name, 3 the code that used it.
     warnings.warn(
         f"{former} is now {present}; the former name works until simrob_drake 0.2",
         DeprecationWarning,

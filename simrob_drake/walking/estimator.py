@@ -34,7 +34,7 @@ class Estimate(NamedTuple):
         down: whether each swing foot feels the ground. Empty if no forces are measured.
         hangs: whether each stance foot does not feel the ground. Empty if no forces are measured.
         origin: position of the stance foot in the world [m].
-        turn: rotation from the world's x axis to the stance foot, as a complex number of length one.
+        turn: factor that converts a vector in the world to one from the stance foot, a complex number of length one.
     """
 
     com: complex
@@ -149,7 +149,7 @@ class Estimator:
             state: measured motion of the robot in the world.
             forces: vertical force on each foot [N], or None.
             origin: position of the stance foot in the world [m].
-            turn: rotation from the world's axes to those of the stance foot, as a complex number.
+            turn: factor that converts a vector in the world to one from the stance foot.
         """
         standing, swinging = stride.step.sides
         stance_feet = self._stance.groups[standing]
@@ -177,7 +177,7 @@ class Estimator:
         Args:
             stride: state of the walk, with the slope that is known so far.
             poses: poses of the stance feet in the world, shape (3, 4) each.
-            turn: rotation from the world's axes to those of the stance foot, as a complex number.
+            turn: factor that converts a vector in the world to one from the stance foot.
         """
         if not self._body.ball_radius:
             # The soles' normals are the third columns of their rotations.

@@ -67,7 +67,7 @@ def numeric_jacobian(body: Body, posture: np.ndarray, foot: int, axes: np.ndarra
     return np.array(columns).T
 
 
-def displaced(poses: list[RigidTransform], rotation: RotationMatrix, translation: list[float]) -> list[RigidTransform]:
+def displace(poses: list[RigidTransform], rotation: RotationMatrix, translation: list[float]) -> list[RigidTransform]:
     """Poses that are turned about their own points and moved."""
     return [RigidTransform(rotation @ pose.rotation(), pose.translation() + translation) for pose in poses]
 
@@ -82,7 +82,7 @@ def test_one_round_is_a_damped_least_squares_step(robot: tuple[Body, np.ndarray]
     body, posture = robot
     poses = sole_poses(body, posture)
     turn = RotationMatrix(Rotation.from_rotvec([0.002, -0.001, 0.003]).as_matrix())
-    targets = displaced(poses, turn, [0.003, -0.002, 0.004])
+    targets = displace(poses, turn, [0.003, -0.002, 0.004])
 
     body.set_posture(posture)
     change = body.solve_posture(np.eye(3), matrices(targets)) - posture
@@ -99,7 +99,7 @@ def test_one_round_is_a_damped_least_squares_step(robot: tuple[Body, np.ndarray]
 
 def test_axes_in_no_leg_stay(robot: tuple[Body, np.ndarray]) -> None:
     body, posture = robot
-    targets = displaced(sole_poses(body, posture), RotationMatrix(), [0.01, 0.0, 0.01])
+    targets = displace(sole_poses(body, posture), RotationMatrix(), [0.01, 0.0, 0.01])
 
     body.set_posture(posture)
     solved = body.solve_posture(np.eye(3), matrices(targets), 3)
@@ -111,7 +111,7 @@ def test_axes_in_no_leg_stay(robot: tuple[Body, np.ndarray]) -> None:
 
 def test_no_joint_changes_by_more_than_the_largest_step(robot: tuple[Body, np.ndarray]) -> None:
     body, posture = robot
-    far = displaced(sole_poses(body, posture), RotationMatrix(), [0.3, 0.0, 0.3])
+    far = displace(sole_poses(body, posture), RotationMatrix(), [0.3, 0.0, 0.3])
 
     body.set_posture(posture)
     change = body.solve_posture(np.eye(3), matrices(far)) - posture
@@ -121,7 +121,7 @@ def test_no_joint_changes_by_more_than_the_largest_step(robot: tuple[Body, np.nd
 
 def test_further_rounds_reach_the_target(robot: tuple[Body, np.ndarray]) -> None:
     body, posture = robot
-    targets = displaced(sole_poses(body, posture), RotationMatrix(), [0.02, 0.0, 0.02])
+    targets = displace(sole_poses(body, posture), RotationMatrix(), [0.02, 0.0, 0.02])
 
     body.set_posture(posture)
     solved = body.solve_posture(np.eye(3), matrices(targets), 20)

@@ -41,7 +41,7 @@ def find_shift(ground, *feet, chosen=0j, allowed=allow_all, rise=0.06):
 
 
 def planner_with_map(ground):
-    """Planner of a robot with two feet that knows the ground."""
+    """Planner of a robot with two feet and a map of the ground."""
     planner = make_planner()
     return WalkPlanner(planner._parameters, TWO_FEET, planner._period, HeightMap(ground, FOOT))
 

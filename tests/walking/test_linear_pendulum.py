@@ -159,7 +159,7 @@ class TestAdjustedLandings:
         assert adjusted.time < planned.time
 
     def test_the_path_of_a_foot_begins_at_lift_off(self, steps: Steps) -> None:
-        """In the weight transfer, the time until lift-off is no time of the swing."""
+        """The time until lift-off is no time of the swing."""
         planned = steps.plan_landing(1, self.command)
         condition = steps.dcm_at_landing(0, self.command, OMEGA)
         rest = steps.rest_points[0]

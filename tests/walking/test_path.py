@@ -135,7 +135,7 @@ class TestPath:
 
 @pytest.fixture(scope="module")
 def eight():
-    """A walk on the figure of an eight, from a place next to it."""
+    """A walk on a path like an eight, from a place next to it."""
     angles = np.linspace(0, 2 * pi, 40, endpoint=False)
     points = tuple(zip(0.5 * np.sin(2 * angles), np.sin(angles), strict=True))
     waypoints = Waypoints(points=points, laps=1, speed=0.15)

@@ -64,7 +64,7 @@ def observe_at_rest(loop: WalkingLoop, posture: np.ndarray, turn: RollPitchYaw) 
 class TestEstimates:
     """Estimates from the state of the robot and from the forces on its feet."""
 
-    def bent(self, posture: np.ndarray) -> np.ndarray:
+    def bend_legs(self, posture: np.ndarray) -> np.ndarray:
         """Posture with bent legs, which turn their balls."""
         return posture + 0.1 * np.sin(np.arange(len(posture)))
 
@@ -72,8 +72,8 @@ class TestEstimates:
     def test_an_estimate_is_the_same_from_each_heading(
         self, loop: WalkingLoop, posture: np.ndarray, yaw: float
     ) -> None:
-        ahead = estimate_moving(loop, self.bent(posture), 0.0)
-        turned_robot = estimate_moving(loop, self.bent(posture), yaw)
+        ahead = estimate_moving(loop, self.bend_legs(posture), 0.0)
+        turned_robot = estimate_moving(loop, self.bend_legs(posture), yaw)
 
         assert turned_robot.com == pytest.approx(ahead.com, abs=1e-12)
         assert turned_robot.xi == pytest.approx(ahead.xi, abs=1e-12)
@@ -82,9 +82,9 @@ class TestEstimates:
     def test_the_stance_frame_is_that_of_the_line_between_the_feet(
         self, loop: WalkingLoop, posture: np.ndarray
     ) -> None:
-        estimate = estimate_moving(loop, self.bent(posture), 0.0)
+        estimate = estimate_moving(loop, self.bend_legs(posture), 0.0)
 
-        state = observe_at_rest(loop, self.bent(posture), RollPitchYaw(0, 0, 0))
+        state = observe_at_rest(loop, self.bend_legs(posture), RollPitchYaw(0, 0, 0))
         front, rear = (np.array(state.feet[foot])[:2, 3] for foot in (2, 3))  # the left pair
         line = complex(*(front - rear))
         com = complex(*(state.com[:2] - (front + rear) / 2))

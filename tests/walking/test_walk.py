@@ -347,7 +347,7 @@ def test_a_robot_that_cannot_step_aside_falls_without_bracing() -> None:
 
 @pytest.mark.long
 def test_a_robot_in_the_air_at_the_end_of_a_push_does_not_diverge() -> None:
-    """In flight the solver's steps are short. They stay short in the diagram without the push."""
+    """The solver's steps are short in flight. They stay short in the diagram without the push."""
     push = {"kind": "push", "start": 2.2, "force": [-24.0, 0, 0]}
 
     result = simulate(load_station("zjudancer_walking", {"forces.push": push, "duration": 3.2}))
