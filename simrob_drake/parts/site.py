@@ -33,8 +33,6 @@ class Site:
         spatial_forces: ports of forces on bodies from outside, to be gathered into the plant's port.
         generalized_forces: ports of forces on joints beside their motors, to be gathered likewise.
         blocks: controllers and other blocks of the user's own, by name.
-        name: name of the station in a diagram of the user's own: the prefix of its systems' names, with a dot between
-            them; empty if they have none.
     """
 
     station: Surroundings
@@ -47,7 +45,6 @@ class Site:
     spatial_forces: list[OutputPort] = field(default_factory=list)
     generalized_forces: list[OutputPort] = field(default_factory=list)
     blocks: dict[str, LeafSystem] = field(default_factory=dict)
-    name: str = ""
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {', '.join(self.inputs) or 'nothing'} → {', '.join(self.outputs)}>"

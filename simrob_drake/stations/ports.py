@@ -22,10 +22,13 @@ class StationPorts(Site):
     Attributes of :class:`~simrob_drake.parts.site.Site`, and:
         config: the station's configuration.
         sources: what drives inputs from the start, by name: these need no block that hands them on.
+        name: name of the station in a diagram of the user's own: the prefix of its systems' names, with a dot between
+            them; empty if they have none.
     """
 
     config: StationConfig
     sources: Mapping[str, OutputPort] = field(default_factory=dict)
+    name: str = ""
 
     def add_input(self, builder: DiagramBuilder, robot: StationRobot, name: str) -> OutputPort:
         """Add an input of one value an axis, as a block that any number of others can read."""

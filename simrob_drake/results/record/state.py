@@ -23,10 +23,10 @@ from simrob_drake.base.sections import Number, Strict, validated
 from simrob_drake.base.yaml_files import parse_json
 from simrob_drake.blocks.monitor import Monitor
 from simrob_drake.parts.resolved import ResolvedRobot
-from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.results.record.history import FlightCheck, StateHistory, python_value
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.ports import StationPorts
 
 _LARGEST = 10_000_000  # bytes of a file
 _TRACED_STEPS = 80  # count of the last steps of a run that its final state contains, see Trace.last
@@ -177,7 +177,7 @@ class State:
         return f"<State of {robots or 'no robot'}: {len(self.joints)} joints, {len(self.blocks)} blocks with a memory>"
 
     @classmethod
-    def of(cls, diagram: Diagram, ports: Site, context: Context, *, tolerant: bool = False) -> "State":
+    def of(cls, diagram: Diagram, ports: StationPorts, context: Context, *, tolerant: bool = False) -> "State":
         """Return the state of a closed station, of a context of the diagram that holds it.
 
         What cannot be evaluated is no number if ``tolerant``, as after a run in which a block failed.
@@ -258,7 +258,7 @@ class State:
             (name, instance(entry, f"start: {name}", kind, f"a {kind.__name__}")) for name, entry in entries.items()
         ]
 
-    def put(self, diagram: Diagram, ports: Site, context: Context) -> None:
+    def put(self, diagram: Diagram, ports: StationPorts, context: Context) -> None:
         """Set a context of another closed station to this state, as far as the two have joints and blocks in common.
 
         Raises:
@@ -391,7 +391,7 @@ class State:
             )
 
 
-def _block_name(system: System, ports: Site) -> str:
+def _block_name(system: System, ports: StationPorts) -> str:
     """Name of a block in a state: its name in the diagram, without that of the station there."""
     name = str(system.get_name())
     return name.removeprefix(f"{ports.name}.") if ports.name else name
