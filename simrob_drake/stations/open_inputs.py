@@ -106,7 +106,10 @@ def _is_open(system: System, index: int, context: Context) -> bool:
     port = system.get_input_port(index)
     if port.get_name() in getattr(system, "optional_inputs", ()):
         return False
-    return not port.HasValue(system.GetMyContextFromRoot(context))
+    try:
+        return not port.HasValue(system.GetMyContextFromRoot(context))
+    except RuntimeError:
+        return False  # it is connected, to an output that needs an input whose value is fixed later
 
 
 def _name(system: System, port: InputPort, name_of: _Names) -> str:
