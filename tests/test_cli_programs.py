@@ -83,6 +83,7 @@ def test_the_folder_of_a_program_of_legs_holds_all_of_it(tmp_path, capsys):
     np.testing.assert_array_equal(signals(tmp_path / "again")[1], values)
 
 
+@pytest.mark.long
 def test_check_says_what_a_program_takes(capsys):
     assert run_command(["check", write()]) == ExitCode.DONE
     assert "4 entries can be done, in 1." in " ".join(capsys.readouterr().out.split())

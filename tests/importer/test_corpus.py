@@ -91,7 +91,14 @@ def test_the_corpus_is_large_and_its_names_differ():
     assert len({defect.name for defect in DEFECTS}) == len(DEFECTS)
 
 
-@pytest.mark.parametrize("defect", DEFECTS, ids=lambda defect: defect.name)
+SOME_DEFECTS = [
+    pytest.param(defect, marks=pytest.mark.long if number % 3 else (), id=defect.name)
+    for number, defect in enumerate(DEFECTS)
+]
+"""Every third one is quick enough for each run of the tests; the others are left to the long ones."""
+
+
+@pytest.mark.parametrize("defect", SOME_DEFECTS)
 def test_a_broken_robot_is_mended_or_refused(tmp_path, defect: Defect):
     kind, words = defect.expected.split(": ", 1)
     result = imported_or_refused(defect.package(), tmp_path, defect.options)

@@ -61,6 +61,7 @@ def test_either_axis_of_a_pair_moves_the_other(tmp_path, asked):
     assert np.abs(result.axes("tau")[-1]).max() < 0.1
 
 
+@pytest.mark.long
 def test_two_motors_no_longer_press_against_each_other(tmp_path):
     couplings = {"mesh": gear(slide_r=1, slide_l=-1)}
     start = {"initial_deg": {"slide_l": 0.04, "slide_r": 0.04}}
