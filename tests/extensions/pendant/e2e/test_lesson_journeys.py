@@ -1,5 +1,6 @@
 """The five lessons of the page, each done from begin to end as its texts say, in both languages."""
 
+import os
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -181,8 +182,15 @@ LESSON_STEPS: dict[str, list[Callable[[Visit], None]]] = {
 }
 
 
-@pytest.mark.parametrize("language", list(SCREENS))
-@pytest.mark.parametrize("lesson", list(LESSON_STEPS))
+EVERY_PAIR = [(lesson, language) for lesson in LESSON_STEPS for language in SCREENS]
+ALTERNATING_PAIRS = [(lesson, list(SCREENS)[number % len(SCREENS)]) for number, lesson in enumerate(LESSON_STEPS)]
+
+
+# Each takes a minute or more. All pairs of lesson and language are done with SIMROB_ALL_JOURNEYS=1, otherwise each
+# lesson in one language.
+@pytest.mark.parametrize(
+    ("lesson", "language"), EVERY_PAIR if os.environ.get("SIMROB_ALL_JOURNEYS") else ALTERNATING_PAIRS
+)
 def test_a_lesson_is_done_from_begin_to_end_with_its_buttons_in_sight(page, tmp_path, lesson, language):
     content = yaml.safe_load((LESSONS / f"{lesson}.yaml").read_text())
     with running(content["subject"], tmp_path, "--language", language) as pendant:
