@@ -88,15 +88,17 @@ class Signal:
         return {**self.__dict__, "compute": None, "adjust": None}
 
 
-def sensor_panel(title: str, quantity: str, names: Sequence[str]) -> Panel:
+def sensor_panel(title: str, quantity: str, names: Sequence[str], units: Sequence[str] = ()) -> Panel:
     """Make the panel of a sensor's columns in the figure ``sensors``.
 
     Args:
         title: title of the panel.
-        quantity: what the sensor measures, a key of `QUANTITY_WORDS`.
+        quantity: what the sensor measures: a key of `QUANTITY_WORDS`, or any other word.
         names: names of the columns.
+        units: not used, since the signal has the units of its columns. Callers of before give them.
     """
-    return Panel("sensors", message("base.sensors", "sensors"), title, QUANTITY_WORDS[quantity], tuple(names))
+    label = QUANTITY_WORDS.get(quantity, quantity)
+    return Panel("sensors", message("base.sensors", "sensors"), title, label, tuple(names))
 
 
 def applied_signal(output: str, unit: str, title: str, *, part: str = "") -> Signal:

@@ -30,7 +30,7 @@ class JointPower(Sensor):
         output = f"joint_power.{name}"
         columns = axis_names("joint_power", name, robot.axes)
         units = ("W",) * len(robot.axes)
-        panel = sensor_panel(f"joint power '{name}'", "power", columns, units)
+        panel = sensor_panel(f"joint power '{name}'", "power", columns)
         signal = Signal(columns, units, "effort", output, part=name, panel=panel)
         site.outputs.add(output, block.GetOutputPort("power"), signal)
         site.picture.draw(f"sensor.{name}", "sensor", sensor_label("Joint power", name), robot)
