@@ -70,7 +70,7 @@ def test_a_list_of_postures_is_a_program(tmp_path, monkeypatch):
     ("text", "code", "message"),
     [
         ("left 30 0", 2, "arm.postures: line 1: left has 2 angles; irb120 has 6 joints"),
-        ("left 0 0 0 0 0 0\nspeed fast", 4, "lost: 1 lines; --allow-losses takes the program as it is"),
+        ("left 0 0 0 0 0 0\nspeed fast", 4, "lost: 1 line; --allow-losses accepts the program without them"),
     ],
 )
 def test_a_wrong_list_is_one_line(tmp_path, monkeypatch, capsys, text, code, message):
