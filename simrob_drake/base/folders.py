@@ -46,7 +46,7 @@ def cache_entry(kind: str, *, made_of: Iterable[bytes], made_by: Iterable[Path])
 
 
 def is_cached(file: Path) -> bool:
-    """Whether a file lies in the cache, where users do not edit."""
+    """Whether a file is in the cache, whose files users do not edit."""
     return file.resolve().is_relative_to(cache_root().resolve())
 
 
@@ -135,7 +135,7 @@ def check_folder(folder: Path, *, marker: str, force: bool) -> None:
 
 @contextmanager
 def writing(target: Path) -> Iterator[None]:
-    """Turn what the system says against writing a file or folder into an OutputError that names it."""
+    """Raise an OutputError with the name of a file or folder if the system cannot write it."""
     try:
         yield
     except OSError as problem:
@@ -156,13 +156,13 @@ def filled_at_once(folder: Path, *, marker: str, force: bool = False) -> Iterato
     with writing(folder), _workshop(_nearest_parent(folder), folder.name) as place:
         work = place / folder.name
         work.mkdir()  # with the permissions that the user wants, which the folder around it has not
-        with _named(work, folder):
+        with _errors_with_target(work, folder):
             yield work
         check_folder(folder, marker=marker, force=force)
         folder.parent.mkdir(parents=True, exist_ok=True)
         if not folder.exists():
             work.rename(folder)  # fails where a folder with something in it came this moment
-        elif not _swapped(folder, work):
+        elif not _swap_at_once(folder, work):
             _exchange(folder, work, aside=place / _BEFORE)
 
 
@@ -175,7 +175,7 @@ def replaced_at_once(file: Path) -> Iterator[Path]:
     target = Path(os.path.realpath(file))
     with writing(file), _workshop(target.parent, target.name) as place:
         work = place / target.name
-        with _named(work, file):
+        with _errors_with_target(work, file):
             yield work
         work.replace(target)
 
@@ -205,8 +205,8 @@ def alone_in(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _named(work: Path, target: Path) -> Iterator[None]:
-    """Let errors name what the user asked for, and not where it grows."""
+def _errors_with_target(work: Path, target: Path) -> Iterator[None]:
+    """Replace the working folder in the text of errors by the folder that the user has named."""
     try:
         yield
     except OutputError as problem:
@@ -244,8 +244,8 @@ def _tidy(folder: Path) -> None:
                 os.close(lock)
 
 
-def _swapped(folder: Path, work: Path) -> bool:
-    """Let two folders change places in one moment, where system and disk can do that."""
+def _swap_at_once(folder: Path, work: Path) -> bool:
+    """Exchange two folders in one step. Returns False if the system or the disk cannot do that."""
     system, first, second = ctypes.CDLL(None), os.fsencode(folder), os.fsencode(work)
     try:
         if sys.platform == "darwin":

@@ -258,7 +258,11 @@ def pose_matrices(targets: Targets, name: str = "targets") -> Vector:
 
 
 def one_pose(target: Targets, name: str) -> Vector:
-    """Return one pose in any form as a matrix (4, 4); errors are those of :func:`pose_matrices`, or tell of several."""
+    """Convert one pose in any form to a matrix (4, 4).
+
+    Raises:
+        InvalidParameter: the pose has a wrong shape or is no pose, see :func:`pose_matrices`; or there are several.
+    """
     matrices = pose_matrices(target, name)
     if len(matrices) != 1:
         raise InvalidParameter(
@@ -286,13 +290,31 @@ def rotation_vectors(turns: Vector) -> Vector:
 
 
 def pose_errors(targets: Vector, actual: Vector) -> Vector:
-    """Return what leads from ``actual`` to ``targets`` (k, 4, 4): [x y z] [m], rotation vector [rad], shape (k, 6)."""
+    """Compute the errors of poses.
+
+    Args:
+        targets: desired poses, shape (k, 4, 4).
+        actual: actual poses, shape (k, 4, 4).
+
+    Returns:
+        the difference of the positions [m], then the rotation vector from the actual to the desired pose [rad], shape
+        (k, 6).
+    """
     turns = targets[:, :3, :3] @ actual[:, :3, :3].transpose(0, 2, 1)
     return np.concatenate([targets[:, :3, 3] - actual[:, :3, 3], rotation_vectors(turns)], axis=1)
 
 
 def within(errors: Vector, weights: Vector, tolerance: Vector) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """Tell which errors (k, 6), where they have weight, are within a tolerance (2,) [m, rad], shape (k,)."""
+    """Whether errors are within a tolerance.
+
+    Args:
+        errors: errors of position and rotation, shape (k, 6) [m, rad].
+        weights: weights of the errors, shape (6,). Errors without a weight do not count.
+        tolerance: largest distance and angle, shape (2,) [m, rad].
+
+    Returns:
+        a boolean for each pose, shape (k,).
+    """
     squares = errors * errors * (weights > 0)
     near: np.ndarray[Any, np.dtype[np.bool_]] = squares[:, :3].sum(axis=1) <= tolerance[0] ** 2
     near &= squares[:, 3:].sum(axis=1) <= tolerance[1] ** 2
@@ -300,7 +322,9 @@ def within(errors: Vector, weights: Vector, tolerance: Vector) -> np.ndarray[Any
 
 
 def _matrices_from_vectors(vectors: Vector) -> Vector:
-    (cz, cy, cx), (sz, sy, sx) = np.cos(vectors[:, 3:].T), np.sin(vectors[:, 3:].T)
+    """Convert pose vectors [x y z Rz Ry Rx], shape (k, 6), to matrices (k, 4, 4): R = Rz(z) Ry(y) Rx(x)."""
+    cz, cy, cx = np.cos(vectors[:, 3:].T)
+    sz, sy, sx = np.sin(vectors[:, 3:].T)
     matrices = np.zeros((len(vectors), 4, 4))
     matrices[:, 0, :3] = np.stack([cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx], axis=1)
     matrices[:, 1, :3] = np.stack([sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx], axis=1)

@@ -1,4 +1,4 @@
-"""Former names of functions, classes and attributes, which work with a DeprecationWarning until version 0.2.
+"""Former names of functions, classes, attributes and arguments, which work with a warning until version 0.2.
 
 Former names of whole modules are in :mod:`simrob_drake.former_names`.
 """
@@ -8,7 +8,11 @@ from __future__ import annotations
 import sys
 import warnings
 from collections.abc import Callable, Mapping
-from typing import Any
+from functools import wraps
+from typing import Any, ParamSpec, TypeVar
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 class _FormerAttribute:
@@ -56,6 +60,32 @@ def former_names_of(module: str, present_names: Mapping[str, str]) -> Callable[[
         return getattr(sys.modules[module], present)
 
     return find
+
+
+def former_argument(former: str, present: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Make a decorator for a function, one of whose arguments has got another name.
+
+    Args:
+        former: former name of the argument.
+        present: its present name.
+    """
+
+    def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        """Make the function that accepts both names of the argument."""
+
+        @wraps(function)
+        def with_former_name(*args: P.args, **arguments: P.kwargs) -> R:
+            """Call the function, with the present name in place of the former one."""
+            if former not in arguments or present in arguments:
+                return function(*args, **arguments)
+            _warn(f"the argument {former} of {function.__name__}()", present)
+            renamed: dict[str, Any] = dict(arguments)
+            renamed[present] = renamed.pop(former)
+            return function(*args, **renamed)
+
+        return with_former_name
+
+    return decorate
 
 
 def _warn(former: str, present: str) -> None:

@@ -23,7 +23,8 @@ def with_output_language(command: Callable[..., Any]) -> Callable[..., Any]:
     """Give a command the option ``--language``, the language of all that it writes, errors included."""
 
     @wraps(command)
-    def called(*, output_language: str, **options: Any) -> Any:
+    def run_in_language(*, output_language: str, **options: Any) -> Any:
+        """Set the language of the output, then run the command."""
         set_output_language(output_language)
         return command(**options)
 
@@ -32,5 +33,5 @@ def with_output_language(command: Callable[..., Any]) -> Callable[..., Any]:
         "output_language", inspect.Parameter.KEYWORD_ONLY, default=SOURCE_LANGUAGE, annotation=OutputLanguage
     )
     signature = inspect.signature(command, eval_str=True)
-    vars(called)["__signature__"] = signature.replace(parameters=[*signature.parameters.values(), own])
-    return called
+    vars(run_in_language)["__signature__"] = signature.replace(parameters=[*signature.parameters.values(), own])
+    return run_in_language

@@ -12,9 +12,9 @@ from pydrake.systems.framework import Context, Diagram, LeafSystem
 
 from simrob_drake.base.arguments import drake_asserts, instance, seconds
 from simrob_drake.base.errors import InvalidParameter, SimrobError, one_of, quoted
-from simrob_drake.base.former_arguments import former_argument
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
+from simrob_drake.base.renaming import former_argument
 from simrob_drake.blocks.references import Reference, Samples
 from simrob_drake.parts.controllers import own_blocks
 from simrob_drake.parts.controllers.own import OwnController, driven_inputs, named_blocks, with_driven

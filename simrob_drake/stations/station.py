@@ -11,9 +11,9 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, Outpu
 
 from simrob_drake.base.arguments import drake_asserts, instance
 from simrob_drake.base.errors import InvalidParameter, SimrobError, quoted
-from simrob_drake.base.former_arguments import former_argument
 from simrob_drake.base.lifetime import release
 from simrob_drake.base.messages import message
+from simrob_drake.base.renaming import former_argument
 from simrob_drake.blocks.block import fed, summed
 from simrob_drake.blocks.monitor import EventTimes, Trigger
 from simrob_drake.parts.controllers import flows_of, loops_of, own_blocks

@@ -16,9 +16,9 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import Context, Diagram, System
 
 from simrob_drake.base.errors import UnsupportedSolver
-from simrob_drake.base.former_arguments import former_argument
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
+from simrob_drake.base.renaming import former_argument
 from simrob_drake.blocks.references import Reference
 from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.stations.closed import reference_samples
