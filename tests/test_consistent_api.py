@@ -67,7 +67,7 @@ def test_wrong_overrides_are_named():
     ],
 )
 def test_former_names_of_the_station_are_accepted_with_a_warning(call):
-    with pytest.warns(DeprecationWarning, match=r"is now station; the former name goes in 0.2"):
+    with pytest.warns(DeprecationWarning, match=r"is now station; the former name works until"):
         call()
 
 

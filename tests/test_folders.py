@@ -73,7 +73,7 @@ def test_force_replaces_a_result_but_nothing_that_took_its_place(tmp_path):
 def test_what_was_there_comes_back_where_the_new_cannot_take_its_place(tmp_path, monkeypatch):
     folder, rename = tmp_path / "out", Path.rename
     fill(folder, "old")
-    monkeypatch.setattr(folders, "_swapped", lambda *_: False)  # a disk that cannot
+    monkeypatch.setattr(folders, "_swap_at_once", lambda *_: False)  # a disk that cannot
 
     def faulty(path, target):
         if path.parent != tmp_path and path.name == "out":
