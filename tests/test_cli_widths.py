@@ -104,3 +104,11 @@ def test_two_results_are_drawn_over_each_other(tmp_path, capsys):
     assert run_command(["plot", "soft", "nowhere", "--out", "new.png"]) != 0
     assert "nowhere: must be the folder of a result, with signals.csv" in capsys.readouterr().err
     assert not (tmp_path / "new.png").exists()
+
+
+def test_a_table_that_is_a_little_too_wide_breaks_no_name(capsys):
+    """The table of the humanoid's joints fits with one space between its columns."""
+    assert run_command(["run", "humanoid_dynamic", "--duration", "0.02", "--no-recording"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert any(line.startswith("right_shoulder_pitch ") for line in lines)
+    assert max(map(len, lines)) <= 80

@@ -9,6 +9,7 @@ from threading import current_thread, main_thread
 from typing import Literal, TextIO
 
 from rich.console import Console
+from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
@@ -128,6 +129,9 @@ _NARROWEST = 20
 """Least columns of a wrapped text. A narrower terminal wraps it once more."""
 
 
+_WIDER_THAN_ANY_TABLE = 10_000  # count of characters
+
+
 def table(headings: Sequence[str], *rows: Sequence[str | Text], title: str = "", numbers: bool = True) -> Table:
     """Make a table in the language of the output.
 
@@ -147,6 +151,9 @@ def table(headings: Sequence[str], *rows: Sequence[str | Text], title: str = "",
         # Cells are texts of rich, for which [s] is no mark-up.
         cells = [Text(translate(cell)) if isinstance(cell, str) else cell for cell in row]
         found.add_row(*cells)
+    # Two spaces between columns become one, before the name of a joint is broken.
+    unlimited = console.options.update(max_width=_WIDER_THAN_ANY_TABLE)
+    found.collapse_padding = Measurement.get(console, unlimited, found).maximum > console.width
     return found
 
 

@@ -92,7 +92,7 @@ def convergence_table(result: SimulationResult, tight: SimulationResult) -> Tabl
         message("cli.joint", "joint"),
         LARGEST_DIFFERENCE,
         AT_TIME,
-        message("cli.difference_of_torque", "in torque at the end"),
+        message("cli.difference_of_torque", "torque at end"),
         message("cli.unit", "unit"),
     )
     title = message("cli.against_tighter_run", "Difference to a run with ten times tighter accuracy")
