@@ -117,5 +117,15 @@ def test_a_package_that_is_missing_keeps_its_message_over_both_borders(tmp_path:
 
 
 def test_data_keep_a_message() -> None:
-    fall = message("results.ran_to_its_end", "ran to its end at {time:g} s", time=np.float64(2.5))
+    template = "ran to its end at {time:.6g} s, in {count} {count:run|runs}"
+    fall = message("results.ran_to_its_end", template, time=np.float64(2.5), count=2)
+    assert in_language(fall, "es") == "llegó al final a los 2,5 s, en 2 simulaciones"
     assert in_language(from_data(as_data(fall)), "es") == in_language(fall, "es")
+
+
+@pytest.mark.parametrize(
+    ("fields", "error"), [([1.0], TypeError), ({"b": 1.0}, ValueError)], ids=["a list", "a value is missing"]
+)
+def test_damaged_fields_of_a_message_are_an_error_of_data(fields: object, error: type[Exception]) -> None:
+    with pytest.raises(error):
+        from_data({"id": "", "template": "{a}", "fields": fields})

@@ -230,15 +230,20 @@ def from_data(data: Any) -> Any:
     """Return the message that :func:`as_data` converted. Other data, such as texts and numbers, stay as they are.
 
     Raises:
-        ValueError: the template is none of a message, such as one that would make a text of a gigabyte. The data may
-            come from a file that somebody else wrote.
-        TypeError: the data are damaged in another way.
+        ValueError: the template is not one that a message may have, such as one that would make a text of a gigabyte,
+            or a field of it has no value. The data may come from a file that somebody else wrote.
+        TypeError: the fields are no mapping, or the template is no text.
     """
     if not (isinstance(data, Mapping) and {"id", "template", "fields"} <= data.keys()):
         return data
     _check_template(data["template"])
+    if not isinstance(data["fields"], Mapping):
+        raise TypeError("the fields of a message must be a mapping")
     fields = {name: from_data(value) for name, value in data["fields"].items()}
-    return Message(data["id"], data["template"], fields, data.get("longest"), data.get("is_sentence", False))
+    try:
+        return Message(data["id"], data["template"], fields, data.get("longest"), data.get("is_sentence", False))
+    except KeyError as missing:
+        raise ValueError(f"the field {missing} of a message has no value") from missing
 
 
 def _check_template(template: str) -> None:

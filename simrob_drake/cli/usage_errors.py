@@ -36,7 +36,7 @@ def usage_problem(problem: TyperException) -> str:
         return _misused_option(problem)
     if "BadParameter" in kinds and isinstance(problem.__cause__, ValidationError):
         return _wrong_value(problem, problem.__cause__.errors()[0])
-    return problem.format_message()
+    return problem.format_message()  # empty for a group of commands that was called without one: typer shows its help
 
 
 def unexpected_arguments(command: str, arguments: list[str]) -> Message:

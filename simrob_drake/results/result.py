@@ -105,7 +105,11 @@ class SimulationResult(RecordedRun):
     """
 
     def _pickled_content(self) -> dict[str, Any]:
-        """Fields of the pickled result, with the verdict if it was evaluated, and those about its moves."""
+        """Fields of the pickled result, by name.
+
+        The verdicts about its moves are always among them. The verdict about the run is, if it was evaluated before, or
+        could not be evaluated after reading.
+        """
         moves = tuple(replace(move, verdict=judge_move(self, move)) for move in self.moves)
         content = super()._pickled_content() | {"moves": moves}
         # The contacts that a verdict needs cannot be evaluated again if there is a recorded motion only.

@@ -64,9 +64,10 @@ def restarts_of(trace: Trace, config: StationConfig) -> list[Restart]:
     row = trace.free_row - _REPEATED
     check = None
     if trace.flight_checks:
-        # The steps of `cenic` depend on the last check of flight: begin at a check.
-        known = [(_row_of(history, check), check) for check in trace.flight_checks]
-        early = [(found, check) for found, check in known if found is not None and found <= row]
+        # `cenic` takes other steps while a body flies, that is, touches nothing. This is checked now and then, so a run
+        # begins at such a check.
+        known = [(_row_of(history, known_check), known_check) for known_check in trace.flight_checks]
+        early = [(found, known_check) for found, known_check in known if found is not None and found <= row]
         if not early:
             return []
         row, check = early[-1]
@@ -74,8 +75,8 @@ def restarts_of(trace: Trace, config: StationConfig) -> list[Restart]:
         return []
     if controlled_by(config) is None:
         return [Restart(history, row, check=check)]
-    # The length that the solver would try next is not recorded. Usually it is the largest one, or that of the step that
-    # followed.
+    # The length that the solver would try next is not recorded. Usually it is the largest one, for which infinity
+    # stands, or that of the step that followed.
     length_of_step = float(history.times[row + 1] - history.times[row])
     return [Restart(history, row, length, check) for length in (np.inf, length_of_step)]
 

@@ -422,7 +422,7 @@ class Runner:
         return RunBranch(self, reference, at, diagrams, self._blocks, start, begins_in_motion=begins_in_motion)
 
     def fork(self, at: float, *, reference: ReferencesLike = None) -> "RunBranch":
-        """Former name of :meth:`branch`. Until 0.2."""
+        """Former name of :meth:`branch`. It goes in 0.2."""
         text = message("simulation.fork_is_branch", "Runner.fork() is now Runner.branch(); the former name goes in 0.2")
         warnings.warn(text, DeprecationWarning, stacklevel=2)
         return self.branch(at, reference=reference)

@@ -234,7 +234,11 @@ class Body:
             self._upper[axis] = limits[1]
 
     def _find_soles(self, contact: FootContact, links: Sequence[str], stance: Vector) -> None:
-        """Find the middle and the direction of each sole, from the robot in a stance (n,) [rad].
+        """Find the middle and the direction of each sole, from the robot in a stance.
+
+        It sets `_tips`, `_soles`, `_corners`, `homes`, `ball_radius` and `sole_reach`, and leaves the goal in the
+        stance. In the stance, the z axis of a ball foot's link is assumed to be vertical. The feet are assumed to be
+        alike.
 
         Args:
             contact: contact points of the feet.
@@ -254,10 +258,11 @@ class Body:
         for link, index in zip(links, self._feet, strict=True):
             home = RigidTransform(self.facing) @ plant.get_frame(index).CalcPose(self._goal, root)
             to_level = home.rotation().matrix()
-            support_points = contact.support_points(link)
+            support_points = contact.support_points(link)  # lowest points of spheres or corners, in the link's axes
             points = support_points @ to_level.T
 
-            # A foot whose spheres are all on its link's axis is a ball. It rolls, so the leg moves the ball's middle.
+            # A foot whose spheres are all on the z axis of its link is a ball. It rolls, so the leg moves the ball's
+            # middle.
             middle = (points.min(axis=0) + points.max(axis=0)) / 2
             lowest = points.min(axis=0)[2]
             is_ball = link in contact.points and np.ptp(points[:, :2]) < _SAME_POINT

@@ -329,13 +329,14 @@ class WalkPlanner:
         """
         feedback = self._feedback
         standing, swinging = stride.step.sides
-        # The error is that of the landing time of the last sample: a hastened step stays hastened.
+        # The error is measured against the landing time of the last sample: a hastened step stays hastened.
         desired = support.dcm_for(stride.landing.time, planned.place)
         error = self._outside_deadband(estimate.xi - desired)
         if not error:
             return support, planned
 
-        # A single foot lifts at once, as its step is the answer. A pair does not: a trot would only become hasty.
+        # A single foot lifts at once, as its step is the answer. A pair does not: a trot would only become hasty. Nor
+        # does the foot of a walk's first step, whose longer transfer has to bring the weight over first.
         is_single = len(self._stance.groups[standing]) == 1
         if is_single and support.time < support.transfer <= self.steps.transfer:
             support = support._replace(transfer=support.time, zmp=support.rest)
@@ -442,6 +443,8 @@ class WalkPlanner:
     def _move_swing_foot(self, stride: Stride, estimate: Estimate | None) -> tuple[Stride, float]:
         """Move the swing foot towards its landing, and turn the trunk.
 
+        Nothing moves before the weight has been transferred.
+
         Args:
             stride: state of the walk, with the landing of the step.
             estimate: what the sensors measure, or None to walk without feedback.
@@ -466,7 +469,7 @@ class WalkPlanner:
             share=share,
         )
 
-        # The trunk turns during the whole step, the foot only while it swings.
+        # The trunk turns by the share of the whole step, transfer included, and the foot by that of its swing.
         turn_share = smoothstep(min(time / landing.time, 1.0))
         heading = step.heading_from + turn_share * (landing.yaw - step.heading_from)
         ground = self._ground_of_swing(stride, estimate, share)

@@ -332,7 +332,9 @@ class Steps:
         time: float,
         feedback: Feedback,
     ) -> complex:
-        """Compute the foothold nearest to a desired one that the swing foot can reach [m].
+        """Compute the foothold that answers a desired one [m].
+
+        It is a compromise with the planned one, within the allowed footholds and the largest speed of the foot.
 
         Args:
             swinging: index of the swing foot.
@@ -345,7 +347,8 @@ class Steps:
         foothold = self._foothold
         side = _outward(swinging)
 
-        # The least of |u* - u|^2 + k_u |u - u_0|^2 is at u = u_0 + (u* - u_0) / (1 + k_u).
+        # The least of |u* - u|^2 + k_u |u - u_0|^2 is at u = u_0 + (u* - u_0) / (1 + k_u). The step answers the share
+        # step_gain of it.
         gain = feedback.step_gain / (1.0 + feedback.place_weight)
         place = planned.place + gain * (desired - planned.place)
 

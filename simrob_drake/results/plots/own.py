@@ -181,14 +181,21 @@ def _figures(result: RecordedRun) -> Iterator[tuple[str, Figure]]:
 
 
 def _robot_figures(result: RecordedRun, robot: StationRobot, whose: str) -> Iterator[tuple[str, Figure]]:
+    """Yield names and figures of a robot: positions, torques, and the paths of its tool and its base if it has them.
+
+    Args:
+        result: the run.
+        robot: the robot.
+        whose: end of the titles, such as ", left"; empty for the only robot.
+    """
     servo = servos_of(result).get(robot.name)
-    how = {}
+    layout = {}
     if servo:
-        how = {"remark": message("results.servos", "servos: {servo}", servo=servo_in_words(servo))}
+        layout = {"remark": message("results.servos", "servos: {servo}", servo=servo_in_words(servo))}
     positions = message("results.joint_positions", "joint positions{whose}", whose=whose)
-    yield from _with_detail(result, Sheet("position", positions, position_stacks(result, robot), how))
+    yield from _with_detail(result, Sheet("position", positions, position_stacks(result, robot), layout))
     torques = message("results.joint_torques", "joint torques{whose}", whose=whose)
-    yield from _with_detail(result, Sheet("torque", torques, torque_stacks(result, robot), how))
+    yield from _with_detail(result, Sheet("torque", torques, torque_stacks(result, robot), layout))
     if robot.tcp:
         title = message("results.tool_in_world", "tool '{tool}' in the world{whose}", tool=robot.tcp, whose=whose)
         yield "tcp", grid_figure(result, title, tcp_stacks(result, robot), columns=3)

@@ -157,7 +157,7 @@ def _build_again(run: Run, config: StationConfig) -> "ClosedStation":
 
     Args:
         run: the run.
-        config: configuration of the station.
+        config: configuration of the run, perhaps without blocks of the user's own that cannot be made.
     """
     from simrob_drake.parts.controllers import own_blocks
     from simrob_drake.parts.controllers.own import with_driven
@@ -165,9 +165,11 @@ def _build_again(run: Run, config: StationConfig) -> "ClosedStation":
     from simrob_drake.stations.resolve import resolve
 
     blocks = own_blocks(config.controllers)
-    inputs = with_driven(config.inputs, blocks)
+    inputs = with_driven(config.inputs, blocks)  # and those that the user's blocks drive
     station = resolve(config.model_copy(update={"inputs": inputs}))
+    # The final state keeps the positions at which the references of this run began.
     references = station_references(station, run.references, run.final_state.origins or None)
+    # Lean, as the diagram of the run was: outputs that are computed from the states have no blocks.
     built = closed_station(station, references, sensors=list(station.sensors), blocks=blocks, monitors=False, lean=True)
     built.play_forces(config.forces)
     return built
