@@ -173,9 +173,9 @@ class ServoConfig(Renamed):
 
 
 class JointStops(Strict):
-    """Elastic end stops of the joints, for the schemes that know no joint limits; figures of the Simulink joints.
+    """Elastic end stops of the joints, for solver schemes without joint limits. The defaults are Simulink's.
 
-    Axes that slide have stops of the same figures, in N/m and N·s/m, unless they are given their own.
+    Prismatic axes have stops with the same values, in N/m and N·s/m, unless they are given their own.
     """
 
     stiffness: PositiveAxisValues = 5.73e5
@@ -315,7 +315,7 @@ class StationConfig(Renamed):
     """Samples a second of the signals [Hz]; at most 10 kHz, and a million samples in all."""
 
     def __repr__(self) -> str:
-        """Say in one line what stands in it; :func:`~simrob_drake.stations.load.station_yaml` tells all."""
+        """Summary in one line. :func:`~simrob_drake.stations.load.station_yaml` has the whole configuration."""
         robots = ", ".join(f"{name} ({robot.model or robot.urdf})" for name, robot in self.robots.items())
         pieces = f", pieces {', '.join(self.pieces)}" if self.pieces else ""
         return f"<StationConfig {self.name}, {self.mode}, {self.duration:g} s: {robots or 'no robot'}{pieces}>"
@@ -345,7 +345,7 @@ class StationConfig(Renamed):
         return next(iter(self.robots)) if len(self.robots) == 1 else None
 
     def prefix(self, robot: str) -> str:
-        """Return what stands before the names of a robot's ports, blocks and columns."""
+        """Prefix of the names of a robot's ports, blocks and columns; empty for the only robot of a station."""
         return "" if self.only_robot else f"{robot}."
 
     @property
@@ -355,7 +355,7 @@ class StationConfig(Renamed):
 
     @property
     def engine(self) -> Engine:
-        """What moves the station: its reference if it is kinematic, otherwise its solver."""
+        """The engine that moves the station: its reference if the station is kinematic, otherwise its solver."""
         return KINEMATIC if self.mode == "kinematic" else self.solver.engine
 
     @property

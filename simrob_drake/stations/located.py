@@ -1,11 +1,18 @@
-"""The keys of a station that name files: where paths start, what a file may name, and copies that go with a result."""
+"""The keys of a station that name files.
+
+Relative paths in a station's file begin at the folder of that file, and become absolute when the file is read. A
+*border* limits the files that a station may name. The copy of a station that is saved with a result names copies of
+its files, by relative paths.
+
+A *key* is dotted, such as ``robot.urdf``. In the patterns of keys, ``*`` stands for any name.
+"""
 
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from copy import deepcopy
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.files import ROBOT_FILE
@@ -20,7 +27,14 @@ from simrob_drake.robots.pieces import described_piece
 from simrob_drake.robots.urdf import mesh_file
 from simrob_drake.stations.config import StationConfig
 
-_OF_ROBOTS = ("urdf", "model", "reference.file", *(f"import_options.{key}" for key in ("mesh_path", "hand", "srdf")))
+_KEYS_OF_ROBOT = (
+    "urdf",
+    "model",
+    "reference.file",
+    "import_options.mesh_path",
+    "import_options.hand",
+    "import_options.srdf",
+)
 _KEYS = (
     "start",
     "program",
@@ -28,21 +42,58 @@ _KEYS = (
     "reference.file",
     "prescribed.*.file",
     "floor.terrain.file",
-    *(f"{robot}.{key}" for robot in ("robot", "robots.*") for key in _OF_ROBOTS),
+    *(f"robot.{key}" for key in _KEYS_OF_ROBOT),
+    *(f"robots.*.{key}" for key in _KEYS_OF_ROBOT),
     "pieces.*.mesh",
     "pieces.*.model",
     "controllers.*.network",
     "controllers.*.class",
 )
+"""Patterns of the keys that name files or folders."""
+
+
+class NamedPath(NamedTuple):
+    """A key of a station that names a file or a folder.
+
+    Attributes:
+        section: the section that contains the key. Its value can be replaced.
+        last: last part of the key, such as ``urdf``.
+        key: the whole key, such as ``robot.urdf``.
+    """
+
+    section: dict[str, Any]
+    last: str
+    key: str
+
+
+class FilesToCopy(NamedTuple):
+    """The files behind a key.
+
+    Attributes:
+        main: the file that the key names, without symbolic links.
+        needed: further files that are read with it, such as meshes.
+    """
+
+    main: Path
+    needed: list[Path]
 
 
 def located(content: Mapping[str, Any], folder: Path, border: Border | None = None) -> dict[str, Any]:
-    """Return sections with absolute paths from a folder, within a border; raises InvalidConfig: beyond it."""
+    """Copy a station's content with absolute paths.
+
+    Args:
+        content: content of a station's file, or a part of it with the same keys.
+        folder: folder at which relative paths begin.
+        border: limit of the files that the station may name, or None for no limit.
+
+    Raises:
+        InvalidConfig: a path is beyond the border.
+    """
     result: dict[str, Any] = deepcopy(dict(content))
     for section, last, key in paths_in(result):
         value = section[last]
         if last == "class":
-            section[last] = class_from(value, folder)  # which is code: that is allowed by itself
+            section[last] = class_from(value, folder)  # code needs a permission of its own, which is checked elsewhere
             continue
         paths = [str(folder / str(path)) for path in (value if isinstance(value, list) else [value])]
         if border is not None:
@@ -53,7 +104,7 @@ def located(content: Mapping[str, Any], folder: Path, border: Border | None = No
 
 
 def located_changes(changes: Mapping[str, Any], folder: Path, border: Border | None = None) -> dict[str, Any]:
-    """Return changes of a station, by dotted keys, with absolute paths; parameters and errors as of :func:`located`."""
+    """Copy the changes of a station, values by dotted key, with absolute paths. Arguments as in :func:`located`."""
     result = dict[str, Any]()
     for key, value in changes.items():
         whole: Any = value
@@ -67,7 +118,10 @@ def located_changes(changes: Mapping[str, Any], folder: Path, border: Border | N
 
 
 def located_program(program: Mapping[str, Any], folder: Path, border: Border | None) -> dict[str, Any]:
-    """Return a program as its station carries it, unnamed, paths absolute; otherwise as :func:`located`."""
+    """Copy a program with absolute paths and without its key ``station``, as a station contains it.
+
+    Arguments and errors are those of :func:`located`.
+    """
     result = deepcopy({key: value for key, value in program.items() if key != "station"})
     changes = result.get("changes")
     for change in changes if isinstance(changes, list) else []:
@@ -77,7 +131,16 @@ def located_program(program: Mapping[str, Any], folder: Path, border: Border | N
 
 
 def located_station(station: str, file: Path) -> str:
-    """Return a station's name, or its file's path from another file; raises InvalidConfig: it may not be read."""
+    """Resolve the station that a file names: a name of the package stays, a path becomes absolute.
+
+    Args:
+        station: name or path of the station.
+        file: the file that names it. A relative path begins at its folder or, if it does not exist there, at the
+            working directory.
+
+    Raises:
+        InvalidConfig: the path is beyond the file's border.
+    """
     if not is_yaml_name(station):
         return station
     near = file.absolute().parent / station
@@ -86,82 +149,141 @@ def located_station(station: str, file: Path) -> str:
     return str(path)
 
 
-def paths_in(content: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str, str]]:
-    """Yield each section of a station with a key that names a file or folders, that key, and its whole key."""
-    for way in _KEYS:
-        yield from _paths_at(content, way.split("."))
+def paths_in(content: dict[str, Any]) -> Iterator[NamedPath]:
+    """Yield the keys of a station's content that name files or folders."""
+    for pattern in _KEYS:
+        yield from _paths_at(content, pattern.split("."))
 
 
-def _paths_at(node: Any, way: list[str], before: str = "") -> Iterator[tuple[dict[str, Any], str, str]]:
-    """Yield the sections on a way that end in a path, with its key there and its whole key."""
+def _paths_at(node: Any, pattern: list[str], prefix: str = "") -> Iterator[NamedPath]:
+    """Yield the keys below a node that match a pattern and name a file or a folder.
+
+    Args:
+        node: a section, or any other value, which has no keys.
+        pattern: names of the keys from the node on; ``*`` stands for any name.
+        prefix: key of the node with a final dot; empty for the whole content.
+    """
     if not isinstance(node, dict):
         return
-    for key in list(node) if way[0] == "*" else way[:1]:
+    keys = list(node) if pattern[0] == "*" else pattern[:1]
+    for key in keys:
         value = node.get(key)
-        if len(way) > 1:
-            yield from _paths_at(value, way[1:], f"{before}{key}.")
-        elif key == "model" and not is_yaml_name(str(value)):
-            continue  # it is a name
-        elif isinstance(value, list if key == "mesh_path" else str):
-            yield node, key, f"{before}{key}"
+        if len(pattern) > 1:
+            yield from _paths_at(value, pattern[1:], f"{prefix}{key}.")
+            continue
+        is_model_name = key == "model" and not is_yaml_name(str(value))
+        expected_type = list if key == "mesh_path" else str
+        if isinstance(value, expected_type) and not is_model_name:
+            yield NamedPath(node, key, f"{prefix}{key}")
 
 
-FILES = "files"  # the folder of the copies
-_FILES = (ROBOT_FILE, "gaits.yaml", "walking.yaml")  # what is read of a robot beside its URDF
+FILES = "files"
+"""Name of the folder with the copies of a station's files."""
+
+_ROBOT_FILES = (ROBOT_FILE, "gaits.yaml", "walking.yaml")
+"""Files of a robot's folder that are read in addition to its URDF."""
 
 
 def carried(config: StationConfig, folder: Path) -> StationConfig:
-    """Return a station that names copies of its files in a folder, by paths from there; robots as imported.
+    """Copy the files of a station into a folder, and name the copies in the station by paths from that folder.
 
-    Paths that are relative already stay, and so does what cannot be read any more. Raises OSError: the disk does not
-    take the copies.
+    Robots are copied as they were imported. Keys with relative paths stay as they are, and so do keys of files that
+    cannot be read any more.
+
+    Args:
+        config: the station. Its paths are absolute.
+        folder: the folder.
+
+    Returns:
+        the changed station.
+
+    Raises:
+        OSError: the copies cannot be written.
     """
     content = config.model_dump(mode="json", exclude_none=True)
     for section, last, key in paths_in(content):
-        if last in _FILES_OF and Path(section[last]).is_absolute():
-            place = Path(FILES, *key.split(".")[:-1])
-            with suppress(SimrobError):
-                options = ImportOptions.model_validate(section.get("import_options") or {})
-                main, files = _FILES_OF[last](Path(section[last]), key, options)
-                for file in dict.fromkeys((main, *files)):
-                    if file.is_relative_to(main.parent):
-                        copy = folder / place / file.relative_to(main.parent)
-                        copy.parent.mkdir(parents=True, exist_ok=True)
-                        shutil.copyfile(file, copy)
-                section[last] = str(place / main.name)
-                section.pop("import_options", None)
+        if last not in _FILES_OF or not Path(section[last]).is_absolute():
+            continue
+        subfolder = Path(FILES, *key.split(".")[:-1])
+        with suppress(SimrobError):  # the file cannot be read any more
+            options = ImportOptions.model_validate(section.get("import_options") or {})
+            files = _FILES_OF[last](Path(section[last]), key, options)
+            _copy_files(files, folder / subfolder)
+            section[last] = str(subfolder / files.main.name)
+            section.pop("import_options", None)  # the copy has been imported already
     return StationConfig.model_validate(content)
 
 
-def _of_robot(model: RobotModel, main: Path) -> tuple[Path, list[Path]]:
+def _copy_files(files: FilesToCopy, folder: Path) -> None:
+    """Copy a file, and those needed files that are in its folder or below, into a folder."""
+    source = files.main.parent
+    for file in dict.fromkeys((files.main, *files.needed)):
+        if file.is_relative_to(source):
+            copy = folder / file.relative_to(source)
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(file, copy)
+
+
+def _files_of_robot(model: RobotModel, main: Path) -> FilesToCopy:
+    """Files of a robot: those of its folder that are read, and its meshes.
+
+    Args:
+        model: the robot.
+        main: the file in its folder that the key names.
+    """
     folder = resolved(model.folder)
-    files = [folder / name for name in (*_FILES, *([model.urdf] if model.urdf else [])) if (folder / name).is_file()]
-    names = [mesh.get("filename", "") for mesh in model.element.iter("mesh")] if model.urdf else []
-    return folder / main.name, [*files, *_with_needed(mesh_file(name, folder) for name in dict.fromkeys(names))]
+    names = [*_ROBOT_FILES]
+    mesh_names: list[str] = []
+    if model.urdf:
+        names.append(model.urdf)
+        mesh_names = [mesh.get("filename", "") for mesh in model.element.iter("mesh")]
+    files = [folder / name for name in names if (folder / name).is_file()]
+    meshes = [mesh_file(name, folder) for name in dict.fromkeys(mesh_names)]
+    return FilesToCopy(folder / main.name, [*files, *_with_textures(meshes)])
 
 
-def _of_urdf(file: Path, _: str, options: ImportOptions) -> tuple[Path, list[Path]]:
+def _files_of_urdf(file: Path, _: str, options: ImportOptions) -> FilesToCopy:
+    """Files of a robot whose key names a URDF."""
     model = robot_from_file(file, options)
-    return _of_robot(model, model.urdf_path)
+    return _files_of_robot(model, model.urdf_path)
 
 
-def _of_description(file: Path, key: str, _: ImportOptions) -> tuple[Path, list[Path]]:
+def _files_of_description(file: Path, key: str, _: ImportOptions) -> FilesToCopy:
+    """Files of a robot or a piece whose key names a `robot.yaml` or a `piece.yaml`."""
     if not key.startswith("pieces."):
-        return _of_robot(load_robot_file(file), file)
-    piece, main = described_piece(file), resolved(file)
-    return main, _with_needed(mesh_file(shape.mesh, main.parent) for shape in piece.shapes if shape.mesh)
+        return _files_of_robot(load_robot_file(file), file)
+    piece = described_piece(file)
+    main = resolved(file)
+    meshes = [mesh_file(shape.mesh, main.parent) for shape in piece.shapes if shape.mesh]
+    return FilesToCopy(main, _with_textures(meshes))
 
 
-_FILES_OF: Mapping[str, Callable[[Path, str, ImportOptions], tuple[Path, list[Path]]]] = {
-    "urdf": _of_urdf,
-    "model": _of_description,
-    "mesh": lambda file, *_: (resolved(file), _with_needed([resolved(file)])),
-    **dict.fromkeys(("network", "file", "start"), lambda file, *_: (resolved(file), [])),
-}  # by the last part of a key: the main file behind its path, and what else is read with it
+def _files_of_mesh(file: Path, _: str, __: ImportOptions) -> FilesToCopy:
+    """A mesh file with its materials and textures."""
+    return FilesToCopy(resolved(file), _with_textures([resolved(file)]))
 
 
-def _with_needed(meshes: Iterable[Path]) -> list[Path]:
-    """Return meshes, and the materials and textures that they name."""
+def _single_file(file: Path, _: str, __: ImportOptions) -> FilesToCopy:
+    """A file that needs no other files."""
+    return FilesToCopy(resolved(file), [])
+
+
+_FILES_OF: Mapping[str, Callable[[Path, str, ImportOptions], FilesToCopy]] = {
+    "urdf": _files_of_urdf,
+    "model": _files_of_description,
+    "mesh": _files_of_mesh,
+    "network": _single_file,
+    "file": _single_file,
+    "start": _single_file,
+}
+"""By the last part of a key, the function that finds the files behind it.
+
+Its arguments are the file, the whole key, and the import options in the key's section.
+"""
+
+
+def _with_textures(meshes: Iterable[Path]) -> list[Path]:
+    """List mesh files, each with the material and texture files that it names."""
     files = list[Path]()
     for mesh in meshes:
         files += [mesh, *MeshPlaces(mesh).needed_by(mesh)[0].values()]
