@@ -39,7 +39,7 @@ from simrob_drake.parts.terrain import Terrain
 from simrob_drake.robots.axis_map import AxisValues, NotNegativeAxisValues, PositiveAxisValues, every_axis
 from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.robots.motors import CommandBusConfig, Drives, Motors
-from simrob_drake.stations.piece_config import PieceConfig, scattered
+from simrob_drake.stations.piece_config import PieceConfig, with_scattered_copies
 from simrob_drake.stations.solver_config import (
     ContactConfig,
     ContinuousSolver,
@@ -329,15 +329,15 @@ class StationConfig(Renamed):
 
     @field_validator("robots", "pieces", "sensors", "monitors", "couplings", "forces", "controllers")
     @classmethod
-    def _plain_names(cls, entries: dict[str, Any]) -> dict[str, Any]:
+    def _check_names(cls, entries: dict[str, Any]) -> dict[str, Any]:
         for name in entries:
             check_plain(name)
         return entries
 
     @field_validator("pieces")
     @classmethod
-    def _scattered(cls, entries: dict[str, PieceConfig]) -> dict[str, PieceConfig]:
-        return scattered(entries)
+    def _add_scattered_copies(cls, entries: dict[str, PieceConfig]) -> dict[str, PieceConfig]:
+        return with_scattered_copies(entries)
 
     @property
     def only_robot(self) -> str | None:

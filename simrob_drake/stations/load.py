@@ -30,7 +30,7 @@ from simrob_drake.base.yaml_files import is_yaml_name, place_of, read_yaml
 from simrob_drake.importer.robot_files import is_robot_file
 from simrob_drake.stations.change_of_kind import KeyLosses, kind_of
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.located import located, located_program
+from simrob_drake.stations.file_paths import program_with_absolute_paths, with_absolute_paths
 from simrob_drake.stations.resolve import check_parts, resolve
 
 ONLY_ROBOT = "robot"
@@ -158,7 +158,7 @@ def _read_station(
 ) -> StationConfig:
     """Read a station's file and apply overrides. Relative paths in the file start at the file's folder."""
     border = Border(path, mesh_path)  # decides which files the station's file may name
-    content = located(read_yaml(path), path.parent, border)
+    content = with_absolute_paths(read_yaml(path), path.parent, border)
     if "program" in content:
         content["program"] = _program_content(content["program"], path.parent, border)
     content = {"name": path.stem, **content}  # the name of the file, unless the file gives another one
@@ -241,7 +241,7 @@ def _make_config(
     _write_by_axis(content, keys_of_axes, axes)
     for key in keys_of_axes:
         _override(content, paths[key], overrides[key], where, losses)
-    content = located(content, Path.cwd())  # relative paths in overrides start at the current folder
+    content = with_absolute_paths(content, Path.cwd())  # relative paths in overrides start at the current folder
     content = _with_robots_section(content, where)
     _add_mesh_path(content, mesh_path)
     config = _validate(content, where, allow_code)
@@ -413,9 +413,9 @@ def _program_content(program: Any, folder: Path, border: Border | None = None) -
     """
     if isinstance(program, str):
         file = folder / program
-        return located_program(read_yaml(file), file.parent, Border(file))
+        return program_with_absolute_paths(read_yaml(file), file.parent, Border(file))
     if isinstance(program, Mapping):
-        return located_program(program, folder, border)
+        return program_with_absolute_paths(program, folder, border)
     return program
 
 

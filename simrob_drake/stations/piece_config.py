@@ -209,7 +209,7 @@ class PieceConfig(Strict):
         return self
 
 
-def scattered(entries: Mapping[str, PieceConfig]) -> dict[str, PieceConfig]:
+def with_scattered_copies(entries: Mapping[str, PieceConfig]) -> dict[str, PieceConfig]:
     """Replace each piece that has a section ``scatter`` by its copies, named `<name>_1` and so on.
 
     Args:

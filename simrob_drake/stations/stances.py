@@ -133,13 +133,13 @@ class Stances:
                 feet.add(self._robot.root.body().name())
             yield from self._good(home, [], feet, 0.0)
         for legs in groups:
-            yield from self.bent(legs)
+            yield from self.bent_stances(legs)
 
     def as_it_is(self) -> Stance | None:
         """Compute the stance at home, whatever touches the ground there. Returns None if the robot has no shapes."""
         return self._stance(self._home, message("stations.stands_at_home", "at home"))
 
-    def bent(self, legs: list[Leg], lengths: Sequence[float] = _BENT_LENGTHS) -> Iterator[Stance]:
+    def bent_stances(self, legs: list[Leg], lengths: Sequence[float] = _BENT_LENGTHS) -> Iterator[Stance]:
         """Yield the good stances on some legs, with the legs bent and the feet about below the hips.
 
         Args:
@@ -285,7 +285,7 @@ class Stances:
             shape = self._bend(first_leg, posture)
             for leg, target, own_solutions in zip(legs[1:], targets[1:], solutions[1:], strict=True):
                 candidates = list(own_solutions)
-                for seed in self._mirrored(first_leg, first_angles, leg):
+                for seed in self._mirrored_guesses(first_leg, first_angles, leg):
                     mirrored = self._solve(leg, target, length, seed)
                     if mirrored is not None:
                         candidates.append(mirrored)
@@ -296,11 +296,11 @@ class Stances:
                     from_home = np.abs(candidate - self._home[leg.axes]).max()
                     costs.append(float(difference + _HOME_PREFERENCE * from_home))
                 posture[leg.axes] = candidates[int(np.argmin(costs))]
-            stance = self._balanced(legs, posture, targets, length, how)
+            stance = self._balance(legs, posture, targets, length, how)
             if stance is not None:
                 yield from self._good(stance, legs, feet, length)
 
-    def _mirrored(self, leg: Leg, angles: Vector, other: Leg) -> Iterator[Vector]:
+    def _mirrored_guesses(self, leg: Leg, angles: Vector, other: Leg) -> Iterator[Vector]:
         """Yield first guesses for another leg that bend it like a leg with given angles.
 
         An angle changes its sign if the axes of the two legs point in opposite directions after mirroring.
@@ -342,7 +342,7 @@ class Stances:
         origins = np.array([self._origin(link) for link in leg.links])
         return np.asarray((origins - origins[0])[:, [0, 2]].ravel())
 
-    def _balanced(self, legs: list[Leg], posture: Vector, targets: Vector, length: float, how: str) -> Stance | None:
+    def _balance(self, legs: list[Leg], posture: Vector, targets: Vector, length: float, how: str) -> Stance | None:
         """Move the feet to one height and under the centre of mass.
 
         Args:

@@ -78,7 +78,7 @@ class FilesToCopy(NamedTuple):
     needed: list[Path]
 
 
-def located(content: Mapping[str, Any], folder: Path, border: Border | None = None) -> dict[str, Any]:
+def with_absolute_paths(content: Mapping[str, Any], folder: Path, border: Border | None = None) -> dict[str, Any]:
     """Copy a station's content with absolute paths.
 
     Args:
@@ -103,34 +103,36 @@ def located(content: Mapping[str, Any], folder: Path, border: Border | None = No
     return result
 
 
-def located_changes(changes: Mapping[str, Any], folder: Path, border: Border | None = None) -> dict[str, Any]:
-    """Copy the changes of a station, values by dotted key, with absolute paths. Arguments as in :func:`located`."""
+def changes_with_absolute_paths(
+    changes: Mapping[str, Any], folder: Path, border: Border | None = None
+) -> dict[str, Any]:
+    """Copy the changes of a station, values by dotted key, with absolute paths. Arguments as in :func:`with_absolute_paths`."""
     result = dict[str, Any]()
     for key, value in changes.items():
         whole: Any = value
         for part in reversed(key.split(".")):
             whole = {part: whole}
-        whole = located(whole, folder, border)
+        whole = with_absolute_paths(whole, folder, border)
         for part in key.split("."):
             whole = whole[part]
         result[key] = whole
     return result
 
 
-def located_program(program: Mapping[str, Any], folder: Path, border: Border | None) -> dict[str, Any]:
+def program_with_absolute_paths(program: Mapping[str, Any], folder: Path, border: Border | None) -> dict[str, Any]:
     """Copy a program with absolute paths and without its key ``station``, as a station contains it.
 
-    Arguments and errors are those of :func:`located`.
+    Arguments and errors are those of :func:`with_absolute_paths`.
     """
     result = deepcopy({key: value for key, value in program.items() if key != "station"})
     changes = result.get("changes")
     for change in changes if isinstance(changes, list) else []:
         if isinstance(change, dict) and isinstance(change.get("set"), dict):
-            change["set"] = located_changes(change["set"], folder, border)
+            change["set"] = changes_with_absolute_paths(change["set"], folder, border)
     return result
 
 
-def located_station(station: str, file: Path) -> str:
+def station_with_absolute_path(station: str, file: Path) -> str:
     """Resolve the station that a file names: a name of the package stays, a path becomes absolute.
 
     Args:
@@ -184,7 +186,7 @@ _ROBOT_FILES = (ROBOT_FILE, "gaits.yaml", "walking.yaml")
 """Files of a robot's folder that are read in addition to its URDF."""
 
 
-def carried(config: StationConfig, folder: Path) -> StationConfig:
+def with_copied_files(config: StationConfig, folder: Path) -> StationConfig:
     """Copy the files of a station into a folder, and name the copies in the station by paths from that folder.
 
     Robots are copied as they were imported. Keys with relative paths stay as they are, and so do keys of files that
