@@ -35,6 +35,9 @@ Ending = Literal["completed", "monitor", "diverged", "interrupted", "failed"]
 ContactsAt: TypeAlias = Callable[[Vector], Iterator[ContactResults]]
 """Function that yields Drake's contact results at times (k,) [s] of a run."""
 
+_CONTEXT_OF_PLANT = "_context_of_plant"
+"""Attribute of a pickled run, see `RebuiltRun.context_of_plant`."""
+
 DIVERGED = "diverged"
 INTERRUPTED = "interrupted"
 FAILED = "failed"
@@ -137,8 +140,9 @@ class RecordedRun:
         final_state: state of the station at the end, from which another run can begin.
         start: state at the start; None if the run began in the configuration's initial posture.
         contacts_at: yields Drake's contact results at times (k,) [s] of the run; None if the station has no contact.
-        context: returns a context of a diagram with the plant and its shapes, whose positions may be changed; None if
-            the plant is not part of a diagram.
+        context: returns a new context of the diagram at the end of the run, with its time and state, which may be
+            changed. In a diagram of the user's own it contains the logs of log sinks. It is None in results that an
+            earlier version has pickled, if the station is kinematic.
         shortened: how often the solver tried a step again with a shorter length; None if all steps have one length.
         references: references that were passed to simulate(), by robot; they replace those of the configuration.
         did: what the run did, in a few words, such as ``move_l of left``.
@@ -224,6 +228,7 @@ class RecordedRun:
             "positions_at": rebuilt.positions_at,
             "contacts_at": rebuilt.contacts_at,
             "context": rebuilt.context if pickled["has_context"] else None,
+            _CONTEXT_OF_PLANT: rebuilt.context_of_plant if pickled["has_context"] else None,
         }
 
     def __getitem__(self, name: str) -> Vector:
@@ -271,7 +276,10 @@ class RecordedRun:
     @cached_property
     def touch(self) -> Touch:
         """Overlaps of bodies and slips of feet, evaluated at some times of the run."""
-        return Touch.of(self.config, self.plant, self.times, self.positions_at, self.context)
+        # A pickled run has another plant, so that the context must be one of its diagram.
+        plant = self.plant
+        context_of = self.__dict__.get(_CONTEXT_OF_PLANT, self.context)
+        return Touch.of(self.config, plant, self.times, self.positions_at, context_of)
 
     @cached_property
     def piece_contacts(self) -> dict[str, list[ContactSample]]:
