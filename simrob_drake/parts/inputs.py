@@ -30,13 +30,14 @@ class InputPorts(dict[str, InputPort]):
         is_kinematic = any(key.rpartition(".")[2] == "reference_acceleration" for key in self)
         prefixes = [] if is_kinematic else [key.removesuffix("reference") for key in references]
         listable = {f"{prefix}{key}": key for prefix in prefixes for key in LISTABLE}
-        known = [*self, *listable]
-        close = nearest_name(name, known)
+        close = nearest_name(name, [*self, *listable])
         if close not in listable:
-            raise UnknownKey(what, name, known)
+            raise UnknownKey(what, name, self)
         remedy = message(
             "parts.list_the_input",
-            '; a station has this input if its key inputs lists it, as in overrides={{"inputs": ["{key}"]}}',
+            "; the input '{input}' is there if the key inputs of the station lists it, as in "
+            'overrides={{"inputs": ["{key}"]}}',
+            input=close,
             key=listable[close],
         )
-        raise UnknownKey(what, name, () if name == close else [close], remedy=remedy)
+        raise UnknownKey(what, name, (), remedy=remedy)

@@ -16,7 +16,6 @@ from simrob_drake.simulation.run import OnStep, Run, with_duration
 from simrob_drake.simulation.runner import StartTime, check_callback, check_state
 from simrob_drake.simulation.stepping import Stepper
 from simrob_drake.stations.closed import ClosedStation
-from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.open_inputs import check_inputs
 from simrob_drake.stations.ports import StationPorts
 
@@ -54,7 +53,8 @@ def simulate_diagram(
             as ``{"planner.target": planner.GetOutputPort("target")}``. A block may have an attribute ``units``, a
             mapping of the names of its ports to units.
         progress: show a bar on a terminal.
-        on_step: callback, as in :func:`simulate`.
+        on_step: callback with the time [s] and the positions of the whole plant (nq,): once at the start, and after
+            each accepted step.
 
     Returns:
         the result; its times are those of the diagram's clock. Saved, its ``station.yaml`` is the station alone, with
@@ -100,7 +100,8 @@ def _check_diagram(diagram: Diagram, ports: StationPorts) -> None:
             message("simulation.ports_of_other_diagram", "those of a station in another diagram"),
             message(
                 "simulation.ports_of_this_diagram",
-                "those that add_station() returned for the builder of this diagram, or station.ports of a station in it",
+                "those that add_station() returned for the builder of this diagram, or station.ports of a station "
+                "in it",
             ),
         )
 

@@ -268,19 +268,19 @@ class Run:
             begins_in_motion=self.stepper.begins_in_motion,
             prepare=self.prepare,
             tolerant=tolerant,
-            context=self.stepper.given_context,
+            context=self.stepper.user_context,
         )
 
     def _final_context(self, sampler: Sampler) -> Callable[[], Context]:
         """Make a function that returns a new context at the end of the run.
 
         In a diagram of the user's own, this is a copy of the stepped context: it contains the logs of the user's log
-        sinks. The stepped context is moved to the end of the run, too, if a monitor ended the run within the last steps.
+        sinks. If a monitor ended the run before the last step, the stepped context is moved to the end of the run, too.
 
         Args:
             sampler: evaluates the whole diagram, at the states of the run.
         """
-        stepped = self.stepper.given_context
+        stepped = self.stepper.user_context
         if stepped is None:
             return sampler.final_context
         sampler.history.last().put(0, stepped)
@@ -368,7 +368,7 @@ def watched(
         repeated: compares the steps that repeat those of an earlier run; None if there are none.
     """
     ports = whole.ports
-    sampler = Sampler(whole.diagram, ports, _NO_STATES, context=stepper.given_context)
+    sampler = Sampler(whole.diagram, ports, _NO_STATES, context=stepper.user_context)
     held = torques_held_over_steps(ports)
     watch = Watch(ports, sampler, held=held, begins_in_motion=stepper.begins_in_motion)
     look = watch.look if ports.outputs.monitors else None

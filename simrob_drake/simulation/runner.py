@@ -79,9 +79,9 @@ def simulate(
             of the solver.
         pushes: in place of the configuration's, by name, as in ``{"shove": {"start": 1, "force": [5, 0, 0]}}``.
         progress: show a bar on a terminal.
-        on_step: called after each accepted step with the time [s] and the positions of the whole plant (nq,), perhaps
-            a few steps beyond a monitor's stop; it cannot change the run. What it raises goes on to the caller;
-            KeyboardInterrupt ends the run.
+        on_step: callback with the time [s] and the positions of the whole plant (nq,): once at the start, and after
+            each accepted step, perhaps a few steps beyond a monitor's stop. Each time comes once. The callback cannot
+            change the run. Its exceptions are raised to the caller; KeyboardInterrupt ends the run.
         commands: what walks are asked for while the run is under way, in place of what their sections say: by the name
             of the controller a function that returns it at a time [s] after each step, as speeds ahead and to the left
             [m/s] and turn [rad/s], or None to leave it as it is. The sections of the result's configuration hold it
@@ -205,19 +205,28 @@ class Runner:
         ticks: Ticks | None = None,
         strict: bool = False,
     ) -> SimulationResult:
-        """Run the station, as :func:`simulate` does, whose arguments and errors these are, but for two.
+        """Run the station, and return the result that :func:`simulate` gives.
 
         Args:
-            reference: as in :func:`simulate`, as are the other arguments.
-            duration: as in :func:`simulate`.
-            start: as in :func:`simulate`.
-            start_time: as in :func:`simulate`.
-            pushes: as in :func:`simulate`.
-            on_step: as in :func:`simulate`.
-            commands: as in :func:`simulate`.
-            strict: as in :func:`simulate`.
-            progress: as in :func:`simulate`, but off by default, since a runner makes many runs.
-            ticks: even times at which stepping begins anew, and may end; None if there are none.
+            reference: in place of the configuration's: a trajectory of shape (n, 1), an array (m, 1 + n) whose first
+                column is the time, or a pair of times (m,) and positions (m, n); in SI units and radians. With several
+                robots, a mapping by robot.
+            duration: length of the run, in place of the configuration's [s].
+            start: state in which the station begins, such as the ``final_state`` of another result; None for the
+                configuration's own start.
+            start_time: ``zero`` begins at 0 s, with references and pushes anew. ``keep`` continues the run that ended
+                in ``start``, at its time.
+            pushes: in place of the configuration's, by name, as in ``{"shove": {"start": 1, "force": [5, 0, 0]}}``.
+            progress: show a bar on a terminal. It is off by default, since a runner makes many runs.
+            on_step: callback with the time [s] and the positions of the whole plant (nq,): once at the start, and
+                after each accepted step.
+            commands: functions of the time [s] that command walks during the run, by the name of the controller.
+            ticks: evenly spaced times at which stepping begins anew, and may end; None if there are none.
+            strict: raise an error if the result has warnings.
+
+        Raises:
+            SimrobError: input that cannot be run at all.
+            VerdictError: with ``strict``, a run that has warnings, diverged, or in which a block failed.
         """
         config = with_pushes(with_duration(self.config, duration), pushes)
         check_callback(on_step)
@@ -262,9 +271,10 @@ class Runner:
             result: a run of this station that was completed, or interrupted by the user. It may come from another
                 process, by pickle.
             until: end of the run [s]. It is later than that of ``result``.
-            progress: as in :func:`simulate`.
-            on_step: as in :func:`simulate`, for the steps after the end of ``result``.
-            strict: as in :func:`simulate`.
+            progress: show a bar on a terminal.
+            on_step: callback with the time [s] and the positions of the whole plant (nq,), after each accepted step
+                after the end of ``result``.
+            strict: raise an error if the result has warnings.
 
         Returns:
             the whole run, from the start of ``result``: equal, to the last bit, to a run that was not stopped. A solver
@@ -561,7 +571,11 @@ def _checked_start(config: StationConfig, start: State | None) -> State | None:
 
 
 def check_state(start: State) -> None:
-    """Check the state in which a run should begin; raises InvalidParameter: it is no State, or has no finite numbers."""
+    """Check the state in which a run should begin.
+
+    Raises:
+        InvalidParameter: it is no State, or has values that are no finite numbers.
+    """
     expected = message("simulation.a_state", "a State, such as the final_state of a result")
     instance(start, "start", State, expected).check()
 
@@ -641,11 +655,13 @@ class RunBranch:
         """Run on under pushes, and return the whole run with its signals.
 
         Args:
-            pushes: pushes that begin at the time of the branch or later, as in :meth:`Runner.run`. They take the place
-                of the station's own ones of these times.
-            progress: as in :meth:`Runner.run`.
-            on_step: as in :meth:`Runner.run`, for the steps after the branch.
-            strict: as in :meth:`Runner.run`.
+            pushes: pushes that begin at the time of the branch or later, by name, as in
+                ``{"shove": {"start": 1, "force": [5, 0, 0]}}``. They take the place of the station's own ones of these
+                times.
+            progress: show a bar on a terminal.
+            on_step: callback with the time [s] and the positions of the whole plant (nq,), after each accepted step
+                after the branch.
+            strict: raise an error if the result has warnings.
 
         Raises:
             InvalidParameter: a push that begins before the branch.

@@ -141,7 +141,7 @@ class Stepper:
         end: planned end of the run [s].
         begins_in_motion: whether the run continues the motion of another run.
         shortened: how often the solver tried a step again with a shorter length; None if all steps have one length.
-        given_context: the caller's context, which the run advances; None if there is none.
+        user_context: the caller's context, which the run advances; None if there is none.
     """
 
     def __init__(
@@ -177,7 +177,7 @@ class Stepper:
             context: context of the diagram that is stepped, if it is always the same diagram. The run advances it. If
                 it is None, the simulators make their own contexts.
         """
-        self.given_context = context
+        self.user_context = context
         self._config = config
         self._diagram_at = diagram_at
         self._blocks = blocks
@@ -319,7 +319,7 @@ class Stepper:
         before = int((history.times < time).sum()) - 1  # row of the last recorded state before the time
         built = self._diagram_at(float(history.times[before]))
         # A copy of the caller's context has its parameters, which a default context may not have.
-        own_context = None if self.given_context is None else self.given_context.Clone()
+        own_context = None if self.user_context is None else self.user_context.Clone()
         simulator = self._simulator(built, own_context)
         history.put(before, simulator.get_mutable_context())
         flight = self._make_flight(built, simulator)

@@ -7,7 +7,7 @@ An *event* is a pair of a time [s] and a short text.
 
 import pickle
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self, TypeAlias
 from zlib import compress, decompress
@@ -16,7 +16,7 @@ import numpy as np
 from pydrake.multibody.plant import ContactResults
 from pydrake.systems.framework import Context
 
-from simrob_drake.base.errors import one_of
+from simrob_drake.base.errors import nearest_name, one_of
 from simrob_drake.base.frames import VELOCITY_NAMES, XYZ_QUATERNION_NAMES, Vector
 from simrob_drake.base.messages import Message, compound, message
 from simrob_drake.base.signals import Panel, Signal
@@ -116,6 +116,29 @@ class MoveSpan:
     end: float
 
 
+_USUAL_NAMES = {"columns": "names", "data": "values", "signal_names": "names", "t": "times", "time": "times"}
+"""Names that other packages give to attributes of a result, and the names of these here."""
+
+
+def _no_attribute(kind: type[Any], name: str) -> str:
+    """Text of an AttributeError of a result, which proposes the nearest attribute.
+
+    Args:
+        kind: class of the result.
+        name: the attribute that it does not have.
+    """
+    known = {attribute for attribute in [*dir(kind), *(own.name for own in fields(kind))] if attribute[0] != "_"}
+    close = _USUAL_NAMES.get(name) or nearest_name(name, known)
+    if close is None or name.startswith("_"):
+        return message("results.no_attribute", "a result has no attribute '{name}'", name=name)
+    return message(
+        "results.no_attribute_but",
+        "a result has no attribute '{name}'; did you mean '{close}'?",
+        name=name,
+        close=close,
+    )
+
+
 @dataclass(frozen=True)
 class RecordedRun:
     """A run: its signals, how it ended and how fast it was.
@@ -178,8 +201,10 @@ class RecordedRun:
     start: State | None = None
     references: dict[str, Reference | Samples] = field(default_factory=dict)
     solver_warnings: list[str] = field(default_factory=list)
-    contacts_at: ContactsAt | None = None
-    context: Callable[[], Context] | None = None
+    # Fields that a pickled run makes again need factories: a plain default would be an attribute of the class, which
+    # Python finds before it calls __getattr__.
+    contacts_at: ContactsAt | None = field(default_factory=lambda: None)
+    context: Callable[[], Context] | None = field(default_factory=lambda: None)
     shortened: int | None = None
     did: str = ""
     place: str = ""
@@ -215,7 +240,7 @@ class RecordedRun:
         def __getattr__(self, name: str) -> Any:
             """Make a field again that was not pickled, when it is first used."""
             if name not in REBUILT or "_pickled" not in self.__dict__:
-                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+                raise AttributeError(_no_attribute(type(self), name), name=name, obj=self)
             self.__dict__.update(self._rebuilt_fields())
             return self.__dict__[name]
 
