@@ -55,7 +55,10 @@ def test_inputs_of_several_robots():
     with pytest.raises(KeyError) as error:
         inputs["left.feedforward"]
     assert 'overrides={"inputs": ["feedforward"]}' in message_of(error)
-    assert "left.feedforward" in build_station("two_arms", overrides={"mode": "dynamic", "inputs": ["feedforward"]}).ports.inputs
+    assert (
+        "left.feedforward"
+        in build_station("two_arms", overrides={"mode": "dynamic", "inputs": ["feedforward"]}).ports.inputs
+    )
 
 
 def test_a_kinematic_station_lists_nothing():
