@@ -15,7 +15,7 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import AffineSystem, LinearSystem, MatrixGain
 
 from simrob_drake.base.frames import Vector
-from simrob_drake.blocks.block import fed, joined, mapped, summed
+from simrob_drake.blocks.block import add_and_connect, add_matrix_gain, add_multiplexer, add_sum
 from simrob_drake.blocks.servo import ServoGains, ServoSignals
 from simrob_drake.robots.axis_map import AxisMap
 
@@ -29,8 +29,8 @@ def add_model_torque(
     """
     mode = InverseDynamics.InverseDynamicsMode
     if acceleration is None:
-        return fed(builder, name, InverseDynamics(plant, mode.kGravityCompensation), state)
-    return fed(builder, name, InverseDynamics(plant, mode.kInverseDynamics), state, acceleration)
+        return add_and_connect(builder, name, InverseDynamics(plant, mode.kGravityCompensation), state)
+    return add_and_connect(builder, name, InverseDynamics(plant, mode.kInverseDynamics), state, acceleration)
 
 
 def add_feedforward(
@@ -54,16 +54,19 @@ def add_feedforward(
     rate = _spread(builder, f"{name}.acceleration", rates, np.zeros(plant.num_velocities())) if rates else None
     force = add_model_torque(builder, plant, state, rate, name=name)
     return [
-        mapped(builder, f"{name}.axes_{index}", axes.velocity_matrix, force) for index, (axes, _) in enumerate(robots)
+        add_matrix_gain(builder, f"{name}.axes_{index}", axes.velocity_matrix, force)
+        for index, (axes, _) in enumerate(robots)
     ]
 
 
 def _spread(builder: DiagramBuilder, name: str, parts: Sequence[tuple[OutputPort, Vector]], rest: Vector) -> OutputPort:
     """Return a vector of the plant: that of its rest, and what the parts' matrices make of their ports."""
     matrix = np.hstack([part for _, part in parts])
-    bus = joined(builder, f"{name}.bus", *(port for port, _ in parts))
+    bus = add_multiplexer(builder, f"{name}.bus", *(port for port, _ in parts))
     return (
-        fed(builder, name, AffineSystem(D=matrix, y0=rest), bus) if rest.any() else mapped(builder, name, matrix, bus)
+        add_and_connect(builder, name, AffineSystem(D=matrix, y0=rest), bus)
+        if rest.any()
+        else add_matrix_gain(builder, name, matrix, bus)
     )
 
 
@@ -97,11 +100,13 @@ def add_computed_torque(
     assert acceleration is not None
     stiffness, damping, each = np.diag(gains.kp), np.diag(gains.kd), np.eye(len(gains.kp))
     law = axes.velocity_matrix.T @ np.hstack([stiffness, -stiffness, -damping, damping, each])
-    bus = joined(builder, f"{name}.bus", position, signals.state, velocity, acceleration)
-    force = add_model_torque(builder, plant, state, fed(builder, f"{name}.law", MatrixGain(law), bus), name=name)
-    torque = mapped(builder, f"{name}.axes", axes.velocity_matrix, force)
+    bus = add_multiplexer(builder, f"{name}.bus", position, signals.state, velocity, acceleration)
+    force = add_model_torque(
+        builder, plant, state, add_and_connect(builder, f"{name}.law", MatrixGain(law), bus), name=name
+    )
+    torque = add_matrix_gain(builder, f"{name}.axes", axes.velocity_matrix, force)
     feedforward = [port for port in (signals.feedforward,) if port is not None]
-    return summed(builder, f"{name}.sum", torque, *feedforward)
+    return add_sum(builder, f"{name}.sum", torque, *feedforward)
 
 
 def add_admittance(
@@ -135,4 +140,6 @@ def add_admittance(
         parts, columns = [*parts, signals.feedforward], [*columns, -each]
     inputs = gain * np.hstack(columns)
     block = LinearSystem(A=-gain * each, B=inputs, C=each, D=np.zeros_like(inputs))
-    return fed(builder, f"{prefix}admittance", block, joined(builder, f"{prefix}admittance.bus", *parts))
+    return add_and_connect(
+        builder, f"{prefix}admittance", block, add_multiplexer(builder, f"{prefix}admittance.bus", *parts)
+    )

@@ -11,7 +11,7 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Saturation
 
 from simrob_drake.base.frames import Vector
-from simrob_drake.blocks.block import fed, joined, mapped
+from simrob_drake.blocks.block import add_and_connect, add_matrix_gain, add_multiplexer
 
 
 def add_external_force(
@@ -106,8 +106,8 @@ def add_joint_stops(
     push[velocities, rows] = -k
     push[velocities, count + rows] = k
 
-    ahead = mapped(builder, "stops.position_ahead", pick, plant.get_state_output_port())
+    ahead = add_matrix_gain(builder, "stops.position_ahead", pick, plant.get_state_output_port())
     lower = np.array([joint.position_lower_limit() for joint in limited])
     upper = np.array([joint.position_upper_limit() for joint in limited])
-    clip = fed(builder, "stops.range", Saturation(lower, upper), ahead)
-    return mapped(builder, "stops.force", push, joined(builder, "stops.penetration", ahead, clip))
+    clip = add_and_connect(builder, "stops.range", Saturation(lower, upper), ahead)
+    return add_matrix_gain(builder, "stops.force", push, add_multiplexer(builder, "stops.penetration", ahead, clip))

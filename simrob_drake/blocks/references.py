@@ -17,7 +17,7 @@ from simrob_drake.base.arguments import SHORTEST
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector, numbers
 from simrob_drake.base.messages import compound, message
-from simrob_drake.blocks.block import fed, summed
+from simrob_drake.blocks.block import add_and_connect, add_sum
 
 BLEND = (10.0, -15.0, 6.0)
 """Factors of :math:`s^3, s^4, s^5` in the shortest polynomial from 0 to 1 with zero velocity and acceleration there."""
@@ -186,8 +186,8 @@ class SineReference(ReferenceSignal):
         """
         angular_frequency = np.full(len(self.centre), 2 * np.pi * self.frequency)  # [rad/s]
         wave = builder.AddNamedSystem(name, Sine(self.amplitude, angular_frequency, self.phase))
-        centre = fed(builder, f"{name}.centre", ConstantVectorSource(self.centre))
-        position = summed(builder, f"{name}.sum", wave.get_output_port(0), centre)
+        centre = add_and_connect(builder, f"{name}.centre", ConstantVectorSource(self.centre))
+        position = add_sum(builder, f"{name}.sum", wave.get_output_port(0), centre)
         return ReferenceSource(
             position=position, velocity=wave.get_output_port(1), acceleration=wave.get_output_port(2)
         )

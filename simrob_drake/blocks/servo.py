@@ -63,7 +63,7 @@ from simrob_drake.base.constants import LARGEST_GAIN
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Flags, Vector
 from simrob_drake.base.messages import message
-from simrob_drake.blocks.block import fed, joined, mapped
+from simrob_drake.blocks.block import add_and_connect, add_matrix_gain, add_multiplexer
 
 AT_LIMIT = 0.999
 """A motor is at its limit if it takes at least this share of what it can give, see `ServoGains.torque_shares`."""
@@ -294,18 +294,18 @@ def add_motor(
     """
     if gains.line is not None and gains.line.slope[group].any():
         each, slope = np.eye(len(group)), gains.line.slope[group, np.newaxis] * speed
-        driven = mapped(
-            builder, f"{name}.drive", np.hstack([each, slope]), joined(builder, f"{name}.drives", command, bus)
+        driven = add_matrix_gain(
+            builder, f"{name}.drive", np.hstack([each, slope]), add_multiplexer(builder, f"{name}.drives", command, bus)
         )
         driven = add_saturation(builder, driven, gains.line.stall[group], f"{name}.stall")
-        pair = joined(builder, f"{name}.brakes", driven, bus)
-        command = mapped(builder, f"{name}.brake", np.hstack([each, -slope]), pair)
+        pair = add_multiplexer(builder, f"{name}.brakes", driven, bus)
+        command = add_matrix_gain(builder, f"{name}.brake", np.hstack([each, -slope]), pair)
     return add_saturation(builder, command, gains.cap[group], limiter)
 
 
 def add_saturation(builder: DiagramBuilder, command: OutputPort, limit: Vector, name: str) -> OutputPort:
     """Add a saturation at ``limit`` (n,) [N·m] to both sides, and return what it lets through."""
-    return fed(builder, name, Saturation(-limit, limit), command)
+    return add_and_connect(builder, name, Saturation(-limit, limit), command)
 
 
 def _add_selector(builder: DiagramBuilder, signals: ServoSignals, groups: list[list[int]], name: str) -> Selector:
@@ -329,7 +329,7 @@ def _add_selector(builder: DiagramBuilder, signals: ServoSignals, groups: list[l
         ],
     )
     selector = Selector(params)
-    fed(builder, name, selector, *inputs)
+    add_and_connect(builder, name, selector, *inputs)
     return selector
 
 
@@ -343,8 +343,11 @@ def _add_group(
     matrix = _of_bus(signals, proportional, -proportional, -derivative, derivative, np.eye(len(group)))
     if (gains.ki[group] > 0).any():
         integral = add_integral(builder, [bus], gains, group, name)
-        matrix, bus = np.hstack([matrix, np.eye(len(group))]), joined(builder, f"{name}.signals", bus, integral)
-    return fed(builder, f"{name}.pd", MatrixGain(matrix), bus)
+        matrix, bus = (
+            np.hstack([matrix, np.eye(len(group))]),
+            add_multiplexer(builder, f"{name}.signals", bus, integral),
+        )
+    return add_and_connect(builder, f"{name}.pd", MatrixGain(matrix), bus)
 
 
 def _of_bus(signals: ServoSignals, *parts: Vector) -> Vector:
@@ -367,16 +370,16 @@ def _add_cascade(
     each, none = np.eye(len(group)), np.zeros((len(group), len(group)))
     rate, damping = np.diag(gains.kp[group] / gains.kd[group]), np.diag(gains.kd[group])
     outer = MatrixGain(_of_bus(signals, rate, -rate, none, each, none))
-    desired = fed(builder, f"{name}.position_loop", outer, bus)
+    desired = add_and_connect(builder, f"{name}.position_loop", outer, bus)
     speed = add_saturation(builder, desired, gains.speed_limit[group], f"{name}.speed_limit")
     parts, columns = [speed, bus], [damping, _of_bus(signals, none, none, -damping, none, each)]
     if (gains.ki[group] > 0).any():
-        measured = mapped(builder, f"{name}.speed", _speeds_of_bus(signals, len(group)), bus)
+        measured = add_matrix_gain(builder, f"{name}.speed", _speeds_of_bus(signals, len(group)), bus)
         scaled = replace(gains, ki=gains.ki * gains.kd / gains.kp)
         parts.append(add_integral(builder, [speed, measured], scaled, group, name))
         columns.append(each)
     inner = MatrixGain(np.hstack(columns))
-    return fed(builder, f"{name}.velocity_loop", inner, joined(builder, f"{name}.signals", *parts))
+    return add_and_connect(builder, f"{name}.velocity_loop", inner, add_multiplexer(builder, f"{name}.signals", *parts))
 
 
 def add_integral(
@@ -394,7 +397,7 @@ def add_integral(
     integrator = LinearSystem(A=-leak, B=np.hstack([ki, -ki, unused, leak]), C=np.eye(count), D=nothing)
     builder.AddNamedSystem(f"{name}.integrator", integrator)
     clipped = add_saturation(builder, integrator.get_output_port(), limit, f"{name}.integral_clip")
-    fed_back = joined(builder, f"{name}.integrator_input", *ports, clipped)
+    fed_back = add_multiplexer(builder, f"{name}.integrator_input", *ports, clipped)
     builder.Connect(fed_back, integrator.get_input_port())
     return clipped
 
@@ -440,7 +443,7 @@ def add_actuator_servos(
         the torques that the actuators apply, size n [N·m], in axis order.
     """
     if len(actuation_map) == 0:  # a robot without any motor has no actuators to connect
-        return fed(builder, f"{prefix}applied_torque", ConstantVectorSource(np.zeros(len(gains.kp))))
+        return add_and_connect(builder, f"{prefix}applied_torque", ConstantVectorSource(np.zeros(len(gains.kp))))
     extra, torque_of = _extra_torques(builder, signals, gains, prefix)
     driven = ~gains.passive
     stiff = bool((gains.kp[driven] > 0).all())
@@ -454,19 +457,19 @@ def add_actuator_servos(
             offsets[driven] = matrix[driven] / gains.kp[driven, np.newaxis]
             columns.append(offsets)
     elif extra:
-        bus = joined(builder, f"{prefix}extra_torques", *extra)
-        torque = mapped(builder, f"{prefix}actuation", actuation_map @ np.hstack(torque_of), bus)
+        bus = add_multiplexer(builder, f"{prefix}extra_torques", *extra)
+        torque = add_matrix_gain(builder, f"{prefix}actuation", actuation_map @ np.hstack(torque_of), bus)
         builder.Connect(torque, plant.get_actuation_input_port(instance))
     position = actuation_map @ np.hstack(columns)
     desired = np.vstack([position, np.zeros_like(position)])
-    source = joined(builder, f"{prefix}desired", *ports)
-    state = mapped(builder, f"{prefix}desired_state", desired, source)
+    source = add_multiplexer(builder, f"{prefix}desired", *ports)
+    state = add_matrix_gain(builder, f"{prefix}desired_state", desired, source)
     builder.Connect(state, plant.get_desired_state_input_port(instance))
     applied, matrix = plant.get_net_actuation_output_port(instance), actuation_map.T
     if gains.damping.any():
-        applied = joined(builder, f"{prefix}applied_and_state", applied, signals.state)
+        applied = add_multiplexer(builder, f"{prefix}applied_and_state", applied, signals.state)
         matrix = np.hstack([matrix, np.zeros_like(np.diag(gains.kp)), -np.diag(gains.damping)])
-    return mapped(builder, f"{prefix}applied_torque", matrix, applied)
+    return add_matrix_gain(builder, f"{prefix}applied_torque", matrix, applied)
 
 
 def _extra_torques(

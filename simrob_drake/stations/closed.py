@@ -13,7 +13,7 @@ from simrob_drake.base.errors import InvalidParameter, SimrobError
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.lifetime import built
 from simrob_drake.base.messages import message
-from simrob_drake.blocks.block import fed, joined
+from simrob_drake.blocks.block import add_and_connect, add_multiplexer
 from simrob_drake.blocks.references import (
     Reference,
     ReferenceSource,
@@ -109,7 +109,7 @@ def closed_station(
             _add_prescribed(builder, ports, robot.axes[place], robot, reference)
     for name, port in ports.inputs.items():
         if not builder.IsConnectedOrExported(port):
-            builder.Connect(fed(builder, f"{name}.zero", ConstantVectorSource(np.zeros(port.size()))), port)
+            builder.Connect(add_and_connect(builder, f"{name}.zero", ConstantVectorSource(np.zeros(port.size()))), port)
             owner = next((robot for robot in ports.plant.robots.values() if name.startswith(robot.prefix)), None)
             ports.picture.draw(f"{name}.zero", "reference", "0", owner)
     try:
@@ -178,7 +178,7 @@ def _add_prescribed(
     source = add_reference(builder, reference, name=f"{name}.source", derivatives=2)
     assert source.velocity is not None
     assert source.acceleration is not None
-    motion = joined(builder, f"{name}.motion", source.position, source.velocity, source.acceleration)
+    motion = add_multiplexer(builder, f"{name}.motion", source.position, source.velocity, source.acceleration)
     builder.Connect(motion, ports.inputs[name])
     ports.edges.extend(corner_times(reference))
     caption = ports.config.prescribed[f"{robot.prefix}{axis}"].caption(robot.model)

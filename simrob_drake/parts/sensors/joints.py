@@ -11,7 +11,7 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Integer, NotNegative, Positive
 from simrob_drake.base.signals import QUANTITY_WORDS, Panel, Signal, sensor_panel
-from simrob_drake.blocks.block import fed, joined, mapped
+from simrob_drake.blocks.block import add_and_connect, add_matrix_gain, add_multiplexer
 from simrob_drake.blocks.command_bus import rounded
 from simrob_drake.blocks.joint_torque import JointTorqueSensor
 from simrob_drake.blocks.momentum_observer import MomentumObserver
@@ -143,7 +143,7 @@ def _port(builder: DiagramBuilder, site: Site, name: str, robot: StationRobot) -
     site.picture.draw(
         f"sensor.{name}", "sensor", sensor_label(message("parts.block_joint_torques", "Joint torques"), name), robot
     )
-    return fed(builder, f"sensor.{name}", block, site.plant.plant.get_reaction_forces_output_port())
+    return add_and_connect(builder, f"sensor.{name}", block, site.plant.plant.get_reaction_forces_output_port())
 
 
 class ExternalTorque(SampledSensor):
@@ -171,8 +171,8 @@ class ExternalTorque(SampledSensor):
         torque, damping = site.outputs[f"{robot.prefix}torque"], robot.gains.damping
         if damping.any():  # of the motors, which the plant has and the torques tell
             every = np.hstack([np.eye(len(damping)), np.diag(damping) @ robot.axis_map.state_matrix[len(damping) :]])
-            felt = joined(builder, f"{name}.torque_and_state", torque, site.state)
-            torque = mapped(builder, f"{name}.motor_torque", every, felt)
+            felt = add_multiplexer(builder, f"{name}.torque_and_state", torque, site.state)
+            torque = add_matrix_gain(builder, f"{name}.motor_torque", every, felt)
         contents = {"external_torque": (robot.axes, robot.model.effort_units)}
         if robot.tcp:
             contents["external_force"] = (["x", "y", "z"], ["N"] * 3)

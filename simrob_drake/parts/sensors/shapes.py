@@ -16,7 +16,7 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Integer, NotNegative
 from simrob_drake.base.signals import Recorded, Signal, sensor_panel
-from simrob_drake.blocks.block import fed
+from simrob_drake.blocks.block import add_and_connect
 from simrob_drake.blocks.command_bus import rounded
 from simrob_drake.blocks.contacts import ContactReader, Contacts, DistanceSensor, ForceSensor
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
@@ -47,7 +47,7 @@ class Distance(ShapeSensor):
         body, other = (shapes_of(site.plant, site.station, target) for target in (self.body, self.other))
         scene_graph = site.plant.scene_graph
         block = DistanceSensor(body=body, other=other, inspector=scene_graph.model_inspector())
-        distance = fed(builder, f"sensor.{name}", block, scene_graph.get_query_output_port())
+        distance = add_and_connect(builder, f"sensor.{name}", block, scene_graph.get_query_output_port())
         site.picture.draw(
             f"sensor.{name}",
             "sensor",
@@ -129,14 +129,14 @@ class Force(ShapeSensor):
         normal_only = not site.station.engine.reports_friction_of_contacts
         block = ForceSensor(plant=plant, body=body, other=other, frame=frame, normal_only=normal_only)
         poses = site.plant.stepped.get_body_poses_output_port()
-        wrench = fed(builder, f"sensor.{name}", block, _contacts(builder, site), poses)
+        wrench = add_and_connect(builder, f"sensor.{name}", block, _contacts(builder, site), poses)
         site.picture.draw(
             f"sensor.{name}",
             "sensor",
             sensor_label(message("parts.block_force_sensor", "Force sensor"), name, self.rate),
         )
         split = Demultiplexer([3, 3])
-        fed(builder, f"sensor.{name}.split", split, self._reported(builder, f"sensor.{name}.hold", wrench))
+        add_and_connect(builder, f"sensor.{name}.split", split, self._reported(builder, f"sensor.{name}.hold", wrench))
         tangential = self._tangential(site, body[0])
         balance = MomentumBalance(site, frame, body, other) if tangential == "momentum balance" else None
         site.outputs.notes[name]["tangential"] = tangential
@@ -160,7 +160,7 @@ class Force(ShapeSensor):
     def _reported(self, builder: DiagramBuilder, name: str, wrench: OutputPort) -> OutputPort:
         if self.rate is None or not self._errs:
             return sampled(builder, name, wrench, self.rate)
-        return fed(builder, name, MeasuredWrench(self, self.rate), wrench)
+        return add_and_connect(builder, name, MeasuredWrench(self, self.rate), wrench)
 
     def _tangential(self, site: Site, shape: GeometryId) -> Tangential:
         if site.station.engine.reports_friction_of_contacts:
@@ -203,7 +203,7 @@ def _contacts(builder: DiagramBuilder, site: Site) -> OutputPort:
     if site.plant.stand_in is not None:
         return site.plant.stand_in.get_contact_results_output_port()
     if not builder.HasSubsystemNamed(_CONTACTS):
-        fed(builder, _CONTACTS, ContactReader(), site.plant.stepped.get_contact_results_output_port())
+        add_and_connect(builder, _CONTACTS, ContactReader(), site.plant.stepped.get_contact_results_output_port())
         site.picture.draw_nothing(_CONTACTS)
     return builder.GetSubsystemByName(_CONTACTS).get_output_port()
 
