@@ -12,7 +12,7 @@ from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Integer, NotNegative, Positive
 from simrob_drake.base.signals import QUANTITY_WORDS, Panel, Signal, sensor_panel
 from simrob_drake.blocks.block import add_and_connect, add_matrix_gain, add_multiplexer
-from simrob_drake.blocks.command_bus import rounded
+from simrob_drake.blocks.command_bus import round_to_resolution
 from simrob_drake.blocks.joint_torque import JointTorqueSensor
 from simrob_drake.blocks.momentum_observer import MomentumObserver
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
@@ -103,7 +103,7 @@ class JointEncoders(SampledBlock):
         """Return what the encoders tell now."""
         count = int(memory["count"][0])
         noise = self._noise * normal(self.seed, count, len(self._noise))
-        position = rounded(read["position"] + noise, self._resolution)
+        position = round_to_resolution(read["position"] + noise, self._resolution)
         difference = (position - memory["position"]) / self.period if count else np.zeros_like(position)
         velocity = memory["velocity"] + self._share * (difference - memory["velocity"])
         return {"position": position, "velocity": velocity, "count": count + 1}

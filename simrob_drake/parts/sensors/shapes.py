@@ -17,7 +17,7 @@ from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Integer, NotNegative
 from simrob_drake.base.signals import Recorded, Signal, sensor_panel
 from simrob_drake.blocks.block import add_and_connect
-from simrob_drake.blocks.command_bus import rounded
+from simrob_drake.blocks.command_bus import round_to_resolution
 from simrob_drake.blocks.contacts import ContactReader, Contacts, DistanceSensor, ForceSensor
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.resolved import Surroundings
@@ -194,7 +194,7 @@ class MeasuredWrench(SampledBlock):
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return what the sensor tells now."""
         count = int(memory["count"].item())
-        measured = rounded(read["wrench"] + self._noise * normal(self.seed, count, 6), self._resolution)
+        measured = round_to_resolution(read["wrench"] + self._noise * normal(self.seed, count, 6), self._resolution)
         return {"wrench": measured, "count": count + 1}
 
 
@@ -255,7 +255,7 @@ class MomentumBalance:
         if key not in recorded.memo:
             moments: Sequence[Contacts] = [Contacts.of(found) for found in recorded.sample([self._contacts], times)[0]]
             rows = np.repeat(range(len(times)), [len(each.pairs) for each in moments])
-            recorded.memo[key] = Contacts.together(moments), rows
+            recorded.memo[key] = Contacts.concatenate(moments), rows
         contacts: tuple[Contacts, npt.NDArray[np.intp]] = recorded.memo[key]
         return contacts
 
@@ -269,10 +269,10 @@ class MomentumBalance:
         def summed(values: Vector) -> Vector:
             return np.asarray(np.bincount(rows, values, len(totals)), dtype=float)
 
-        senses = contacts.senses(self._shapes)
+        senses = contacts.force_signs(self._shapes)
         normals = senses[:, np.newaxis] * contacts.normal_forces
         sizes = np.linalg.norm(normals, axis=1)
-        pressed, here = summed(sizes), summed(sizes * np.abs(contacts.senses(self._body, self._other)))
+        pressed, here = summed(sizes), summed(sizes * np.abs(contacts.force_signs(self._body, self._other)))
         normal = np.column_stack([summed(column) for column in normals.T])
         loaded = (pressed > _NO_LOAD)[:, np.newaxis]
         along = np.divide(

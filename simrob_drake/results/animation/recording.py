@@ -127,7 +127,7 @@ def draw_contact_forces(meshcat: Meshcat, result: RecordedRun, times: Vector, sh
     if result.contacts_at is None:
         return
     moments = [Contacts.of(results) for results in result.contacts_at(times)]
-    contacts = Contacts.together(moments)
+    contacts = Contacts.concatenate(moments)
     sizes = np.linalg.norm(contacts.forces, axis=1)
     if not sizes.size:
         return
