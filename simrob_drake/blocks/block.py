@@ -20,7 +20,7 @@ class Block(LeafSystem):
     """
 
     def _no_derivatives(self, context: Context, derivatives: ContinuousState) -> None:
-        """Leave the time derivatives as they are: there is no continuous state."""
+        """Do nothing: the block has no continuous state, and so no derivatives."""
         assert derivatives.size() == 0, f"{type(self).__name__} has continuous state, but no method for its derivatives"
 
     if sys.version_info >= (3, 12):  # with these versions of Python, Drake is 1.58 or newer

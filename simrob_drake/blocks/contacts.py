@@ -30,7 +30,7 @@ _NO_MOMENT = np.zeros(3)
 
 @dataclass(frozen=True)
 class Contacts:
-    """All k contacts of a plant at one moment. A contact is a point or a surface. Vectors are in the world's axes.
+    """The k contacts of a plant at one moment. A contact is a point or a surface. Vectors are in the world's axes.
 
     Attributes:
         pairs: the first and the second shape of each contact.

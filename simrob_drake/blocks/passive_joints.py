@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant, Propeller, PropellerInfo
-from pydrake.multibody.tree import Frame, Joint, JointActuatorIndex, JointIndex, PdControllerGains
+from pydrake.multibody.tree import Frame, Joint, JointActuator, JointActuatorIndex, JointIndex, PdControllerGains
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Saturation
 
@@ -84,7 +84,7 @@ def set_friction(plant: MultibodyPlant, joints: Sequence[Joint], friction: Vecto
         friction: friction c of each joint, shape (n,) [N·m or N], not negative; 0 adds nothing.
         speed: speed :math:`v_s` below which the friction fades [rad/s or m/s].
     """
-    motor_of_joint = {}
+    motor_of_joint = dict[JointIndex, JointActuator]()  # the first actuator of each joint
     for index in range(plant.num_actuators()):
         motor = plant.get_joint_actuator(JointActuatorIndex(index))
         motor_of_joint.setdefault(motor.joint().index(), motor)

@@ -209,7 +209,7 @@ class ServoGains:
 
     @property
     def damping(self) -> Vector:
-        """Dampers of the plant's joints that stand for the fall of the torque with speed, shape (n,) [N·m·s/rad]."""
+        """Damping of the plant's joints that represents the fall of the torque with speed, shape (n,) [N·m·s/rad]."""
         return np.zeros(len(self.kp)) if self.line is None else self.line.damping
 
     @property

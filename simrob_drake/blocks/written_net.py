@@ -55,7 +55,7 @@ class NetBlock:
 
     @property
     def input_repetitions(self) -> int:
-        """How often an input occurs in the block's equation."""
+        """Count of occurrences of an input in the block's equation."""
         return 2
 
     def output(self, t: float, x: Values, u: Values) -> Values:

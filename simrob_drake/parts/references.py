@@ -16,7 +16,17 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Duration, Frequency, Instant, NotNegative, Strict
 from simrob_drake.blocks.cruise import cruise_to
-from simrob_drake.blocks.references import Reference, Samples, SineReference, hermite, hold, move, ramp, sequence, table
+from simrob_drake.blocks.references import (
+    Reference,
+    Samples,
+    SineReference,
+    hermite,
+    hold,
+    interpolate_samples,
+    move,
+    ramp,
+    sequence,
+)
 from simrob_drake.parts.captions import shown_positions
 from simrob_drake.parts.kinds import Kinds
 from simrob_drake.parts.resolved import ResolvedRobot
@@ -311,7 +321,7 @@ class Table(ReferenceSection):
         times, values = self.rows(robot.axes)
         if self.interpolation == "hermite":
             return hermite(times, *np.hsplit(np.asarray(values), 2))
-        return table(times, values, linear=self.interpolation == "linear")
+        return interpolate_samples(times, values, linear=self.interpolation == "linear")
 
     def firmness(self, model: RobotModel) -> list[Firmness]:
         """Return NAMED for all axes: each has a column in the file."""

@@ -21,8 +21,8 @@ from simrob_drake.blocks.references import (
     add_reference,
     as_reference,
     corner_times,
+    interpolate_samples,
     reference_values,
-    table,
 )
 from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.forces import ForceConfig
@@ -281,4 +281,4 @@ def _through(samples: Samples, robot: ResolvedRobot, *, linear: bool) -> Traject
             message("stations.array_of", "an array of {shape}", shape=shape),
             message("stations.columns_a_joint", "of {count} columns, one a joint [rad]", count=len(robot.axes)),
         )
-    return table(samples[0], positions, linear=linear)
+    return interpolate_samples(samples[0], positions, linear=linear)
