@@ -270,7 +270,7 @@ def _ground(floor: FloorConfig | None, contact: str, pieces: Mapping[str, Resolv
         raise InvalidParameter(
             "floor.terrain.soft", message("stations.given_with_point_contact", "given with point contact"), expected
         )
-    field = tuple((even.tilt @ block.pose, block.half) for block in floor.terrain.blocks(floor.size))
+    field = tuple((even.floor_pose @ block.pose, block.half) for block in floor.terrain.blocks(floor.size))
     return replace(even, boxes=(*field, *even.boxes), depth=floor.terrain.depth)
 
 
@@ -323,7 +323,8 @@ def _robot(
             name=name,
             prefix=config.prefix(name),
             model=model,
-            base=(ground.tilt if model.base == "floating" else RigidTransform()) @ transform_from_pose(entry.base),
+            base=(ground.floor_pose if model.base == "floating" else RigidTransform())
+            @ transform_from_pose(entry.base),
             floats=config.engine.moves_by_forces and model.base == "floating",
             gains=servo_gains(model, servo, dampers=config.motors_are_dampers(name)),
             motors=tuple(station_motors(model, servo)),

@@ -150,7 +150,7 @@ def _slide(robot: StationRobot, link: str, ground: Ground, poses: Vector) -> Sli
     by the mean of their displacements along the floor. A foot that rolls does not slide.
     """
     assert robot.feet is not None  # the caller asks for robots with feet only
-    to_world = ground.tilt.rotation().matrix()
+    to_world = ground.floor_pose.rotation().matrix()
     seen = np.array(poses)
     seen[:, :3] = np.einsum("ji,mjk->mik", to_world, poses[:, :3])  # in the floor's axes; its origin is the world's
     turns, places = seen[:, :3, :3], seen[:, :3, 3]
