@@ -74,7 +74,12 @@ def set_friction(plant: MultibodyPlant, joints: Sequence[Joint], friction: Vecto
 
 
 def add_joint_stops(
-    builder: DiagramBuilder, plant: MultibodyPlant, *, stiffness: npt.ArrayLike, damping: npt.ArrayLike
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    *,
+    stiffness: npt.ArrayLike,
+    damping: npt.ArrayLike,
+    joints: Sequence[Joint] | None = None,
 ) -> OutputPort | None:
     r"""Return the generalized forces (nv) of stops at all finite limits of a plant's one-axis joints; None without any.
 
@@ -85,9 +90,11 @@ def add_joint_stops(
     Inside its range a joint feels nothing, but that the damper already acts d/k (1 ms) before the limit is reached.
     Figures: the joints of the Simulink models, 1e4 N·m/deg and 10 N·m·s/deg, whose transition of 0.1 deg takes the same
     place. They have the stiffness k [N·m/rad, and N/m of joints that slide], positive, and the damping d [N·m·s/rad,
-    and N·s/m], not negative: one figure for all joints, or one for each of the plant's velocities (nv,).
+    and N·s/m], not negative: one figure for all joints, or one for each of the plant's velocities (nv,). ``joints`` are
+    the joints that get stops if they have limits; None means all joints of the plant.
     """
-    joints = [plant.get_joint(JointIndex(index)) for index in range(plant.num_joints())]
+    if joints is None:
+        joints = [plant.get_joint(JointIndex(index)) for index in range(plant.num_joints())]
     limited = [
         joint
         for joint in joints

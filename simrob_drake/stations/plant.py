@@ -2,7 +2,8 @@
 
 import logging
 import re
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -11,8 +12,10 @@ from pydrake.geometry import (
     AddRigidHydroelasticProperties,
     Box,
     CollisionFilterDeclaration,
+    GeometryId,
     HalfSpace,
     ProximityProperties,
+    Role,
     SceneGraph,
 )
 from pydrake.math import RigidTransform
@@ -35,7 +38,7 @@ from simrob_drake.robots.pieces import FRICTION, TCP, add_piece, piece_robot
 from simrob_drake.robots.urdf import scale_masses, with_absolute_meshes
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import apply_materials, check_stiffnesses, needs_shapes
-from simrob_drake.stations.contact_points import add_contact_points, filter_contact_points
+from simrob_drake.stations.contact_points import ContactPoints, add_contact_points, filter_contact_points
 from simrob_drake.stations.other_engine import add_plant_block, other_engine
 from simrob_drake.stations.prescribed import set_rotors
 from simrob_drake.stations.resolve import ResolvedStation
@@ -65,7 +68,6 @@ def add_plant(builder: DiagramBuilder, resolved: ResolvedStation) -> StationPlan
     config = resolved.config
     engine = config.engine
     stand_in = other_engine(config)
-    collision = needs_shapes(config)  # without any, the plant never asks the scene graph: a fifth less work
     if not engine.moves_by_forces or stand_in is not None:
         plant = MultibodyPlant(0.0)
         scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
@@ -81,32 +83,107 @@ def add_plant(builder: DiagramBuilder, resolved: ResolvedStation) -> StationPlan
     plant.set_name("plant")
     scene_graph.set_name("scene_graph")
     plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -config.gravity]))
+    models = add_models(plant, scene_graph, resolved, floor=True)
+    plant.Finalize()
+    station = complete_plant(models)
+    replaced = filter_contact_points(scene_graph, models.points)
+    station = replace(station, replaced_pairs=tuple(replaced))
+    if stand_in is None:
+        return station
+    return replace(station, stand_in=add_plant_block(builder, stand_in, resolved, station))
+
+
+@dataclass(frozen=True)
+class StationModels:
+    """The robots, pieces and floor of a station in a plant that may not be finalized yet.
+
+    Attributes:
+        resolved: the station.
+        plant: the plant with the station's robots and pieces.
+        shapes: collision shapes of the station, with its contact points.
+        points: its contact points.
+    """
+
+    resolved: ResolvedStation
+    plant: StationPlant
+    shapes: Sequence[GeometryId]
+    points: ContactPoints
+
+
+def add_models(
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    resolved: ResolvedStation,
+    *,
+    floor: bool,
+    is_shared: bool = False,
+) -> StationModels:
+    """Add the robots, pieces, floor and couplings of a station to a plant that is not finalized.
+
+    Args:
+        plant: the plant. It may contain other bodies.
+        scene_graph: the scene graph with which the plant is registered.
+        resolved: the station.
+        floor: whether to add the floor that the station may have.
+        is_shared: whether the plant is one of the user's own.
+
+    Raises:
+        SimrobError: a robot does not suit the mode of the station, or a value does not suit its solver.
+    """
+    config = resolved.config
+    engine = config.engine
+    collision = needs_shapes(config)  # without any, the plant never asks the scene graph: a fifth less work
+    inspector = scene_graph.model_inspector()
+    others = set(inspector.GetAllGeometryIds(Role.kProximity))
     robots = {name: add_robot(plant, resolved, robot, collision=collision) for name, robot in resolved.robots.items()}
     free_pieces = _add_standing_pieces(plant, resolved, collision)
-    _add_floor(plant, resolved, collision)
-    points = add_contact_points(plant, scene_graph, resolved, [*robots.values()])
-    apply_materials(plant, scene_graph, resolved)
+    if floor:
+        _add_floor(plant, resolved, collision)
+    own_shapes = [shape for shape in inspector.GetAllGeometryIds(Role.kProximity) if shape not in others]
+    points = add_contact_points(plant, scene_graph, resolved, [*robots.values()], own_shapes)
+    # The contact points are shapes of the station, too.
+    own_shapes = [shape for shape in inspector.GetAllGeometryIds(Role.kProximity) if shape not in others]
+    apply_materials(plant, scene_graph, resolved, own_shapes)
     station = StationPlant(
-        plant, scene_graph, robots, free_pieces, resolved.ground, holds_constraints=engine.constrains_in_plant
+        plant,
+        scene_graph,
+        robots,
+        free_pieces,
+        resolved.ground,
+        contact_points=frozenset(points.balls),
+        holds_constraints=engine.constrains_in_plant,
+        scope=resolved.scope,
+        is_shared=is_shared,
     )
     for coupling in config.couplings.values() if engine.moves_by_forces else ():
         coupling.add(station)
-    plant.Finalize()
-    for robot in robots.values():
+    return StationModels(resolved, station, own_shapes, points)
+
+
+def complete_plant(models: StationModels) -> StationPlant:
+    """Set what a station can set only after its plant is finalized: initial posture, rotors, collision filters.
+
+    Args:
+        models: the station's robots and pieces.
+
+    Raises:
+        SimrobError: a coupling does not hold at the start, or the solver cannot hold a contact.
+    """
+    resolved = models.resolved
+    config = resolved.config
+    station = models.plant
+    plant = station.plant
+    for robot in station.robots.values():
         for joint, sign, angle in zip(robot.joints, robot.axis_map.signs, robot.initial, strict=True):
             joint.set_default_positions(np.array([sign * angle]))
-    for robot in robots.values():
+    for robot in station.robots.values():
         set_rotors(plant, robot.joints, robot)
     start = plant.CreateDefaultContext() if config.couplings else None
     for name, coupling in config.couplings.items() if start is not None else ():
         coupling.check_start(f"couplings.{name}", station, start)
-    check_stiffnesses(plant, scene_graph, resolved)
+    check_stiffnesses(plant, station.scene_graph, resolved, models.shapes)
     _filter_collisions(station, config.contact)
-    replaced = filter_contact_points(scene_graph, points)
-    station = replace(station, contact_points=frozenset(points.balls), replaced_pairs=tuple(replaced))
-    if stand_in is None:
-        return station
-    return replace(station, stand_in=add_plant_block(builder, stand_in, resolved, station))
+    return station
 
 
 def _add_standing_pieces(plant: MultibodyPlant, station: ResolvedStation, collision: bool) -> dict[str, RigidBody]:
@@ -116,7 +193,9 @@ def _add_standing_pieces(plant: MultibodyPlant, station: ResolvedStation, collis
     for name, piece in station.pieces.items():
         if piece.carrier == WORLD:
             robot = piece_robot(name, piece.model)
-            instance = add_urdf(plant, robot, name=name, where=f"pieces.{name}", collision=collision)
+            instance = add_urdf(
+                plant, robot, name=f"{station.scope}{name}", where=f"pieces.{name}", collision=collision
+            )
             if piece.free:
                 free[name] = plant.GetBodyByName(name, instance)
                 plant.SetDefaultFloatingBaseBodyPose(free[name], piece.pose)
@@ -204,7 +283,7 @@ def add_robot(
     scale_masses(urdf, station.config.robots[robot.name].mass_factors)
     if station.engine.moves_by_forces:
         add_play(urdf, dict(zip([axis.joint for axis in model.axes.values()], model.play.tolist(), strict=True)))
-    instance = add_urdf(plant, urdf, name=robot.name, where=model.urdf_path, collision=collision)
+    instance = add_urdf(plant, urdf, name=f"{station.scope}{robot.name}", where=model.urdf_path, collision=collision)
     root = plant.GetFrameByName(model.root, instance)
     if robot.floats:
         plant.SetDefaultFloatingBaseBodyPose(root.body(), robot.base)
