@@ -21,9 +21,12 @@ from .stations.config import StationConfig as StationConfig
 from .stations.load import load_station as load_station
 from .stations.load import station_names as station_names
 from .stations.ports import StationPorts as StationPorts
+from .stations.station import PlacedStation as PlacedStation
 from .stations.station import Station as Station
 from .stations.station import add_station as add_station
+from .stations.station import add_world as add_world
 from .stations.station import build_station as build_station
+from .stations.station import place_station as place_station
 from .stations.steps import apply_solver as apply_solver
 
 __version__: str

@@ -2,8 +2,9 @@
 
 import logging
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple, TypeAlias
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -19,11 +20,12 @@ from pydrake.geometry import (
     SceneGraph,
 )
 from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlant, CoulombFriction, MultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import FixedOffsetFrame, JointActuatorIndex, ModelInstanceIndex, RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
-from simrob_drake.base.errors import InvalidModel, InvalidParameter
+from simrob_drake.base.errors import InvalidModel, InvalidParameter, SimrobError
 from simrob_drake.base.frames import transform_from_pose
 from simrob_drake.base.messages import message
 from simrob_drake.blocks.passive_joints import set_friction
@@ -57,33 +59,85 @@ _FLOOR_STIFFNESS = 1e9  # N/m: of two in a row the softer counts, which is that 
 _FLOOR_FRICTION = CoulombFriction(FRICTION["mu_static"], FRICTION["mu_dynamic"])
 
 
-def add_plant(builder: DiagramBuilder, resolved: ResolvedStation) -> StationPlant:
+ParserHook: TypeAlias = Callable[[Parser], object]
+"""Callback of the user that may add models to a plant, or packages to its parser."""
+BuilderHook: TypeAlias = Callable[[DiagramBuilder], object]
+"""Callback of the user that may add systems to a diagram."""
+
+
+class PlantHooks(NamedTuple):
+    """Callbacks of the user while a plant is filled. Both get the same Parser of the plant."""
+
+    parser_preload: ParserHook | None = None  # before the robots are added
+    prefinalize: ParserHook | None = None  # after robots and pieces are added, before the plant is finalized
+
+    @property
+    def is_used(self) -> bool:
+        """Whether there is any callback, so that the plant may have bodies of the user's own."""
+        return self.parser_preload is not None or self.prefinalize is not None
+
+    def preload(self, parser: Parser) -> None:
+        """Call the callback that comes before the robots."""
+        if self.parser_preload is not None:
+            self.parser_preload(parser)
+
+    def finish(self, parser: Parser) -> None:
+        """Call the callback that comes before the plant is finalized."""
+        if self.prefinalize is not None:
+            self.prefinalize(parser)
+
+
+def check_steps_plant(config: StationConfig) -> None:
+    """Check that a station steps Drake's plant, so that bodies of the user's own in the plant move.
+
+    Raises:
+        SimrobError: the station is kinematic, or another engine stands in for the plant.
+    """
+    if not config.engine.moves_by_forces or other_engine(config) is not None:
+        raise SimrobError(
+            message(
+                "stations.plant_not_stepped",
+                "{station} cannot share a plant with bodies of your own: it is kinematic, or its solver ({solver}) "
+                "does not step Drake's plant; call add_station(builder, station) alone",
+                station=config.name,
+                solver=config.solver.kind,
+            )
+        )
+
+
+def add_plant(builder: DiagramBuilder, resolved: ResolvedStation, hooks: PlantHooks | None = None) -> StationPlant:
     """Add a station's scene graph and plant to a diagram.
 
     The plant stays outside of the diagram if the station is kinematic, or if another engine stands in for it.
 
+    Args:
+        builder: builder of the diagram.
+        resolved: the station.
+        hooks: callbacks that may add bodies to the plant; None if there are none.
+
     Raises:
         SimrobError: a robot does not suit the mode of the station, or the engine cannot simulate the station.
     """
+    hooks = PlantHooks() if hooks is None else hooks
     config = resolved.config
-    engine = config.engine
+    if hooks.is_used:
+        check_steps_plant(config)
     stand_in = other_engine(config)
-    if not engine.moves_by_forces or stand_in is not None:
+    if not config.engine.moves_by_forces or stand_in is not None:
         plant = MultibodyPlant(0.0)
         scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
         plant.RegisterAsSourceForSceneGraph(scene_graph)
+        plant.set_name("plant")
+        plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -config.gravity]))
     else:
-        settings = MultibodyPlantConfig(
-            time_step=engine.time_step, contact_model=config.contact.model if config.contact else "point"
-        )
-        if engine.has_discrete_states:
-            settings.discrete_contact_approximation = engine.name
-            settings.use_sampled_output_ports = False  # so that signals can be evaluated again from a recorded state
-        plant, scene_graph = AddMultibodyPlant(settings, builder)
-    plant.set_name("plant")
-    scene_graph.set_name("scene_graph")
-    plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -config.gravity]))
-    models = add_models(plant, scene_graph, resolved, floor=True)
+        plant, scene_graph = add_empty_plant(builder, config)
+    if hooks.is_used:
+        parser = Parser(plant)
+        hooks.preload(parser)
+        models = add_models(plant, scene_graph, resolved, floor=True, is_shared=True)
+        hooks.finish(parser)
+    else:
+        models = add_models(plant, scene_graph, resolved, floor=True)
     plant.Finalize()
     station = complete_plant(models)
     replaced = filter_contact_points(scene_graph, models.points)
@@ -91,6 +145,22 @@ def add_plant(builder: DiagramBuilder, resolved: ResolvedStation) -> StationPlan
     if stand_in is None:
         return station
     return replace(station, stand_in=add_plant_block(builder, stand_in, resolved, station))
+
+
+def add_empty_plant(builder: DiagramBuilder, config: StationConfig) -> tuple[MultibodyPlant, SceneGraph]:
+    """Add a plant without bodies and its scene graph to a diagram, with the settings of a station."""
+    engine = config.engine
+    settings = MultibodyPlantConfig(
+        time_step=engine.time_step, contact_model=config.contact.model if config.contact else "point"
+    )
+    if engine.has_discrete_states:
+        settings.discrete_contact_approximation = engine.name
+        settings.use_sampled_output_ports = False  # so that signals can be evaluated again from a recorded state
+    plant, scene_graph = AddMultibodyPlant(settings, builder)
+    plant.set_name("plant")
+    scene_graph.set_name("scene_graph")
+    plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -config.gravity]))
+    return plant, scene_graph
 
 
 @dataclass(frozen=True)
