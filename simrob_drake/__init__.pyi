@@ -7,6 +7,12 @@ from .base.frames import three_point_frame as three_point_frame
 from .dynamics import Dynamics as Dynamics
 from .extensions.linear import LinearModel as LinearModel
 from .extensions.linear import linearize as linearize
+from .parts.on_plant import JointServos as JointServos
+from .parts.on_plant import add_contact_sensor as add_contact_sensor
+from .parts.on_plant import add_imu as add_imu
+from .parts.on_plant import add_joint_limit_monitor as add_joint_limit_monitor
+from .parts.on_plant import add_joint_servos as add_joint_servos
+from .parts.on_plant import add_monitor as add_monitor
 from .programs.arm import Arm as Arm
 from .programs.arm import Workcell as Workcell
 from .programs.legged_robot import LeggedRobot as LeggedRobot
