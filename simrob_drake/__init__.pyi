@@ -19,6 +19,7 @@ from .programs.legged_robot import LeggedRobot as LeggedRobot
 from .programs.program import Program as Program
 from .results.record.state import State as State
 from .results.result import SimulationResult as SimulationResult
+from .robots.motors import Motor as Motor
 from .simulation import RunBranch as RunBranch
 from .simulation import Runner as Runner
 from .simulation import simulate as simulate
