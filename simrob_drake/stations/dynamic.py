@@ -70,7 +70,8 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
     wire_friction(builder, ports)
     if not config.engine.holds_joint_limits:
         stiffness, damping = stops_of(config, ports.plant)
-        stops = add_joint_stops(builder, ports.plant.plant, stiffness=stiffness, damping=damping)
+        joints = ports.plant.joints
+        stops = add_joint_stops(builder, ports.plant.plant, stiffness=stiffness, damping=damping, joints=joints)
         ports.generalized_forces.extend([stops] if stops is not None else [])
     for name, coupling in config.couplings.items():
         coupling.add_forces(builder, ports, f"couplings.{name}")
