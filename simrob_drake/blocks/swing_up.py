@@ -225,6 +225,17 @@ def balance_regulator(
     )
 
 
+def nearest_error(error: Vector, turns: Flags) -> Vector:
+    """Errors of positions to the nearest turn: from -pi to pi for axes that turn, unchanged for axes that slide.
+
+    Args:
+        error: errors, shape (n,) [rad or m].
+        turns: whether each axis turns, shape (n,).
+    """
+    nearest = (error + np.pi) % (2.0 * np.pi) - np.pi
+    return np.where(turns, nearest, error)
+
+
 class SwingUp(SampledBlock):
     r"""Swing a robot with one passive axis up, and balance it: the equations of the module.
 
@@ -295,7 +306,7 @@ class SwingUp(SampledBlock):
         """Compute the torques: those of the regulator near the upright posture, else those of the swing-up."""
         position = read["position"]
         velocity = read["velocity"]
-        error = self.position_error(position)
+        error = nearest_error(position - self._upright, self._turns)
         state = np.concatenate([error, velocity])
         cost = float(state @ self.regulator.cost @ state)
         most = self._catch_cost * (_RELEASE if memory["balancing"][0] else 1.0)
@@ -310,12 +321,6 @@ class SwingUp(SampledBlock):
         feedforward = np.zeros(len(position))
         feedforward[self._driven] = torque
         return {"feedforward": feedforward, "energy": energy, "balancing": float(is_balancing)}
-
-    def position_error(self, position: Vector) -> Vector:
-        """Compute the errors (n,) of positions (n,); those of axes that turn are from -pi to pi."""
-        error = position - self._upright
-        nearest = (error + np.pi) % (2.0 * np.pi) - np.pi
-        return np.where(self._turns, nearest, error)
 
     def energy_error(self, terms: EquationTerms, position: Vector, velocity: Vector) -> float:
         """Compute the energy E of the robot, less the one that it has at rest upright [J]."""

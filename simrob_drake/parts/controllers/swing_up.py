@@ -7,16 +7,16 @@ import numpy as np
 from pydantic import Field
 
 from simrob_drake.base.errors import InvalidParameter
-from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import message
+from simrob_drake.base.frames import Flags, Vector
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import NotNegative, Number, Positive
 from simrob_drake.blocks.sampled import SampledBlock
-from simrob_drake.blocks.swing_up import LqrWeights, SwingUp, SwingUpGains
+from simrob_drake.blocks.swing_up import LqrWeights, SwingUp, SwingUpGains, nearest_error
 from simrob_drake.parts.controllers.loop import LoopSection
-from simrob_drake.parts.resolved import Surroundings
+from simrob_drake.parts.resolved import ResolvedRobot, Surroundings
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
-from simrob_drake.robots.axis_map import REVOLUTE, NotNegativeAxisValues, PositiveAxisValues
+from simrob_drake.robots.axis_map import NotNegativeAxisValues, PositiveAxisValues
 
 
 class SwingUpController(LoopSection):
@@ -28,7 +28,7 @@ class SwingUpController(LoopSection):
 
     needs: ClassVar[tuple[Literal["feedforward"], ...]] = ("feedforward",)
     stages: ClassVar[tuple[str, ...]] = ("Energy", "Swing-up\nby acceleration", "Balance\nby LQR")
-    remarks: ClassVar[Mapping[str, str]] = {"balancing": "balances the robot"}
+    remarks: ClassVar[Mapping[str, str]] = {"balancing": message("parts.balances_robot", "balances the robot")}
 
     kind: Literal["swing_up"]
     rate: Positive = 200.0
@@ -74,6 +74,13 @@ class SwingUpController(LoopSection):
                 message("parts.loop_of_robot", "{kind} of {robot}", kind=self.kind, robot=robot.name),
                 message("parts.robot_without_followers", "of a robot without axes that follow others (mimic)"),
             )
+        violation = robot.model.limits.find_violation(self._posture(robot)[np.newaxis])
+        if violation is not None:
+            raise InvalidParameter(
+                f"{key}.posture_deg",
+                compound("{value} {unit}", value=violation.value, unit=violation.unit),
+                message("parts.within", "within {limits}", limits=violation.limits),
+            )
         for name in ("kp", "ki", "kd"):
             gains = getattr(robot.gains, name)
             if gains.any():
@@ -83,22 +90,29 @@ class SwingUpController(LoopSection):
                     message("parts.gains_beside_swing_up", "0, since {key} gives the whole torque", key=key),
                 )
 
+    def distances_at_end(self, robot: ResolvedRobot, positions: Vector) -> Vector:
+        """Distances of the axes (n,) [rad or m] from the posture, those of axes that turn to the nearest turn."""
+        return np.abs(nearest_error(positions - self._posture(robot), _turns(robot)))
+
+    def _posture(self, robot: ResolvedRobot) -> Vector:
+        """Posture of all axes, shape (n,) [rad or m]."""
+        model = robot.model
+        return model.user_units * model.axis_vector(dict(self.posture_deg), "posture_deg")
+
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Create the block."""
-        model = robot.model
-        posture = model.axis_vector(dict(self.posture_deg), f"{key}.posture_deg")
 
         def weight(name: str) -> Vector:
             """Weights of all axes, shape (n,)."""
-            return model.axis_vector(getattr(self, name), f"{key}.{name}", 1.0)
+            return robot.model.axis_vector(getattr(self, name), f"{key}.{name}", 1.0)
 
         return SwingUp(
             key=f"{key}.posture_deg",
             plant=site.plant.plant,
             axes=robot.axis_map,
             torque_limit=robot.gains.torque_limit,
-            turns=np.array([unit is REVOLUTE for unit in model.units]),
-            upright=model.user_units * posture,
+            turns=_turns(robot),
+            upright=self._posture(robot),
             weights=LqrWeights(
                 position=weight("position_weight"),
                 velocity=weight("velocity_weight"),
@@ -108,3 +122,8 @@ class SwingUpController(LoopSection):
             catch=self.catch,
             period=1 / self.rate,
         )
+
+
+def _turns(robot: ResolvedRobot) -> Flags:
+    """Whether each axis turns, and does not slide, shape (n,)."""
+    return ~np.asarray(robot.model.prismatic)
