@@ -10,8 +10,9 @@ Far from the upright posture, the motors accelerate the driven axes by
     E = \tfrac12 \dot q^T M(q)\,\dot q + U(q), \quad E^* = U(q^*) .
 
 An acceleration of the driven axes changes the energy of the passive axis by :math:`-\dot q_p M_{pa} \ddot q_a`, so
-the first term makes its error fade; the others keep the driven axes near their posture. For a pole on a cart the first
-term is the textbook's law, for an acrobot that of Spong. The torques that give this acceleration follow from the
+the first term makes its error fade; the others keep the driven axes near their posture. E is the energy of the whole
+robot, as for Spong's acrobot, or that of the passive axis as seen from the driven ones,
+:math:`\tfrac12 M_{pp} \dot q_p^2 + U`, as the textbook has it for a pole on a cart. The torques that give this acceleration follow from the
 equations of motion, solved for the passive axis first (collocated partial feedback linearisation):
 
 .. math:: u = (M_{aa} - M_{ap} M_{pp}^{-1} M_{pa})\,\ddot q_a + h_a - M_{ap} M_{pp}^{-1} h_p .
@@ -63,17 +64,19 @@ class LqrWeights(NamedTuple):
 
 
 class SwingUpGains(NamedTuple):
-    """Gains of the acceleration of the driven axes.
+    """Gains of the acceleration of the driven axes, and the energy that it brings to the upright one.
 
     Attributes:
         energy: acceleration for an error of the energy, k_E in the module's equation.
         position: acceleration for an error of the position, k_p [1/s²].
         velocity: acceleration for a velocity, k_d [1/s].
+        of_passive_axis: whether the energy is that of the passive axis alone, and not that of the whole robot.
     """
 
     energy: float
     position: float
     velocity: float
+    of_passive_axis: bool = False
 
 
 class EquationTerms(NamedTuple):
@@ -323,8 +326,9 @@ class SwingUp(SampledBlock):
         return {"feedforward": feedforward, "energy": energy, "balancing": float(is_balancing)}
 
     def energy_error(self, terms: EquationTerms, position: Vector, velocity: Vector) -> float:
-        """Compute the energy E of the robot, less the one that it has at rest upright [J]."""
-        kinetic = 0.5 * float(velocity @ terms.mass @ velocity)
+        """Compute the energy E, less the one at rest upright [J]."""
+        counted = np.where(self._driven, 0.0, velocity) if self._gains.of_passive_axis else velocity
+        kinetic = 0.5 * float(counted @ terms.mass @ counted)
         return kinetic + self._dynamics.potential_energy(position) - self._upright_energy
 
     def swing_torque(self, terms: EquationTerms, error: Vector, velocity: Vector, energy: float) -> Vector:

@@ -35,6 +35,9 @@ class SwingUpController(LoopSection):
     """Samples a second [Hz]."""
     posture_deg: dict[str, Number] = Field(min_length=1)
     """Posture in which the robot is balanced, by axis [deg, or m where it slides]; 0 of axes that are not named."""
+    energy_of: Literal["robot", "passive_axis"] = "robot"
+    """Whose energy the swing-up brings to that of the posture: the whole robot's, as for an acrobot, or that of the
+    passive axis as seen from the others, as for a pole on a cart, whose own motion does not count."""
     energy_gain: NotNegative = 1.0
     """How strongly the swing-up accelerates the driven axes, for an error of the energy of 1 J."""
     position_gain: NotNegative = 1.0
@@ -118,7 +121,12 @@ class SwingUpController(LoopSection):
                 velocity=weight("velocity_weight"),
                 torque=weight("torque_weight"),
             ),
-            gains=SwingUpGains(energy=self.energy_gain, position=self.position_gain, velocity=self.velocity_gain),
+            gains=SwingUpGains(
+                energy=self.energy_gain,
+                position=self.position_gain,
+                velocity=self.velocity_gain,
+                of_passive_axis=self.energy_of == "passive_axis",
+            ),
             catch=self.catch,
             period=1 / self.rate,
         )
