@@ -120,13 +120,12 @@ class AxisDynamics:
         places = self._axes.velocity_places
         signs = self._axes.signs
         mass = self._plant.CalcMassMatrix(self._context)[np.ix_(places, places)] * np.outer(signs, signs)
-        # Inverse dynamics without acceleration: Coriolis terms, less the weights and springs among the forces.
+        # Inverse dynamics without acceleration: Coriolis terms, less the forces of weight, springs and damping.
         forces = MultibodyForces(self._plant.num_bodies(), self._plant.num_velocities())
         self._plant.CalcForceElementsContribution(self._context, forces)
         no_acceleration = np.zeros(self._plant.num_velocities())
         effort = self._plant.CalcInverseDynamics(self._context, no_acceleration, forces)
-        bias = self._axes.efforts(effort) + self.damping * velocities
-        return EquationTerms(mass=mass, bias=bias)
+        return EquationTerms(mass=mass, bias=self._axes.efforts(effort))
 
     def potential_energy(self, positions: Vector) -> float:
         """Compute the potential energy of the plant [J] at positions (n,) of the robot."""
