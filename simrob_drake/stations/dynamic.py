@@ -246,7 +246,13 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
         declare_torque(ports, robot, torque)
         draw_actuator_servos(ports, robot)
         if (robot.gains.ki > 0).any():
-            draw_integral(ports, robot, "servo", list(range(len(robot.axes))), f"{len(robot.axes)} joints")
+            draw_integral(
+                ports,
+                robot,
+                "servo",
+                list(range(len(robot.axes))),
+                message("stations.block_joints", "{count} joints", count=len(robot.axes)),
+            )
     elif servo.admittance_gain > 0:
         _add_admittance_servos(builder, ports, robot, signals)
     else:
