@@ -7,9 +7,10 @@ from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
-from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.errors import InvalidConfig, SimrobError, shortened
 from simrob_drake.base.files import ROBOT_FILE
-from simrob_drake.base.packages import Border, resolved
+from simrob_drake.base.messages import compound
+from simrob_drake.base.packages import PACKAGE_URI, Border, OutsideBorder, package_path, resolved
 from simrob_drake.base.yaml_files import is_yaml_name
 from simrob_drake.importer.importing import robot_from_file
 from simrob_drake.importer.meshes.places import MeshPlaces
@@ -20,9 +21,13 @@ from simrob_drake.robots.pieces import described_piece
 from simrob_drake.robots.urdf import mesh_file
 from simrob_drake.stations.config import StationConfig
 
+_LISTS = ("mesh_path", "add_directives")
+"""Keys whose values are lists of paths."""
 _OF_ROBOTS = ("urdf", "model", "reference.file", *(f"import_options.{key}" for key in ("mesh_path", "hand", "srdf")))
 _KEYS = (
     "start",
+    "add_directives",
+    "packages.*",
     "program",
     "program.file",
     "reference.file",
@@ -44,12 +49,36 @@ def located(content: Mapping[str, Any], folder: Path, border: Border | None = No
         if last == "class":
             section[last] = class_from(value, folder)  # which is code: that is allowed by itself
             continue
-        paths = [str(folder / str(path)) for path in (value if isinstance(value, list) else [value])]
+        paths = [_located_path(path, key, folder, border) for path in (value if isinstance(value, list) else [value])]
         if border is not None:
             for path in paths:
                 border.check(Path(path), key)
         section[last] = paths if isinstance(value, list) else paths[0]
     return result
+
+
+def _located_path(path: object, key: str, folder: Path, border: Border | None) -> str:
+    """Make a path absolute. A path ``package://NAME/…`` starts at the folder of the package.
+
+    Args:
+        path: value in a station's file.
+        key: its dotted key, for errors.
+        folder: folder at which relative paths start.
+        border: border of the file. None if the value is not from a file: then packages are looked for from the folder.
+
+    Raises:
+        InvalidConfig: the package is not found.
+    """
+    text = str(path)
+    if not text.startswith(PACKAGE_URI):
+        return str(folder / text)
+    own_border = border or Border(folder / "station.yaml")
+    try:
+        return str(package_path(text, own_border))
+    except OutsideBorder as problem:
+        raise InvalidConfig(
+            own_border.source, key, compound("{path} {problem}", path=shortened(text, 300), problem=problem)
+        ) from problem
 
 
 def located_changes(changes: Mapping[str, Any], folder: Path, border: Border | None = None) -> dict[str, Any]:
@@ -102,7 +131,7 @@ def _paths_at(node: Any, way: list[str], before: str = "") -> Iterator[tuple[dic
             yield from _paths_at(value, way[1:], f"{before}{key}.")
         elif key == "model" and not is_yaml_name(str(value)):
             continue  # it is a name
-        elif isinstance(value, list if key == "mesh_path" else str):
+        elif isinstance(value, list if key in _LISTS else str):
             yield node, key, f"{before}{key}"
 
 

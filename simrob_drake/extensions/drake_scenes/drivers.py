@@ -1,11 +1,22 @@
 """Drivers of scenarios and servos of stations."""
 
+import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
+from pydrake.manipulation import IiwaDriver, SchunkWsgDriver
+
 from simrob_drake.base.messages import message
+from simrob_drake.extensions.drake_scenes.plant_parts import Connection, Group
+from simrob_drake.extensions.drake_scenes.scenario import (
+    InverseDynamicsDriver,
+    JointPidControllerGains,
+    JointStiffnessDriver,
+)
 from simrob_drake.extensions.drake_scenes.tagged import Tagged
 from simrob_drake.parts.resolved import ResolvedRobot
+from simrob_drake.robots.imports import ImportReport
 from simrob_drake.stations.config import StationConfig
 
 
@@ -71,3 +82,103 @@ def _actuator(robot: ResolvedRobot, joint: str) -> str:
         if driven is not None and actuator is not None and driven.get("name") == joint:
             return actuator.get("name", joint)
     return joint
+
+
+@dataclass
+class DrivenRobot:
+    """A robot of a scene, with what drives it.
+
+    Attributes:
+        group: the robot.
+        drivers: driver of the model that each axis belongs to, by the name of the axis. None without a driver.
+        first_kp: proportional gains for axes whose driver has none, by axis [N·m/rad or N/m].
+        first_kd: derivative gains for these axes [N·m·s/rad or N·s/m].
+        is_discrete: whether the scene has a time step.
+    """
+
+    group: Group
+    drivers: Mapping[str, Any]
+    first_kp: Mapping[str, float]
+    first_kd: Mapping[str, float]
+    is_discrete: bool
+
+
+_IIWA_KP = 100.0
+"""Proportional gain of Drake's SimIiwaDriver by default [1/s²]."""
+_IIWA_KI = 1.0
+"""Integral gain of Drake's SimIiwaDriver [1/s³]."""
+
+
+def servo_section(robot: DrivenRobot, report: ImportReport) -> dict[str, Any]:
+    """Make the section ``servo`` of a robot from the drivers of its models.
+
+    Args:
+        robot: the robot.
+        report: record of what is changed.
+    """
+    driven = {joint.name: joint for joint in robot.group.moving_joints if joint.motor is not None}
+    kinds = {type(robot.drivers[axis]).__name__ for axis in driven}
+    if kinds & {"IiwaDriver", "InverseDynamicsDriver"}:
+        return _computed_torque(robot, driven, report)
+    kp, kd = dict[str, float](), dict[str, float]()
+    for axis, joint in driven.items():
+        kp[axis], kd[axis] = _spring_and_damper(robot, axis, joint)
+    section: dict[str, Any] = {"kp": kp, "kd": kd}
+    if robot.is_discrete:
+        section["realization"] = "implicit"  # the solver then takes the servos into account, as Drake's drivers do
+    if "JointStiffnessDriver" in kinds:
+        section["feedforward"] = "gravity"
+    return section
+
+
+def _spring_and_damper(robot: DrivenRobot, axis: str, joint: Connection) -> tuple[float, float]:
+    """Find the gains of an axis: kp [N·m/rad or N/m] and kd [N·m·s/rad or N·s/m]."""
+    driver = robot.drivers[axis]
+    match driver:
+        case JointStiffnessDriver():
+            assert joint.motor is not None
+            own = driver.gains.get(joint.motor.name)
+            return (0.0, 0.0) if own is None else (float(own.kp), float(own.kd))
+        case SchunkWsgDriver():
+            return float(driver.pid_gains[0]), float(driver.pid_gains[2])
+        case _:
+            return robot.first_kp[axis], robot.first_kd[axis]
+
+
+def _computed_torque(
+    robot: DrivenRobot, driven: Mapping[str, Connection], report: ImportReport
+) -> dict[str, Any]:
+    """Make the section ``servo`` of a robot of which a model has a driver with inverse dynamics.
+
+    All axes of a robot have the same law, so gains of other drivers are divided by the mass that the axis moves.
+
+    Args:
+        robot: the robot.
+        driven: joints with a motor by the name of the axis.
+        report: record of what is changed.
+    """
+    kp, ki, kd = dict[str, float](), dict[str, float](), dict[str, float]()
+    masses = {link.name: link.mass for link in robot.group.links}
+    iiwa_axes = [axis for axis in driven if isinstance(robot.drivers[axis], IiwaDriver)]
+    for axis, joint in driven.items():
+        driver = robot.drivers[axis]
+        if isinstance(driver, IiwaDriver):
+            wanted = driver.desired_kp_gains
+            place = iiwa_axes.index(axis)
+            kp[axis] = _IIWA_KP if wanted is None else float(wanted[place])
+            ki[axis] = _IIWA_KI
+            kd[axis] = 2 * math.sqrt(kp[axis])  # critically damped
+        elif isinstance(driver, InverseDynamicsDriver):
+            assert joint.motor is not None
+            own = driver.gains.get(joint.motor.name, JointPidControllerGains())
+            kp[axis], ki[axis], kd[axis] = float(own.kp), float(own.ki), float(own.kd)
+        else:
+            stiffness, damping = _spring_and_damper(robot, axis, joint)
+            mass = masses.get(joint.child) or 1.0
+            kp[axis], ki[axis], kd[axis] = stiffness / mass, 0.0, damping / mass
+            text = message(
+                "drake_scenes.gains_by_mass",
+                "its gains are divided by its mass: the servos of one robot have the same law, computed_torque",
+            )
+            report.add("approximated", axis, text)
+    return {"law": "computed_torque", "kp": kp, "ki": ki, "kd": kd}

@@ -213,11 +213,6 @@ class _Reading:
         for joint in joints:
             for body in (joint.parent_body(), joint.child_body()):
                 self._joints_of.setdefault(int(body.index()), []).append(joint)
-        self._moving_models = {
-            int(joint.model_instance())
-            for joint in joints
-            if joint.num_velocities() > 0 and joint.type_name() not in _FLOATING_KINDS
-        }
         actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
         self._motors = {int(actuator.joint().index()): actuator for actuator in actuators}
         self._groups = dict[str, Group]()
@@ -267,15 +262,10 @@ class _Reading:
         if is_fixed_carrier and joint.type_name() in _FLOATING_KINDS:
             self._begin_free_group(further)
             return
-        if is_fixed_carrier and not same_model and (carrier is None or self._starts_robot(further, joint)):
+        if carrier is None or (is_fixed_carrier and not same_model):
             self._begin_held_group(body, joint, further, is_forward=is_forward)
             return
-        assert carrier is not None
         self._attach(carrier, joint, further, is_forward=is_forward)
-
-    def _starts_robot(self, body: RigidBody, joint: Joint) -> bool:
-        """Whether a body that stands on a fixed piece is the first one of a robot."""
-        return int(body.model_instance()) in self._moving_models or joint.num_velocities() > 0
 
     def _begin_free_group(self, body: RigidBody) -> None:
         """Begin the group of a body that nothing holds."""
