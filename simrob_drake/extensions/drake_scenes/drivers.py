@@ -105,8 +105,6 @@ class DrivenRobot:
 
 _IIWA_KP = 100.0
 """Proportional gain of Drake's SimIiwaDriver by default [1/s²]."""
-_IIWA_KI = 1.0
-"""Integral gain of Drake's SimIiwaDriver [1/s³]."""
 
 
 def servo_section(robot: DrivenRobot, report: ImportReport) -> dict[str, Any]:
@@ -126,7 +124,13 @@ def servo_section(robot: DrivenRobot, report: ImportReport) -> dict[str, Any]:
     section: dict[str, Any] = {"kp": kp, "kd": kd}
     if robot.is_discrete:
         section["realization"] = "implicit"  # the solver then takes the servos into account, as Drake's drivers do
-    if "JointStiffnessDriver" in kinds:
+    if "JointStiffnessDriver" in kinds and robot.group.is_free:
+        text = message(
+            "drake_scenes.no_gravity_torque",
+            "the torque against gravity of JointStiffnessDriver is left out: a robot that stands free has other forces, too",
+        )
+        report.add("approximated", robot.group.name, text)
+    elif "JointStiffnessDriver" in kinds:
         section["feedforward"] = "gravity"
     return section
 
@@ -157,7 +161,7 @@ def _computed_torque(
         driven: joints with a motor by the name of the axis.
         report: record of what is changed.
     """
-    kp, ki, kd = dict[str, float](), dict[str, float](), dict[str, float]()
+    kp, kd = dict[str, float](), dict[str, float]()
     masses = {link.name: link.mass for link in robot.group.links}
     iiwa_axes = [axis for axis in driven if isinstance(robot.drivers[axis], IiwaDriver)]
     for axis, joint in driven.items():
@@ -166,19 +170,23 @@ def _computed_torque(
             wanted = driver.desired_kp_gains
             place = iiwa_axes.index(axis)
             kp[axis] = _IIWA_KP if wanted is None else float(wanted[place])
-            ki[axis] = _IIWA_KI
             kd[axis] = 2 * math.sqrt(kp[axis])  # critically damped
         elif isinstance(driver, InverseDynamicsDriver):
             assert joint.motor is not None
             own = driver.gains.get(joint.motor.name, JointPidControllerGains())
-            kp[axis], ki[axis], kd[axis] = float(own.kp), float(own.ki), float(own.kd)
+            kp[axis], kd[axis] = float(own.kp), float(own.kd)
         else:
             stiffness, damping = _spring_and_damper(robot, axis, joint)
             mass = masses.get(joint.child) or 1.0
-            kp[axis], ki[axis], kd[axis] = stiffness / mass, 0.0, damping / mass
+            kp[axis], kd[axis] = stiffness / mass, damping / mass
             text = message(
                 "drake_scenes.gains_by_mass",
                 "its gains are divided by its mass: the servos of one robot have the same law, computed_torque",
             )
             report.add("approximated", axis, text)
-    return {"law": "computed_torque", "kp": kp, "ki": ki, "kd": kd}
+    text = message(
+        "drake_scenes.integral_left_out",
+        "the integral gain of its driver is left out: the model of computed_torque takes its place",
+    )
+    report.add("approximated", robot.group.name, text)
+    return {"law": "computed_torque", "kp": kp, "kd": kd}

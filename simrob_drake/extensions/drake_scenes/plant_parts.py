@@ -62,6 +62,8 @@ class Link:
     Attributes:
         name: name of the link, unique in its group.
         body: name of the body in its model.
+        index: index of the body in the plant; -1 for a base that the plant does not have.
+        body_pose: pose of the body's frame in the frame of the link.
         mass: mass [kg].
         com: centre of mass in the frame of the link, shape (3,) [m].
         moments: moments of inertia about the centre of mass in the axes of the link, shape (3, 3) [kg m²].
@@ -70,6 +72,8 @@ class Link:
 
     name: str
     body: str = ""
+    index: int = -1
+    body_pose: RigidTransform = field(default_factory=RigidTransform)
     mass: float = 0.0
     com: Vector = field(default_factory=lambda: np.zeros(3))
     moments: Vector = field(default_factory=lambda: np.zeros((3, 3)))
@@ -380,7 +384,9 @@ class _Reading:
         if model not in group.models:
             group.models.append(model)
         name = _free_name(body.name(), [known.name for known in group.links], model)
-        link = Link(name=name, body=body.name(), mass=float(body.default_mass()))
+        link = Link(
+            name=name, body=body.name(), index=int(body.index()), body_pose=pose, mass=float(body.default_mass())
+        )
         inertia = body.default_spatial_inertia()
         if link.mass > 0:
             com = inertia.get_com()

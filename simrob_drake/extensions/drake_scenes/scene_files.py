@@ -142,7 +142,7 @@ def _scene_node(path: Path, scenario: str) -> yaml.MappingNode:
         raise InvalidConfig(path, "", message("base.not_yaml", "is not YAML: {problem}", problem=text)) from problem
     assert isinstance(root, yaml.MappingNode)  # it has the key `directives`, see find_station_importer()
     named = {key: value for key, value in _items(root) if isinstance(value, yaml.MappingNode)}
-    scenes = {key: value for key, value in named.items() if DIRECTIVES in _all_keys(value)}
+    scenes = {key: value for key, value in named.items() if DIRECTIVES in _merged_items(value)}
     if DIRECTIVES in _keys(root) and not scenario:
         return root
     if scenario in scenes:
@@ -206,7 +206,7 @@ class _Checks:
         for key, line in _keys_and_lines(node):
             if key not in (*KEYS, "<<"):
                 raise _unknown(path, line, message("drake_scenes.key", "key"), key, KEYS)
-        for key, value in _items(node):
+        for key, value in _merged_items(node).items():
             if key == "model_drivers":
                 self._check_drivers(path, value)
             elif key == DIRECTIVES:
@@ -339,11 +339,16 @@ class _Checks:
     def _package(self, name: str) -> Path | None:
         """Find the folder of a package. None if it is not there.
 
-        Drake's own package and the ones that it downloaded are found, too.
+        Drake's own package, the ones that it downloaded, and those next to the scene are found, too.
         """
         found = self._border.package(name)
         if found is not None:
             return found
+        # An export has its models in a package next to the scene.
+        near = self._border.source.parent
+        beside = next((folder for folder in near.iterdir() if folder.is_dir() and manifest_name(folder) == name), None)
+        if beside is not None:
+            return beside
         if name == _DRAKE:
             return Path(PackageMap().GetPath(_DRAKE))
         downloaded = _DRAKE_CACHE.expanduser()
@@ -395,10 +400,14 @@ def _keys(node: yaml.Node) -> list[str]:
     return [key for key, _ in _items(node)]
 
 
-def _all_keys(node: yaml.Node) -> list[str]:
-    """List the keys of a mapping with those of the mappings that it merges in, by the key ``<<``."""
-    merged = [inner for key, value in _items(node) if key == "<<" for inner in _all_keys(value)]
-    return [*_keys(node), *merged]
+def _merged_items(node: yaml.Node) -> dict[str, yaml.Node]:
+    """Find the values of a mapping by key, with those of the mappings that it merges in by the key ``<<``."""
+    items = dict(_items(node))
+    merged = items.pop("<<", None)
+    for source in merged.value if isinstance(merged, yaml.SequenceNode) else [merged]:
+        if isinstance(source, yaml.MappingNode):
+            items = {**_merged_items(source), **items}
+    return items
 
 
 def _keys_and_lines(node: yaml.MappingNode) -> Iterator[tuple[str, int]]:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydrake.multibody.parsing import GetScopedFrameByName
 
 from simrob_drake.base.files import PIECE_FILE, ROBOT_FILE
 from simrob_drake.base.frames import pose_from_transform
@@ -19,6 +20,7 @@ from simrob_drake.extensions.drake_scenes.tagged import yaml_text
 from simrob_drake.extensions.drake_scenes.urdf_writing import group_element
 from simrob_drake.importer.importing import gains_of
 from simrob_drake.importer.named_robots import read_described_robot
+from simrob_drake.parts.resolved import WORLD
 from simrob_drake.robots.axis_map import PRISMATIC
 from simrob_drake.robots.bodies import tool_links
 from simrob_drake.robots.imports import ImportReport
@@ -73,14 +75,16 @@ class _Writer:
         """Write all files, and return the sections of the station."""
         for warning in self._scene.warnings:
             self._report.add("read", "", message("drake_scenes.drake_warns", "Drake warns: {text}", text=warning))
-        for group in plant_groups(self._scene.plant, self._scene.scene_graph, without=frozenset()):
+        groups = plant_groups(self._scene.plant, self._scene.scene_graph, without=frozenset())
+        for group in groups:
             self._has_contact |= any(shape.contact is not None for link in group.links for shape in link.shapes)
             if group.is_robot:
                 self._add_robot(group)
             else:
                 self._add_piece(group)
         self._add_settings()
-        self._report_rest()
+        self._add_cameras(groups)
+        self._report_drivers()
         sections = {key: value for key, value in self._sections.items() if value != {}}
         return SceneStation(sections, self._report)
 
@@ -257,17 +261,40 @@ class _Writer:
             "error_control": bool(simulator.use_error_control),
         }
 
-    def _report_rest(self) -> None:
-        """Report what the scene has and a station has no counterpart for."""
-        scenario = self._scene.scenario
-        for name in scenario.cameras:
-            text = message(
-                "drake_scenes.camera_dropped",
-                "Drake's cameras send images over LCM; sensors: {{{name}: {{kind: camera}}}} of a station records them",
-                name=name,
-            )
-            self._report.add("dropped", f"cameras.{name}", text)
-        for model in scenario.model_drivers:
+    def _add_cameras(self, groups: list[Group]) -> None:
+        """Add the cameras as sensors. Images of labels and messages over LCM have no counterpart in a station."""
+        links = {link.index: (group, link) for group in groups for link in group.links}
+        for name, camera in self._scene.scenario.cameras.items():
+            parent = GetScopedFrameByName(self._scene.plant, camera.X_PB.base_frame or "world")
+            pose = parent.GetFixedPoseInBodyFrame() @ camera.X_PB.GetDeterministicValue()
+            pose = pose @ camera.X_BC.GetDeterministicValue()
+            group, link = links.get(int(parent.body().index()), (None, None))
+            frame = WORLD
+            if group is not None and link is not None and group.is_robot:
+                frame = link.name
+                pose = link.body_pose @ pose
+            elif group is not None:
+                context = self._scene.plant.CreateDefaultContext()
+                pose = self._scene.plant.EvalBodyPoseInWorld(context, parent.body()) @ pose
+            if group is not None and group.is_free and not group.is_robot:
+                text = message("drake_scenes.camera_on_free_piece", "stands still where its free piece starts")
+                self._report.add("approximated", f"cameras.{name}", text)
+            opening = 2 * np.arctan(camera.height / (2 * camera.focal_y()))
+            self._sections.setdefault("sensors", {})[name] = {
+                "kind": "camera",
+                "frame": frame,
+                "pose": tuple(pose_from_transform(pose).tolist()),
+                "rate": float(camera.fps),
+                "width": int(camera.width),
+                "height": int(camera.height),
+                "opening_deg": float(np.rad2deg(opening)),
+                "near": float(camera.z_near),
+                "far": float(camera.z_far),
+            }
+
+    def _report_drivers(self) -> None:
+        """Report the drivers whose model the scene does not have."""
+        for model in self._scene.scenario.model_drivers:
             known = {self._scene.plant.GetModelInstanceName(info.model_instance) for info in self._scene.models}
             for part in model.split("+"):
                 if part not in known:

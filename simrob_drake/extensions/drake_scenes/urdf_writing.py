@@ -2,6 +2,7 @@
 
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 from pydrake.geometry import Box, Capsule, Convex, Cylinder, Ellipsoid, HalfSpace, Mesh, Shape, Sphere
@@ -68,17 +69,35 @@ def stations_element(
 def add_group(
     robot: ET.Element, group: Group, meshes: MeshCopies, on_lost: Callable[[str, str], None], *, prefix: str
 ) -> None:
-    """Add the links, joints and motors of a group to an element ``robot``."""
+    """Add the links, joints and motors of a group to an element ``robot``.
+
+    Args:
+        robot: the element, which is changed.
+        group: a robot or a piece.
+        meshes: copies of the meshes. The names in the element are relative to their folder.
+        on_lost: function that is called with a link and a shape that a URDF does not have.
+        prefix: text in front of the names of links, joints and motors.
+    """
+    shape_names = set[str]()
     for link in group.links:
-        _add_link(robot, link, meshes, on_lost, prefix)
+        _add_link(robot, link, meshes, on_lost, prefix, shape_names)
     for joint in group.joints:
         _add_connection(robot, joint, prefix)
 
 
 def _add_link(
-    robot: ET.Element, link: Link, meshes: MeshCopies, on_lost: Callable[[str, str], None], prefix: str
+    robot: ET.Element,
+    link: Link,
+    meshes: MeshCopies,
+    on_lost: Callable[[str, str], None],
+    prefix: str,
+    shape_names: set[str],
 ) -> None:
-    """Add a link with its mass and its shapes."""
+    """Add a link with its mass and its shapes. Arguments are those of `add_group`.
+
+    Shapes keep their names, but a name that another link has already gets the name of the link in front, since links
+    without a moving joint between them become one body in a station.
+    """
     element = ET.SubElement(robot, "link", name=f"{prefix}{link.name}")
     if link.mass > 0:
         set_inertia(element, mass=link.mass, moments=link.moments, pose=RigidTransform(link.com))
@@ -87,22 +106,27 @@ def _add_link(
         if geometry is None:
             on_lost(link.name, type(shape.shape).__name__)
             continue
-        _add_shape(element, shape, geometry, f"{prefix}{link.name}_{number}")
+        name = shape.name if shape.name not in shape_names else f"{link.name}_{number}_{shape.name}"
+        shape_names.add(name)
+        _add_shape(element, shape, geometry, name, f"{prefix}{link.name}_{number}")
 
 
-def _add_shape(link: ET.Element, shape: BodyShape, geometry: ET.Element, number: str) -> None:
+def _add_shape(link: ET.Element, shape: BodyShape, geometry: ET.Element, name: str, number: str) -> None:
     """Add a shape to a link, as a visual or a collision.
 
     Args:
         link: element of the link.
         shape: the shape.
         geometry: element of the shape itself.
+        name: name of the shape in the file.
         number: a name that is unique in the robot, for the colour.
     """
-    element = ET.SubElement(link, "visual" if shape.contact is None else "collision", name=shape.name)
+    element = ET.SubElement(link, "visual" if shape.contact is None else "collision", name=name)
     place(element, shape.pose)
     ET.SubElement(element, "geometry").append(geometry)
-    if shape.colour is not None:
+    # A glTF file has materials of its own, and Drake warns of others.
+    has_materials = Path(geometry.get("filename", "")).suffix.lower() == ".gltf"
+    if shape.colour is not None and not has_materials:
         add_colour(element, f"{number}_colour", shape.colour)
     if shape.contact is not None:
         finite = {key: value for key, value in shape.contact.items() if value is None or np.isfinite(value)}
