@@ -116,21 +116,29 @@ def servo_section(robot: DrivenRobot, report: ImportReport) -> dict[str, Any]:
     """
     driven = {joint.name: joint for joint in robot.group.moving_joints if joint.motor is not None}
     kinds = {type(robot.drivers[axis]).__name__ for axis in driven}
+    compensates = bool(kinds & {"IiwaDriver", "InverseDynamicsDriver", "JointStiffnessDriver"})
     if kinds & {"IiwaDriver", "InverseDynamicsDriver"}:
-        return _computed_torque(robot, driven, report)
+        if len(driven) == len(robot.group.moving_joints):
+            return _computed_torque(robot, driven, report)
+        text = message(
+            "drake_scenes.no_inverse_dynamics",
+            "computed_torque needs a motor on every axis; gains times the inertia at the start, with the torque "
+            "against gravity, take its place",
+        )
+        report.add("approximated", robot.group.name, text)
     kp, kd = dict[str, float](), dict[str, float]()
     for axis, joint in driven.items():
         kp[axis], kd[axis] = _spring_and_damper(robot, axis, joint)
     section: dict[str, Any] = {"kp": kp, "kd": kd}
     if robot.is_discrete:
         section["realization"] = "implicit"  # the solver then takes the servos into account, as Drake's drivers do
-    if "JointStiffnessDriver" in kinds and robot.group.is_free:
+    if compensates and robot.group.is_free:
         text = message(
             "drake_scenes.no_gravity_torque",
-            "the torque against gravity of JointStiffnessDriver is left out: a robot that stands free has other forces, too",
+            "the torque against gravity of its driver is left out: a robot that stands free has other forces, too",
         )
         report.add("approximated", robot.group.name, text)
-    elif "JointStiffnessDriver" in kinds:
+    elif compensates:
         section["feedforward"] = "gravity"
     return section
 
@@ -145,8 +153,24 @@ def _spring_and_damper(robot: DrivenRobot, axis: str, joint: Connection) -> tupl
             return (0.0, 0.0) if own is None else (float(own.kp), float(own.kd))
         case SchunkWsgDriver():
             return float(driver.pid_gains[0]), float(driver.pid_gains[2])
+        case IiwaDriver() | InverseDynamicsDriver():
+            stiffness, damping = _gains_per_inertia(robot, axis, joint)
+            return stiffness * joint.inertia, damping * joint.inertia
         case _:
             return robot.first_kp[axis], robot.first_kd[axis]
+
+
+def _gains_per_inertia(robot: DrivenRobot, axis: str, joint: Connection) -> tuple[float, float]:
+    """Find the gains of an axis whose driver has inverse dynamics: kp [1/s²] and kd [1/s]."""
+    driver = robot.drivers[axis]
+    if isinstance(driver, IiwaDriver):
+        wanted = driver.desired_kp_gains
+        same = [other.name for other in robot.group.moving_joints if robot.drivers[other.name] is driver]
+        kp = _IIWA_KP if wanted is None else float(wanted[same.index(axis)])
+        return kp, 2 * math.sqrt(kp)  # critically damped
+    assert joint.motor is not None
+    own = driver.gains.get(joint.motor.name, JointPidControllerGains())
+    return float(own.kp), float(own.kd)
 
 
 def _computed_torque(
@@ -154,7 +178,7 @@ def _computed_torque(
 ) -> dict[str, Any]:
     """Make the section ``servo`` of a robot of which a model has a driver with inverse dynamics.
 
-    All axes of a robot have the same law, so gains of other drivers are divided by the mass that the axis moves.
+    All axes of a robot have the same law, so gains of other drivers are divided by the inertia that the axis moves.
 
     Args:
         robot: the robot.
@@ -162,28 +186,17 @@ def _computed_torque(
         report: record of what is changed.
     """
     kp, kd = dict[str, float](), dict[str, float]()
-    masses = {link.name: link.mass for link in robot.group.links}
-    iiwa_axes = [axis for axis in driven if isinstance(robot.drivers[axis], IiwaDriver)]
     for axis, joint in driven.items():
-        driver = robot.drivers[axis]
-        if isinstance(driver, IiwaDriver):
-            wanted = driver.desired_kp_gains
-            place = iiwa_axes.index(axis)
-            kp[axis] = _IIWA_KP if wanted is None else float(wanted[place])
-            kd[axis] = 2 * math.sqrt(kp[axis])  # critically damped
-        elif isinstance(driver, InverseDynamicsDriver):
-            assert joint.motor is not None
-            own = driver.gains.get(joint.motor.name, JointPidControllerGains())
-            kp[axis], kd[axis] = float(own.kp), float(own.kd)
-        else:
-            stiffness, damping = _spring_and_damper(robot, axis, joint)
-            mass = masses.get(joint.child) or 1.0
-            kp[axis], kd[axis] = stiffness / mass, damping / mass
-            text = message(
-                "drake_scenes.gains_by_mass",
-                "its gains are divided by its mass: the servos of one robot have the same law, computed_torque",
-            )
-            report.add("approximated", axis, text)
+        if isinstance(robot.drivers[axis], IiwaDriver | InverseDynamicsDriver):
+            kp[axis], kd[axis] = _gains_per_inertia(robot, axis, joint)
+            continue
+        stiffness, damping = _spring_and_damper(robot, axis, joint)
+        kp[axis], kd[axis] = stiffness / joint.inertia, damping / joint.inertia
+        text = message(
+            "drake_scenes.gains_by_inertia",
+            "its gains are divided by its inertia: the servos of one robot have the same law, computed_torque",
+        )
+        report.add("approximated", axis, text)
     text = message(
         "drake_scenes.integral_left_out",
         "the integral gain of its driver is left out: the model of computed_torque takes its place",

@@ -115,6 +115,7 @@ class Connection:
         damping: viscous damping [N·m·s/rad or N·s/m].
         motor: its actuator. None if nothing drives the joint.
         start: default position [rad or m].
+        inertia: inertia that the joint moves at the start, all other joints at rest [kg m² or kg].
     """
 
     name: str
@@ -130,6 +131,7 @@ class Connection:
     damping: float = 0.0
     motor: Motor | None = None
     start: float = 0.0
+    inertia: float = 0.0
 
     @property
     def moves(self) -> bool:
@@ -212,6 +214,7 @@ class _Reading:
         self._inspector = scene_graph.model_inspector()
         self._without = without
         self._context = plant.CreateDefaultContext()
+        self._masses = plant.CalcMassMatrix(self._context)
         joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
         self._joints_of = dict[int, list[Joint]]()
         for joint in joints:
@@ -357,6 +360,7 @@ class _Reading:
         connection.acceleration = float(joint.acceleration_upper_limits()[0])
         connection.damping = float(joint.default_damping_vector()[0])
         connection.start = float(joint.default_positions()[0])
+        connection.inertia = float(self._masses[joint.velocity_start(), joint.velocity_start()])
         connection.motor = self._motor(joint)
         group.joints.append(connection)
 
