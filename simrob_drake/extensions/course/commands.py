@@ -39,10 +39,21 @@ _STYLES: dict[PointState, str] = {"ok": "green", "fails": "red", "missing": "yel
 _STATE_WIDTH = 8  # characters; the longest word for a state and a space
 
 _ExerciseArgument = Annotated[
-    str, typer.Argument(metavar="EXERCISE", help="A number of `simrob course list`, or the folder of one of your own.")
+    str,
+    typer.Argument(
+        metavar="EXERCISE",
+        help=message(
+            "course.help_exercise_argument", "A number of `simrob course list`, or the folder of one of your own."
+        ),
+    ),
 ]
 _Spoken = Annotated[
-    Language, typer.Option("--language", envvar=LANGUAGE_VARIABLE, help="Of titles, templates, points and errors.")
+    Language,
+    typer.Option(
+        "--language",
+        envvar=LANGUAGE_VARIABLE,
+        help=message("course.help_spoken", "Language of titles, templates, points and errors."),
+    ),
 ]
 
 
@@ -63,7 +74,9 @@ def list_exercises(language: _Spoken = "en") -> None:
 
 def start(
     exercise: _ExerciseArgument,
-    out: Annotated[Path, typer.Option(help="Folder that takes the template, as answer.py.")] = Path(),
+    out: Annotated[
+        Path, typer.Option(help=message("course.help_start_out", "Folder that takes the template, as answer.py."))
+    ] = Path(),
     language: _Spoken = "en",
     force: Force = False,
 ) -> None:
@@ -85,17 +98,33 @@ def check(
     exercise: _ExerciseArgument,
     answer: Annotated[
         Path,
-        typer.Argument(metavar="ANSWER", help="A Python file, which is run; or a folder of submissions, for --csv."),
+        typer.Argument(
+            metavar="ANSWER",
+            help=message(
+                "course.help_check_answer", "A Python file, which is run; or a folder of submissions, for --csv."
+            ),
+        ),
     ],
-    allow_code: Annotated[bool, typer.Option("--allow-code", help="Run the code of the answer.")] = False,
+    allow_code: Annotated[
+        bool, typer.Option("--allow-code", help=message("course.help_check_allow_code", "Run the code of the answer."))
+    ] = False,
     csv: Annotated[
-        Path | None, typer.Option("--csv", help="File for the points of all submissions; only for a folder.")
+        Path | None,
+        typer.Option(
+            "--csv", help=message("course.help_check_csv", "File for the points of all submissions; only for a folder.")
+        ),
     ] = None,
     language: _Spoken = "en",
     seconds: Annotated[
-        float, typer.Option(min=1, max=86400, help="Time limit of all points of an answer [s].")
+        float,
+        typer.Option(
+            min=1, max=86400, help=message("course.help_check_seconds", "Time limit of all points of an answer [s].")
+        ),
     ] = SECONDS,
-    memory: Annotated[float, typer.Option(min=0.6, max=1000, help="Memory limit of an answer [GB].")] = MEMORY,
+    memory: Annotated[
+        float,
+        typer.Option(min=0.6, max=1000, help=message("course.help_check_memory", "Memory limit of an answer [GB].")),
+    ] = MEMORY,
     force: Force = False,
 ) -> ExitCode:
     """Measure an answer, in one line a point; the exit code is 0 if all points hold, and 4 if not.
