@@ -106,7 +106,10 @@ def with_absolute_paths(content: Mapping[str, Any], folder: Path, border: Border
 def changes_with_absolute_paths(
     changes: Mapping[str, Any], folder: Path, border: Border | None = None
 ) -> dict[str, Any]:
-    """Copy the changes of a station, values by dotted key, with absolute paths. Arguments as in :func:`with_absolute_paths`."""
+    """Copy the changes of a station, values by dotted key, with absolute paths.
+
+    Arguments and errors are those of :func:`with_absolute_paths`.
+    """
     result = dict[str, Any]()
     for key, value in changes.items():
         whole: Any = value

@@ -14,6 +14,7 @@ from simrob_drake.stations.file_paths import (
     FILES,
     changes_with_absolute_paths,
     station_with_absolute_path,
+    with_copied_files,
 )
 from simrob_drake.stations.load import load_station, station_yaml
 from simrob_drake.stations.resolve import resolve
