@@ -88,7 +88,7 @@ def sweep(
 
     For example:
 
-        simrob sweep irb120_dynamic --vary servo.kp=log:50:20000:9 --vary pieces.load.mass=0.5,1,2 --out runs/gains
+        simrob sweep irb120_dynamic --vary servo.kp=log:50:20000:9 --out runs/gains
 
         simrob sweep runs/gains --run 12
     """
