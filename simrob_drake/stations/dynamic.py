@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 from pydrake.systems.controllers import InverseDynamics
-from pydrake.systems.framework import Context, DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, PassThrough
 
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
@@ -18,6 +18,7 @@ from simrob_drake.blocks.model_torque import add_admittance, add_computed_torque
 from simrob_drake.blocks.monitor import SteadySteps
 from simrob_drake.blocks.passive_joints import add_external_force, add_joint_stops
 from simrob_drake.blocks.servo import ServoSignals, add_actuator_servos, add_motor, add_servos
+from simrob_drake.parts.inputs import InputPorts
 from simrob_drake.parts.outputs import FromState
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationPlant, StationRobot
@@ -357,12 +358,12 @@ STEP = 0.01  # how often monitors look [s]: nothing is integrated here, so a sim
 _MOTION = ("reference", "reference_velocity", "reference_acceleration")
 
 
-def add_motion_inputs(builder: DiagramBuilder, plant: StationPlant) -> tuple[dict[str, InputPort], OutputPort]:
+def add_motion_inputs(builder: DiagramBuilder, plant: StationPlant) -> tuple[InputPorts, OutputPort]:
     """Add inputs of position, velocity and acceleration for every robot.
 
     Returns them, each handed on by its block, and the state of the whole plant that they make.
     """
-    inputs: dict[str, InputPort] = {}
+    inputs = InputPorts()
     motions: list[OutputPort] = []
     for robot in plant.robots.values():
         for signal in _MOTION:
