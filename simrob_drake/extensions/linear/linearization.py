@@ -12,7 +12,7 @@ from simrob_drake.base.errors import InvalidParameter, SimrobError, Unsuitable, 
 from simrob_drake.base.frames import Vector, finite
 from simrob_drake.base.lifetime import built
 from simrob_drake.base.messages import message
-from simrob_drake.blocks.block import joined
+from simrob_drake.blocks.block import add_multiplexer
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.extensions.linear.model import LinearModel
 from simrob_drake.parts.outputs import OutputRegistry
@@ -92,7 +92,7 @@ def linearize(
     for place, port in enumerate(ports.inputs.values()):
         builder.Connect(split.get_output_port(place), port)
     builder.ExportInput(split.get_input_port(), "inputs")
-    builder.ExportOutput(joined(builder, "outputs", *outputs), "outputs")
+    builder.ExportOutput(add_multiplexer(builder, "outputs", *outputs), "outputs")
     rest = _Rest(built(builder), ports)
     rest.find(_postures(ports, at))
     return rest.model(tuple(notes))

@@ -131,8 +131,8 @@ class Stepped:
             before.update(onsets)
             for name, trigger in monitors.items():
                 values = [outputs[output][row] for output in trigger.condition.watched]
-                onsets[name] = trigger.since(onsets[name], time, values)
-                if trigger.ends(onsets[name], time):
+                onsets[name] = trigger.next_onset(onsets[name], time, values)
+                if trigger.ends_run(onsets[name], time):
                     return Stopped(
                         name,
                         time,

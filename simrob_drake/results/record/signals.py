@@ -369,9 +369,9 @@ class Watch:
         for row, time in enumerate(steps.times.tolist()):
             for name, trigger in self._site.outputs.monitors.items():
                 signals = [values[port][row] for port in ports_of_monitors[name]]
-                onset = trigger.since(self._onsets[name], time, signals)
+                onset = trigger.next_onset(self._onsets[name], time, signals)
                 self._onsets[name] = onset
-                if trigger.ends(onset, time):
+                if trigger.ends_run(onset, time):
                     reason = trigger.condition.why(*signals)
                     self.stop = Stop(name, count=self._count + row + 1, onset=onset, why=reason)
                     return True
