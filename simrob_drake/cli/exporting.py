@@ -46,6 +46,7 @@ def _format_option(name: str, exporter: Exporter | SimrobError) -> tuple[str, An
         name: name of the format.
         exporter: the exporter, or the error that says why it cannot be used.
     """
+    text: str
     if isinstance(exporter, SimrobError):
         text = message("cli.cannot_be_used", "Cannot be used: {problem}", problem=exporter)
     else:
