@@ -258,7 +258,7 @@ def test_a_start_away_from_the_reference_is_answered_with_the_start():
 
 def test_a_run_that_began_in_a_state_has_no_key_for_its_start():
     first = run("irb120_dynamic", AWAY, duration=0.002)
-    again = simulate("irb120_dynamic", start=first.final_state, reference=np.zeros((2, 7)) + [[0] * 7, [1] + [0] * 6])
+    again = simulate("irb120_dynamic", start=first.final_state, reference=(np.array([0.0, 1.0]), np.zeros((2, 6))))
     error = remark_about(again, "joint_5 was")
     assert "begin the reference where the robot begins" in error.remedy.text
     assert error.remedy.settings == []
