@@ -284,7 +284,13 @@ class Run:
         if stepped is None:
             return sampler.final_context
         sampler.history.last().put(0, stepped)
-        return stepped.Clone().Clone  # the caller may advance the stepped context further
+        at_end: Context = stepped.Clone()  # the caller may advance the stepped context further
+
+        def copied_context() -> Context:
+            """Copy the context at the end of the run."""
+            return at_end.Clone()
+
+        return copied_context
 
     def _cut_history(self, history: StateHistory, watch: Watch, stop: Stop) -> StateHistory:
         """Shorten the history of a run: it ends when the condition of its monitor has been met for the time ``hold``.
