@@ -48,9 +48,12 @@ class ReferenceSection(Strict, ABC):
         """
 
     def caption(self, model: RobotModel) -> str:
-        """Return it in words."""
+        """Describe the reference of a robot in words, for the block picture."""
         start = getattr(self, "start", 0.0)
-        return f"{self._words(model)}, from {start:g} s" if start else self._words(model)
+        words = self._words(model)
+        if not start:
+            return words
+        return message("parts.reference_from", "{words}, from {start:g} s", words=words, start=start)
 
     @abstractmethod
     def _words(self, model: RobotModel) -> str: ...
@@ -92,7 +95,13 @@ class ToOnePosture(ReferenceSection):
     """When it begins [s]."""
 
     def _words(self, model: RobotModel) -> str:
-        return f"{self.kind} to {shown_positions(self.target_deg, model)} in {self.duration:g} s"
+        return message(
+            "parts.reference_to_posture",
+            "{kind} to {posture} in {duration:g} s",
+            kind=self.kind,
+            posture=shown_positions(self.target_deg, model),
+            duration=self.duration,
+        )
 
 
 class Hold(ReferenceSection):
@@ -107,7 +116,10 @@ class Hold(ReferenceSection):
         return hold(start if self.target_deg is None else si_positions(self.target_deg, robot, start))
 
     def _words(self, model: RobotModel) -> str:
-        return "hold the start" if self.target_deg is None else f"hold {shown_positions(self.target_deg, model)}"
+        if self.target_deg is None:
+            return message("parts.reference_holds_start", "hold the start")
+        posture = shown_positions(self.target_deg, model)
+        return message("parts.reference_holds", "hold {posture}", posture=posture)
 
 
 class SmoothMove(ToOnePosture):
@@ -174,7 +186,12 @@ class Cruise(ReferenceSection):
         return np.full(len(robot.axes), np.inf)
 
     def _words(self, model: RobotModel) -> str:
-        return f"{self.kind.replace('_', '-')} to {shown_positions(self.target_deg, model)}"
+        return message(
+            "parts.reference_cruises",
+            "{kind} to {posture}",
+            kind=self.kind.replace("_", "-"),
+            posture=shown_positions(self.target_deg, model),
+        )
 
 
 class Trapezoid(Cruise):
@@ -264,7 +281,12 @@ class Sequence(ReferenceSection):
         return sequence(start, [waypoint.time for waypoint in self.targets], postures[1:])
 
     def _words(self, model: RobotModel) -> str:
-        return f"sequence of {len(self.targets)} postures in {self.targets[-1].time:g} s"
+        return message(
+            "parts.reference_sequence",
+            "sequence of {count} postures in {duration:g} s",
+            count=len(self.targets),
+            duration=self.targets[-1].time,
+        )
 
 
 class SineWave(ReferenceSection):
@@ -297,7 +319,12 @@ class SineWave(ReferenceSection):
         )
 
     def _words(self, model: RobotModel) -> str:
-        return f"sine ±{shown_positions(self.amplitude_deg, model)}, {self.frequency:g} Hz"
+        return message(
+            "parts.reference_sine",
+            "sine ±{amplitude}, {frequency:g} Hz",
+            amplitude=shown_positions(self.amplitude_deg, model),
+            frequency=self.frequency,
+        )
 
 
 TIME_COLUMN = "time"
@@ -366,7 +393,7 @@ class Table(ReferenceSection):
         return times, values[:, 1:]
 
     def _words(self, model: RobotModel) -> str:
-        return f"table {self.file.name}"
+        return message("parts.reference_table", "table {file}", file=self.file.name)
 
 
 def speed_columns(axes: list[str]) -> list[str]:

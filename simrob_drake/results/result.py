@@ -169,7 +169,7 @@ class SimulationResult(RecordedRun):
         """Three lines: how the run ended, how much of it there is, and what missed its bound."""
         samples = f"{len(self.times)} samples of {len(self.names)} columns to {self.stop_time:.4g} s"
         judgement = shortened("; ".join(self.warnings) or self.verdict.judgement, _WIDTH)
-        return f"{self.config.name}: {self.message}\n{samples}, {self.pace}\n{judgement}"
+        return f"{self.config.name}: {self.message}\n{samples}, {self.speed_in_words}\n{judgement}"
 
     def _repr_html_(self) -> str:
         """What a notebook shows: how the run ended, its verdict, a film strip, and where all joints ended."""

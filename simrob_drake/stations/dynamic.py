@@ -70,7 +70,8 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
     wire_friction(builder, ports)
     if not config.engine.holds_joint_limits:
         stiffness, damping = stops_of(config, ports.plant)
-        stops = add_joint_stops(builder, ports.plant.plant, stiffness=stiffness, damping=damping)
+        joints = ports.plant.joints
+        stops = add_joint_stops(builder, ports.plant.plant, stiffness=stiffness, damping=damping, joints=joints)
         ports.generalized_forces.extend([stops] if stops is not None else [])
     for name, coupling in config.couplings.items():
         coupling.add_forces(builder, ports, f"couplings.{name}")
@@ -245,7 +246,13 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
         declare_torque(ports, robot, torque)
         draw_actuator_servos(ports, robot)
         if (robot.gains.ki > 0).any():
-            draw_integral(ports, robot, "servo", list(range(len(robot.axes))), f"{len(robot.axes)} joints")
+            draw_integral(
+                ports,
+                robot,
+                "servo",
+                list(range(len(robot.axes))),
+                message("stations.block_joints", "{count} joints", count=len(robot.axes)),
+            )
     elif servo.admittance_gain > 0:
         _add_admittance_servos(builder, ports, robot, signals)
     else:

@@ -12,7 +12,7 @@ from simrob_drake.base.messages import compound, join_texts, message, translate
 from simrob_drake.parts.captions import MANY, short, shown_limits, shown_values, wrapped
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
-from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.config import Feedforward, StationConfig
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -40,6 +40,12 @@ class StationPorts(Site):
 
 
 _MOTOR = "drives", "drive", "stall", "brakes", "brake"
+_FEEDFORWARDS: dict[Feedforward, str] = {
+    "none": "",
+    "gravity": message("stations.block_gravity", "gravity"),
+    "inverse_dynamics": message("stations.block_dynamics", "inverse dynamics"),
+}
+"""What a feedforward compensates, as the block picture shows it."""
 _PARTS = "pd", "position_loop", "speed_limit", "velocity_loop", "saturation", "integrator", "integral_clip", *_MOTOR
 """What a servo may be made of."""
 
@@ -138,14 +144,14 @@ def draw_actuator_servos(ports: StationPorts, robot: StationRobot) -> None:
 
 def draw_feedforward(ports: StationPorts, robots: list[str]) -> None:
     """Draw what the model predicts for the desired motion of robots: one block for all of them."""
-    kinds = dict.fromkeys(ports.config.servo_of(robot).feedforward.replace("_", " ") for robot in robots)
+    kinds = dict.fromkeys(_FEEDFORWARDS[ports.config.servo_of(robot).feedforward] for robot in robots)
     whose = message("stations.block_of_reference", "of what is asked for")
     if len(ports.plant.robots) > 1:
         whose = message("stations.block_of_robots", "of {robots}", robots=", ".join(robots))
     label = message(
         "stations.block_feedforward",
         "Feedforward: {kinds}\n{whose}",
-        kinds=", ".join(kinds),
+        kinds=join_texts(kinds),
         whose=wrapped(translate(whose)),
     )
     ports.picture.draw("model_feedforward", "servo", label)
@@ -256,8 +262,10 @@ def _draw_saturation(ports: StationPorts, name: str, group: list[int], robot: St
 
 
 def _robot_text(robot: StationRobot) -> str:
+    """Describe a robot in the block of the plant: what it is, and its count of axes."""
     kind = robot.model.description.split(",")[0]
     kind = kind if short(kind) else robot.model.name
     title = f"{robot.name}: {kind}" if robot.prefix else kind
-    whole = f"{title}, {len(robot.axes)} axes"
-    return whole if short(whole) else f"{wrapped(title)},\n{len(robot.axes)} axes"
+    axes = message("stations.block_axes", "{count} {count:axis|axes}", count=len(robot.axes))
+    whole = translate(compound("{title}, {axes}", title=title, axes=axes))
+    return whole if short(whole) else compound("{title},\n{axes}", title=wrapped(title), axes=axes)

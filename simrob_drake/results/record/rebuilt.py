@@ -18,7 +18,9 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.results.record.history import StateHistory
+from simrob_drake.results.record.other_plant import positions_in
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.posed import PosedStation
 
 if TYPE_CHECKING:
     from simrob_drake.results.record.signals import Sampler
@@ -63,6 +65,9 @@ def _motion(run: Run) -> tuple[Vector, Vector]:
     """
     times = np.union1d(run.times, run.step_times)
     times = times[(times >= run.start_time) & (times <= run.stop_time)]
+    if run.plant.is_shared:
+        # The plant that is built again contains the station alone.
+        return times, positions_in(PosedStation(run.config).station, run, times)
     return times, run.positions_at(times)
 
 

@@ -19,6 +19,7 @@ from pydrake.systems.framework import Context
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.frames import VELOCITY_NAMES, XYZ_QUATERNION_NAMES, Vector
 from simrob_drake.base.messages import Message, compound, message
+from simrob_drake.base.renaming import keep_former_attributes
 from simrob_drake.base.signals import Panel, Signal
 from simrob_drake.blocks.references import Reference, Samples
 from simrob_drake.parts.resolved import named
@@ -367,8 +368,8 @@ class RecordedRun:
         return self.stepping_time + self.signal_time
 
     @property
-    def pace(self) -> str:
-        """Speed of the run and its count of steps, in words."""
+    def speed_in_words(self) -> str:
+        """Speed of the run as a multiple of real time, and its count of steps, in words; see `realtime_rate`."""
         rate = self.realtime_rate
         steps = message("results.steps", "{count} {count:step|steps}", count=len(self.step_times) - 1)
         if not rate:
@@ -402,6 +403,9 @@ class RecordedRun:
     def _robot(self, name: str | None) -> StationRobot:
         """Robot by its name, or the only robot if the name is None."""
         return self.plant.robots[named(name, list(self.plant.robots))]
+
+
+keep_former_attributes(RecordedRun, pace="speed_in_words")
 
 
 def move_title(index: int) -> Message:
