@@ -28,7 +28,7 @@ from simrob_drake.base.sections import NotNegative, Number, Positive, Strict
 from simrob_drake.blocks.block import add_matrix_gain
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.controllers.loop import LoopSection
-from simrob_drake.parts.controllers.support import Balanced, Direction, Support
+from simrob_drake.parts.controllers.support import BalanceState, Direction, Support
 from simrob_drake.parts.resolved import ResolvedRobot, Surroundings
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
@@ -74,7 +74,7 @@ class Stepping:
     lift: Vector
     reach: Vector
 
-    def part(self, balanced: Balanced) -> float:
+    def part(self, balanced: BalanceState) -> float:
         """Return what part of its reach is called for."""
         section = self.section
         return min(max(balanced.error(section.measures, section.lead) / section.full, section.least), 1.0)
@@ -95,7 +95,7 @@ class StepChooser:
         """Take the steps that it may take, and the time between samples [s]."""
         self._steps, self._period = steps, period
 
-    def next(self, state: Vector, moved: Vector, balanced: Balanced) -> tuple[Vector, Vector]:
+    def next(self, state: Vector, moved: Vector, balanced: BalanceState) -> tuple[Vector, Vector]:
         """Return what follows of a step's state and of how far axes are moved, (n,) [rad].
 
         The state (3,) is which step it is (from 1, 0 for none), its time (1 once the foot is down) and its part.
@@ -246,7 +246,7 @@ class Answer:
     section: Strategy
     moves: Vector
 
-    def part(self, balanced: Balanced) -> float:
+    def part(self, balanced: BalanceState) -> float:
         """Return what part of the full answer is called for, -1 to 1."""
         section = self.section
         along = balanced.error(section.measures, section.lead)
@@ -297,7 +297,7 @@ class StandingBalance(SampledBlock):
         """Return how far the axes are to be moved now."""
         turned, spin = rotation_of(read["orientation"]), read["angular_velocity"]
         spin = turned @ spin if self._gyroscope else spin
-        balanced = self._support.balanced(read["position"], read["velocity"], turned, spin)
+        balanced = self._support.observe(read["position"], read["velocity"], turned, spin)
         stepping = memory["step"][0] > 0  # then strategies rest: the rocking on new feet is not a push
         desired = [0.0 if stepping else answer.part(balanced) for answer in self._answers]
         before = zip(self._answers, memory["parts"].tolist(), desired, strict=True)
