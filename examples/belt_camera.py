@@ -48,7 +48,7 @@ def workcell(seed: int, parts: int = PARTS, mode: str = "kinematic") -> Workcell
 def find_parts(image: Image) -> Array:
     """Return where an image shows whole parts on the belt: x, y [m] and their turn [rad], shape (k, 3)."""
     cloud = np.full((*image.depth.shape, 3), np.nan)
-    cloud[image.seen] = image.points()
+    cloud[image.has_depth] = image.points()
     on_belt = (np.abs(cloud[..., 0] - MIDDLE) < 0.08) & (cloud[..., 2] > TOP + 0.01) & (cloud[..., 2] < TOP + 0.06)
     marks, count = label(on_belt)
     border = {*marks[0], *marks[-1], *marks[:, 0], *marks[:, -1]}  # of what is seen in part

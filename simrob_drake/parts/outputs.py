@@ -14,6 +14,7 @@ from simrob_drake.base.errors import UnknownKey
 from simrob_drake.base.frames import Indices, Vector
 from simrob_drake.base.lifetime import release_with
 from simrob_drake.base.messages import message
+from simrob_drake.base.renaming import keep_former_attributes
 from simrob_drake.base.signals import Compute, Signal
 from simrob_drake.blocks.frame_poses import FramePoses
 from simrob_drake.blocks.monitor import Trigger
@@ -85,7 +86,7 @@ class OutputRegistry(Mapping[str, OutputPort]):
     Attributes:
         signals: what the outputs are in results, in the order of the columns.
         of_state: rules that compute outputs from states of the plant, by the output's name.
-        later: functions that compute outputs without a port after the run, by the output's name.
+        after_run: functions that compute outputs without a port after the run, by the output's name.
         images: what cameras show to blocks of the user's own, by name, such as ``image.<sensor>``.
         monitors: conditions that end a run, by the monitor's name. They watch outputs.
         notes: what results tell of how a part was made, by the name of the part.
@@ -106,7 +107,7 @@ class OutputRegistry(Mapping[str, OutputPort]):
         self._reports: dict[str, _Report] = {}  # blocks that have not joined the diagram, by the names of their outputs
         self.signals: list[Signal] = []
         self.of_state: dict[str, FromState] = {}
-        self.later: dict[str, Compute] = {}
+        self.after_run: dict[str, Compute] = {}
         self.images: dict[str, OutputPort] = {}
         self.monitors: dict[str, Trigger] = {}
         self.notes: dict[str, dict[str, str]] = {}
@@ -223,3 +224,6 @@ class OutputRegistry(Mapping[str, OutputPort]):
         port = self._ports[output] if rule is None else self._state
         value = np.array(port.Eval(port.get_system().GetMyContextFromRoot(context)))
         return value if rule is None else rule(value[np.newaxis])[0]
+
+
+keep_former_attributes(OutputRegistry, later="after_run")

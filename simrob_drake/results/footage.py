@@ -9,7 +9,7 @@ import numpy.typing as npt
 from PIL import Image as Picture
 from pydrake.multibody.tree import BodyIndex
 
-from simrob_drake.parts.sensors.camera import CameraSensor, Image, let_render
+from simrob_drake.parts.sensors.camera import CameraSensor, Image, add_renderer
 from simrob_drake.results.animation.camera import frame_times
 from simrob_drake.results.animation.pictures import captions, side_by_side, write_video
 from simrob_drake.results.record.other_plant import positions_in
@@ -33,7 +33,7 @@ class Footage:
         """Make ready to render; raises InvalidModel: a robot that cannot be built."""
         self._result, self._camera = result, camera
         config = result.config.model_copy(update={"contact": None, "sensors": {}})
-        self._scene = PosedStation(config, lambda _, station: let_render(station.scene_graph))
+        self._scene = PosedStation(config, lambda _, station: add_renderer(station.scene_graph))
         self._mount = camera.mount(self._scene.station)
         self.times, self.rate = frame_times(result.stop_time, camera.rate, begin=result.start_time), camera.rate
         plant, prefixes = self._scene.plant, {r.instance: r.prefix for r in self._scene.station.robots.values()}
@@ -84,7 +84,7 @@ def save_footage(footage: dict[str, Footage], folder: Path, *, video: bool = Fal
         own.mkdir(parents=True)
         for number, image in enumerate(images):
             Picture.fromarray(image.color).save(own / f"color_{number:04d}.png")
-            depth = np.where(image.seen, np.clip(1e3 * image.depth, 0, _FAR), _FAR)
+            depth = np.where(image.has_depth, np.clip(1e3 * image.depth, 0, _FAR), _FAR)
             Picture.fromarray(np.round(depth).astype(np.uint16)).save(own / f"depth_{number:04d}.png")
         shown = np.unique(np.linspace(0, len(images) - 1, _STRIP).round().astype(int))
         strip = side_by_side([images[number].color for number in shown], captions(images.times[shown], None))

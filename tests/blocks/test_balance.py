@@ -9,7 +9,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import load_station
 from simrob_drake.parts.controllers.balance import Answer, CaptureStep, StandingBalance, StepChooser, Stepping, Strategy
-from simrob_drake.parts.controllers.support import Balanced, Support
+from simrob_drake.parts.controllers.support import BalanceState, Support
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.station import compose
 
@@ -58,7 +58,7 @@ def test_the_centre_of_mass_lies_where_the_bodies_put_it(stood):
     for yaw in (0.0, 0.7):  # the robot's own directions turn with it
         turned, position = RotationMatrix.MakeZRotation(yaw), arms_moved(robot)
         com, points = by_hand(plant, robot, position, turned)
-        found = support.balanced(position, still, turned, none)
+        found = support.observe(position, still, turned, none)
         expected = heading(facing + yaw) @ (com - turned @ begins)[:2]
         assert np.linalg.norm(expected) > 1e-3
         np.testing.assert_allclose(found.com, expected, atol=1e-9)
@@ -78,7 +78,7 @@ def test_a_robot_that_tips_turns_about_the_edge_it_stands_on(stood):
         cross = np.array([[0, 0, axis[1]], [0, 0, -axis[0]], [-axis[1], axis[0], 0]])
         turned = RotationMatrix(np.eye(3) + s * cross + (1 - c) * cross @ cross)  # Rodrigues
         edge = points[np.argmax(points[:, :2] @ down)]
-        found = support.balanced(still, still, turned, rate * axis)
+        found = support.observe(still, still, turned, rate * axis)
         expected = heading(facing) @ (turned @ (com - under))[:2]
         np.testing.assert_allclose(found.com, expected, atol=1e-6)
         swung = rate * np.cross(axis, turned @ (com - edge))[:2] @ down
@@ -91,7 +91,7 @@ def test_the_speed_is_that_of_the_centre_of_mass_as_joints_move(stood):
     position, step = arms_moved(robot), 1e-5
     rates = 3 * position
     after, before = (by_hand(plant, robot, position + sign * step * rates, RotationMatrix())[0] for sign in (1, -1))
-    found = support.balanced(position, rates, RotationMatrix(), np.zeros(3))
+    found = support.observe(position, rates, RotationMatrix(), np.zeros(3))
     np.testing.assert_allclose(found.speed, heading(facing) @ ((after - before) / (2 * step))[:2], atol=1e-7)
 
 
@@ -100,7 +100,7 @@ def test_a_foot_that_is_lifted_is_as_high_as_its_lowest_point(stood):
     still, bent = np.zeros(len(robot.axes)), np.zeros(len(robot.axes))
     for axis, angle in {"right_hip_pitch": 0.4, "right_knee": 0.8, "right_ankle_pitch": -0.4}.items():
         bent[robot.axes.index(axis)] = angle
-    found = support.balanced(bent, still, RotationMatrix(), np.zeros(3)).lifted
+    found = support.observe(bent, still, RotationMatrix(), np.zeros(3)).lifted
     _, points = by_hand(plant, robot, bent, RotationMatrix())
     sizes = np.cumsum([len(robot.feet.support_points(link)) for link in robot.feet.links])[:-1]
     lowest = np.array([foot[:, 2].min() for foot in np.split(points, sizes)])
@@ -129,14 +129,14 @@ def answer(**changed):
     ],
 )
 def test_a_strategy_answers_its_own_direction_between_threshold_and_full(changed, com, speed, expected):
-    assert answer(**changed).part(Balanced(np.array(com), np.array(speed), 5.0, FLAT)) == pytest.approx(expected)
+    assert answer(**changed).part(BalanceState(np.array(com), np.array(speed), 5.0, FLAT)) == pytest.approx(expected)
 
 
 class Tips:
     """A robot that stands as it is told: two axes are its centre of mass, their speeds the heights of its feet."""
 
-    def balanced(self, position, velocity, turned, spin):
-        return Balanced(position, spin[:2], 5.0, velocity)
+    def observe(self, position, velocity, turned, spin):
+        return BalanceState(position, spin[:2], 5.0, velocity)
 
 
 def test_offsets_grow_and_go_back_no_faster_than_they_may_and_add_up():
@@ -169,7 +169,7 @@ def stepping(**changed):
 
 def stands(error, lifted=0.02):
     """Return a robot that errs ahead, and lifts its second foot."""
-    return Balanced(np.array([error, 0.0]), np.zeros(2), 5.0, np.array([0.0, lifted]))
+    return BalanceState(np.array([error, 0.0]), np.zeros(2), 5.0, np.array([0.0, lifted]))
 
 
 def test_a_step_begins_beyond_its_threshold_and_reaches_as_far_as_the_error_grew():

@@ -76,6 +76,7 @@ class Bench:
         own = self.plant.GetMyMutableContextFromRoot(context)
         self.plant.SetFreeBodyPose(own, self.body, pose)
         self.plant.SetVelocities(own, np.array(velocity, dtype=float))
+        self.contacts = Contacts.of(self.plant.get_contact_results_output_port().Eval(own))
         return np.split(sensor.get_output_port().Eval(sensor.GetMyContextFromRoot(context)), 2)
 
 
@@ -111,6 +112,19 @@ def test_the_axes_are_those_of_the_frame(cube):
 def test_action_is_reaction(cube):
     force, _ = cube.wrench(body=[cube.floor], other=cube.shapes[:2])
     np.testing.assert_allclose(force, [0, 0, -2 * STIFFNESS * DEPTH], atol=1e-9)
+
+
+def test_normals_of_points_and_surfaces_push_the_first_shape_away_from_the_second(cube):
+    block = Bench(model=ContactModel.kHydroelastic)
+    block.add(Box(0.2, 0.2, 0.2), np.zeros(3), modulus=1e5)
+    for bench, pose in ((cube, BODY_IN_WORLD), (block, RigidTransform(np.array([0.0, 0.0, 0.1 - DEPTH])))):
+        bench.wrench(body=bench.shapes, pose=pose)
+
+        # Upward if the first shape is the body's, downward if it is the floor.
+        signs = bench.contacts.force_signs(bench.shapes)
+        upward = signs[:, np.newaxis] * [0.0, 0.0, 1.0]
+        np.testing.assert_allclose(bench.contacts.normals, upward, atol=1e-9)
+        assert ((bench.contacts.forces * bench.contacts.normals).sum(axis=1) > 0.0).all()
 
 
 def test_several_sensors_read_the_contacts_once(monkeypatch):

@@ -8,7 +8,9 @@ from pydrake.multibody.tree import FixedOffsetFrame, RevoluteJoint, SpatialInert
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource
 
-from simrob_drake.blocks.model_torque import add_computed_torque, add_feedforward
+from simrob_drake.blocks.model_torque import add_admittance, add_computed_torque, add_feedforward
+from simrob_drake.blocks.momentum_observer import MomentumObserver
+from simrob_drake.blocks.passive_joints import set_friction
 from simrob_drake.blocks.servo import ServoGains, ServoSignals
 from simrob_drake.robots.axis_map import AxisMap
 
@@ -110,3 +112,79 @@ def test_the_computed_torque_is_that_of_the_acceleration_that_is_wanted(pushed: 
     expected = closed_form(q, v, wanted) + ([1.0, 2.0] if pushed else 0.0)
     found = diagram.GetOutputPort("torque").Eval(diagram.CreateDefaultContext())
     np.testing.assert_allclose(found, expected, atol=1e-10)
+
+
+@pytest.mark.parametrize("has_more_signals", [True, False])
+def test_the_admittance_integrates_the_torque_that_the_model_does_not_explain(has_more_signals: bool) -> None:
+    """x' = K (ID - kp (q_r - q) + kd (v - v_r) - tau_ff - x), with the terms of the signals that are wired."""
+    builder, values = DiagramBuilder(), some_motion()
+    values["feedforward"] = np.array([1.5, -2.5])
+    model_torque = np.array([4.0, -3.0])
+    gain, state_of_block = 20.0, np.array([0.7, -0.4])
+    kp, kd = np.array([100.0, 50.0]), np.array([20.0, 3.0])
+    unlimited = np.full(2, np.inf)
+    gains = ServoGains(kp, np.zeros(2), kd, unlimited, unlimited)
+    ports = sources(builder, {**values, "model": model_torque})
+    model = ports.pop("model")
+    del ports["reference_acceleration"]
+    if not has_more_signals:
+        del ports["reference_velocity"], ports["feedforward"]
+
+    torque = add_admittance(builder, ServoSignals(**ports), gains, model, gain=gain, prefix="")
+    builder.ExportOutput(torque, "torque")
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    context.SetContinuousState(state_of_block)
+
+    q, v = np.hsplit(values["state"], 2)
+    desired_velocity = values["reference_velocity"] if has_more_signals else 0.0
+    feedforward = values["feedforward"] if has_more_signals else 0.0
+    explained = kp * (values["reference"] - q) - kd * (v - desired_velocity) + feedforward
+    rates = diagram.EvalTimeDerivatives(context).CopyToVector()
+    np.testing.assert_allclose(rates, gain * (model_torque - explained - state_of_block), rtol=1e-12)
+    np.testing.assert_array_equal(diagram.GetOutputPort("torque").Eval(context), state_of_block)
+
+
+def test_the_momentum_observer_finds_torques_from_outside_on_links_whose_inertia_changes() -> None:
+    """Two rods swing as sines, so their inertia and Coriolis torques change; the servos lack constant torques."""
+    plant, axes = two_links()
+    period, gain, count = 1e-3, 10.0, 200
+    external = np.array([0.3, -0.2])
+    observer = MomentumObserver(plant=plant, axes=axes, gain=gain, period=period)
+    amplitude, rate, phase = np.array([0.8, 1.1]), np.array([6.0, 9.0]), np.array([0.2, 1.0])
+    rest = plant.GetPositionsAndVelocities(plant.CreateDefaultContext())
+    rest[axes.state_matrix.any(axis=0)] = 0.0
+
+    memory = np.full(6, np.inf)
+    estimates = []
+    for time in period * np.arange(count):
+        angle = rate * time + phase
+        q, v, a = amplitude * np.sin(angle), amplitude * rate * np.cos(angle), -amplitude * rate**2 * np.sin(angle)
+        servo_torque = closed_form(q, v, a) - external
+        memory = observer.next_state(memory, rest + axes.state_matrix.T @ np.concatenate([q, v]), servo_torque)
+        estimates.append(memory[:2])
+
+    expected = external * (1 - np.exp(-gain * period * np.arange(count)))[:, np.newaxis]
+    np.testing.assert_allclose(estimates, expected, atol=2e-3)
+
+
+def test_friction_takes_the_rotor_of_a_motor_over_so_that_it_counts_once() -> None:
+    inertias = []
+    for friction in (0.0, 5.0):
+        plant = MultibodyPlant(0.0)
+        body = plant.AddRigidBody("link", SpatialInertia(2.0, np.zeros(3), UnitInertia.SolidSphere(0.1)))
+        upward = np.array([0.0, 0.0, 1.0])
+        joint = plant.AddJoint(RevoluteJoint("joint", plant.world_frame(), body.body_frame(), upward))
+        motor = plant.AddJointActuator("motor", joint)
+        motor.set_default_gear_ratio(10.0)
+        motor.set_default_rotor_inertia(0.01)
+
+        set_friction(plant, [joint], np.array([friction]), 0.01)
+        plant.Finalize()
+
+        actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
+        assert len(actuators) == (2 if friction else 1)
+        reflected = sum(each.default_gear_ratio() ** 2 * each.default_rotor_inertia() for each in actuators)
+        assert reflected == pytest.approx(10.0**2 * 0.01)
+        inertias.append(plant.CalcMassMatrix(plant.CreateDefaultContext())[0, 0])
+    assert inertias[1] == pytest.approx(inertias[0])

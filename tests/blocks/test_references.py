@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 from pydrake.common.eigen_geometry import Quaternion
+from pydrake.math import BsplineBasis
 from pydrake.polynomial import Polynomial
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.trajectories import (
+    BsplineTrajectory,
     CompositeTrajectory,
     PathParameterizedTrajectory,
     PiecewisePolynomial,
@@ -24,6 +26,7 @@ from simrob_drake.blocks.references import (
     add_reference,
     corner_times,
     hermite,
+    hermite_samples,
     hold,
     interpolate_samples,
     later,
@@ -283,3 +286,19 @@ def test_a_reference_goes_on_later_as_it_was(reference: Reference) -> None:
 def test_a_reference_that_is_over_holds_its_end() -> None:
     left = later(move(START, TARGET, duration=2.0), 3.0)
     np.testing.assert_allclose(reference_values(left, np.zeros(1))[0], TARGET, atol=1e-15)
+
+
+def test_a_spline_whose_velocity_jumps_is_sampled_between_its_knots() -> None:
+    """A knot that occurs three times lets the velocity of a cubic spline jump: its knots alone do not describe it."""
+    smooth_knots = [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0]
+    corner_knots = [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0]
+    counts = []
+    for knots in (smooth_knots, corner_knots):
+        points = [np.array([[float(number % 3)]]) for number in range(len(knots) - 4)]
+        trajectory = BsplineTrajectory(BsplineBasis(4, knots), points)
+
+        samples = hermite_samples(trajectory, 0.0, 2.0, 100.0)
+
+        counts.append(len(samples.times))
+    assert counts[0] == 3
+    assert counts[1] > 200

@@ -104,7 +104,7 @@ def test_what_is_too_near_has_no_depth_and_what_is_too_far_none_either():
     assert set(np.unique(image.depth[~box])) == {np.inf}
     assert (image.depth[box] == 0).any()
     assert set(image.points()[:, 2] < 0.151) == {True}
-    assert len(image.points()) == (box & image.seen).sum()
+    assert len(image.points()) == (box & image.has_depth).sum()
 
 
 @pytest.mark.long
@@ -116,8 +116,8 @@ def test_its_images_are_saved(tmp_path):
     ]  # fmt: skip
     depth = np.asarray(Picture.open(folder / "eye" / "depth_0001.png"))
     expected = result.images["eye"][1]
-    np.testing.assert_allclose(depth[expected.seen], 1e3 * expected.depth[expected.seen], atol=0.5)
-    assert (depth[~expected.seen] == 65535).all()
+    np.testing.assert_allclose(depth[expected.has_depth], 1e3 * expected.depth[expected.has_depth], atol=0.5)
+    assert (depth[~expected.has_depth] == 65535).all()
     assert Picture.open(folder / "eye.png").width > 2 * 320
 
 

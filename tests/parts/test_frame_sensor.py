@@ -7,7 +7,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from simrob_drake import load_station, simulate
 from simrob_drake.base.errors import InvalidConfig
 from simrob_drake.base.frames import transform_from_xyz_quaternion
-from simrob_drake.parts.sensors.frames import RelativeMotion
+from simrob_drake.parts.sensors.frames import AttachedFrame, RelativeMotion
 
 STEP = 1e-6
 HAND, ELBOW = (RigidTransform(RollPitchYaw(*turn), place) for turn, place in (
@@ -35,8 +35,8 @@ def test_pose_and_velocity_are_those_of_the_kinematics(arm, axes):
     random = np.random.default_rng(4)
     context = arm.CreateDefaultContext()
     base, hand = (arm.GetFrameByName(name) for name in ("link_2", "link_6"))
-    ends = ((base, ELBOW), (hand, HAND))
-    turning, still = (RelativeMotion(plant=arm, ends=ends, axes=axes, turning=turns) for turns in (True, False))
+    ends = {"base": AttachedFrame(base, ELBOW), "frame": AttachedFrame(hand, HAND)}
+    turning, still = (RelativeMotion(plant=arm, **ends, axes=axes, turning=turns) for turns in (True, False))
     for _ in range(3):
         q, v = random.uniform(-1, 1, 6), random.uniform(-2, 2, 6)
         seen = []
@@ -75,7 +75,7 @@ def test_a_slip_of_the_program_within_a_block_is_no_divergence(monkeypatch):
     def slip(*_):
         return dict[str, int]()["absent"]
 
-    monkeypatch.setattr(RelativeMotion, "_seen", slip)
+    monkeypatch.setattr(RelativeMotion, "_motion_in_world", slip)
     tip = {"kind": "frame", "frame": "lower_link"}
     drive = {"kind": "signal_flow", "blocks": {}, "torque": {"joint_1": {"frame.tip.z": 1.0}}}
     station = load_station("double_pendulum", {"sensors": {"tip": tip}, "controllers": {"drive": drive}})

@@ -111,3 +111,13 @@ def test_the_camera_climbs_with_the_robot():
     assert way is not None
     gone = way(np.array([result.stop_time]))
     np.testing.assert_allclose(gone[0, 2], np.tan(np.deg2rad(10)) * gone[0, 0])
+
+
+def test_a_point_is_on_a_box_if_it_is_pressed_in_by_less_than_contacts_give_way():
+    box = (RigidTransform(np.array([0.0, 0.0, 0.05])), np.array([0.5, 0.5, 0.05]))  # its top is at 0.1 m
+    pressed_in = np.array([0.0, 0.0, 0.096])
+    inside = np.array([0.0, 0.0, 0.08])
+
+    heights = Ground(boxes=(box,)).beneath(np.array([pressed_in, inside]))
+
+    np.testing.assert_allclose(heights, [0.1, 0.0], atol=1e-12)

@@ -103,7 +103,7 @@ class PolicySensors:
                 sensor.kind,
                 message("learning.encoders_or_imu", "encoders or imu: nothing else is told here"),
             )
-        if sensor.late_samples:
+        if sensor.delay_samples:
             raise InvalidParameter(
                 f"{key}.delay", sensor.delay, message("learning.nothing_late", "0: nothing is told late here")
             )

@@ -1,21 +1,24 @@
-r"""A loop that keeps a standing robot on its feet, by its centre of mass and its speed: ankles, hips, arms, and steps.
+r"""Loop that keeps a standing robot on its feet, by the motion of its centre of mass: ankles, hips, arms, and steps.
 
-With the centre of mass c, from where the feet had it at the start, and its velocity, a robot that gives way to its
-ankles alone comes to rest over its **capture point**, and falls once that leaves the area of its feet:
+Let c be the centre of mass, measured from its position relative to the feet at the start. A robot that gives way in
+its ankles alone comes to rest over its **capture point** :math:`\xi`, and falls once that leaves the area of its feet:
 
 .. math:: \xi = c + \frac{\dot c}{\omega}, \qquad \omega = \sqrt{g/h} .
 
-A *strategy* moves axes by the error e in one direction, with a lead :math:`T` (:math:`1/\omega` unless given), nothing
-at its threshold b and as far as it can at :math:`e_1`; so a trunk or an arm that swings takes up the rest:
+A *strategy* moves axes by the error e in one direction, with a lead time :math:`T` (:math:`1/\omega` by default). It
+does nothing up to its threshold b, and moves the axes by their largest offset :math:`a_i` from the error :math:`e_1`
+on. The trunk or an arm that swings then balances the rest:
 
 .. math:: e = c + T \dot c, \qquad
     \Delta q_i = a_i \,\mathrm{sign}(e)\, \mathrm{clip}\Bigl(\frac{|e| - b}{e_1 - b}, 0, 1\Bigr) .
+
+A *capture step* sets one foot where the robot falls.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -28,113 +31,161 @@ from simrob_drake.base.sections import NotNegative, Number, Positive, Strict
 from simrob_drake.blocks.block import add_matrix_gain
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.controllers.loop import LoopSection
-from simrob_drake.parts.controllers.support import Balanced, Direction, Support
+from simrob_drake.parts.controllers.support import BalanceState, Direction, Support
 from simrob_drake.parts.resolved import ResolvedRobot, Surroundings
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
 
-_TOUCHES = 0.003
-"""How high above the lowest foot another still touches the floor, since servos and contacts give way [m]."""
-_REACHED = 0.7  # part of a step after which the foot is as far as it goes, and only comes down
+# Height above the lowest foot up to which a foot touches the floor, since servos and contacts give way [m].
+_TOUCH_HEIGHT = 0.003
+# Part of a step's time after which the foot has its full reach, and only comes down [1].
+_REACH_TIME = 0.7
+# Part of a step's time from which a touch ends the step: before, the foot has not left the floor [1].
+_LIFT_TIME = 0.5
 
 
 class CaptureStep(Strict):
-    """Set a foot where the robot falls, once its capture point leaves the feet, and stand there."""
+    """Set a foot where the robot falls, once the error is large, and stay standing there."""
 
     measures: Direction
-    """Where the error counts, as in a strategy: ahead, behind, or to one side."""
+    """Direction of the error, as in a strategy."""
     foot: str
     """Link of the foot that is lifted."""
     beyond: Positive
-    """The error from which on it steps [m]."""
+    """Error from which on it steps [m]."""
     full: Positive
-    """The error for which it reaches as far as ``reach_deg``; for less by so much less [m]."""
+    """Error for which it reaches as far as ``reach_deg`` [m]; in proportion for smaller errors."""
     least: NotNegative = 0.0
-    """The least part of that that it reaches."""
+    """Least part of ``reach_deg`` that it reaches."""
     lead: NotNegative | None = None
-    """What the velocity counts for [s]; 1/ω unless given, which makes the error that of the capture point."""
+    """Lead time T of the error [s]; if left out, 1/ω, which makes the error that of the capture point."""
     duration: Positive
-    """How long the foot is in the air [s]."""
+    """Time for which the foot is in the air [s]."""
     settle: Positive = 0.3
-    """How long the legs then take to their new posture [s]."""
+    """Time that the legs then take to their new posture [s]."""
     stance: Annotated[Number, Field(ge=0, le=1)] = 1.0
-    """Part of its reach that the leg which stands takes while the foot is in the air; the rest as they settle."""
+    """Part of its reach that the standing leg moves while the foot is in the air; the rest follows as they settle."""
     lift_deg: dict[str, Number] = Field(min_length=1)
-    """How far axes are moved in the middle of the step, to lift the foot, by name [deg]."""
+    """Offsets of axes in the middle of the step, to lift the foot, by name [deg]."""
     reach_deg: dict[str, Number] = Field(min_length=1)
-    """How far axes are moved once the foot is down, by name [deg]."""
+    """Offsets of axes once the foot is down, by name [deg]."""
 
 
 @dataclass(frozen=True)
 class Stepping:
-    """A step with the place of its foot among the feet, and its moves in radians, shape (n,)."""
+    """A capture step of a robot with n axes.
+
+    Attributes:
+        section: section of the step.
+        foot: index of the foot among the robot's feet.
+        lift: offsets of the axes in the middle of the step, shape (n,) [rad].
+        reach: offsets of the axes once the foot is down, shape (n,) [rad].
+    """
 
     section: CaptureStep
     foot: int
     lift: Vector
     reach: Vector
 
-    def part(self, balanced: Balanced) -> float:
-        """Return what part of its reach is called for."""
+    def part(self, state: BalanceState) -> float:
+        """Part of the reach that a state calls for, 0 to 1."""
         section = self.section
-        return min(max(balanced.error(section.measures, section.lead) / section.full, section.least), 1.0)
+        error = state.error(section.measures, section.lead)
+        return min(max(error / section.full, section.least), 1.0)
 
-    def swung(self, time: float, part: float) -> Vector:
-        """Return how far the axes are moved at a time of the step, of which it takes one."""
-        ahead = min(time / _REACHED, 1.0)
-        return (
-            math.sin(math.pi * time) * self.lift
-            + part * ahead * ahead * (3 - 2 * ahead) * np.where(self.lift, 1.0, self.section.stance) * self.reach
-        )
+    def offsets(self, time: float, part: float) -> Vector:
+        """Compute the offsets of the axes during the step, shape (n,) [rad].
+
+        Args:
+            time: part of the step's duration that has passed, 0 to 1.
+            part: part of the reach.
+        """
+        reach_time = min(time / _REACH_TIME, 1.0)
+        smooth_reach = part * reach_time * reach_time * (3 - 2 * reach_time)
+        # Axes that do not lift the foot are those of the standing leg.
+        share = np.where(self.lift, 1.0, self.section.stance)
+        return math.sin(math.pi * time) * self.lift + smooth_reach * share * self.reach
+
+
+class StepState(NamedTuple):
+    """State of the capture steps.
+
+    Attributes:
+        step: number of the step that the robot takes, from 1; 0 for none.
+        time: part of its duration that has passed; 1 once the foot is down.
+        part: part of its reach.
+    """
+
+    step: float
+    time: float
+    part: float
 
 
 class StepChooser:
-    """Which of several steps a robot takes: one, and it stays there."""
+    """Chooses one of several capture steps, and computes its offsets. After that step, the robot stays there."""
 
     def __init__(self, steps: Sequence[Stepping], period: float) -> None:
-        """Take the steps that it may take, and the time between samples [s]."""
-        self._steps, self._period = steps, period
+        """Create the chooser.
 
-    def next(self, state: Vector, moved: Vector, balanced: Balanced) -> tuple[Vector, Vector]:
-        """Return what follows of a step's state and of how far axes are moved, (n,) [rad].
-
-        The state (3,) is which step it is (from 1, 0 for none), its time (1 once the foot is down) and its part.
+        Args:
+            steps: steps that the robot may take.
+            period: time between two samples [s].
         """
-        which, time, part = int(state[0]), float(state[1]), float(state[2])
-        if not which:
-            sections = [step.section for step in self._steps]
-            errors = (balanced.error(own.measures, own.lead) > own.beyond for own in sections)
-            which = next((number for number, far in enumerate(errors, 1) if far), 0)
-            if not which:
-                return state, moved
-        step = self._steps[which - 1]
-        if time < 1:
-            time, part = min(time + self._period / step.section.duration, 1.0), max(part, step.part(balanced))
-            moved = step.swung(time, part)
-            if time > 0.5 and balanced.lifted[step.foot] < _TOUCHES:
-                time = 1.0  # what is lifted still is let down slowly, or the leg would kick
-        else:
-            moved = moved + min(self._period / step.section.settle, 1.0) * (part * step.reach - moved)
-        return np.array([which, time, part]), moved
+        self._steps = steps
+        self._period = period
+
+    def next(self, state: Vector, offset: Vector, balance: BalanceState) -> tuple[Vector, Vector]:
+        """Compute the state and the offsets of the axes after a sample.
+
+        Args:
+            state: state before the sample, shape (3,), see `StepState`.
+            offset: offsets of the axes before the sample, shape (n,) [rad].
+            balance: deviation of the robot from its stance.
+
+        Returns:
+            The new state (3,) and the new offsets (n,) [rad].
+        """
+        before = StepState(*state.tolist())
+        number = int(before.step) or self._choose(balance)
+        if not number:
+            return state, offset
+        step = self._steps[number - 1]
+        if before.time >= 1:
+            settled_share = min(self._period / step.section.settle, 1.0)
+            return np.array(before._replace(step=number)), offset + settled_share * (before.part * step.reach - offset)
+
+        time = min(before.time + self._period / step.section.duration, 1.0)
+        part = max(before.part, step.part(balance))
+        new_offset = step.offsets(time, part)
+        if time > _LIFT_TIME and balance.lifted[step.foot] < _TOUCH_HEIGHT:
+            time = 1.0  # the foot is down early: what is still lifted settles slowly, or the leg would kick
+        return np.array([number, time, part]), new_offset
+
+    def _choose(self, balance: BalanceState) -> int:
+        """Number of the first step whose error is large enough, from 1; 0 for none."""
+        for number, step in enumerate(self._steps, 1):
+            if balance.error(step.section.measures, step.section.lead) > step.section.beyond:
+                return number
+        return 0
 
 
 class Strategy(Strict):
-    """How some axes answer when the robot tips in one direction."""
+    """Offsets of some axes in answer to an error in one direction."""
 
     measures: Direction
-    """Where the error counts: ahead (negative behind), to the left (negative to the right), or on one side alone."""
+    """Direction of the error: ahead (negative behind), to the left (negative to the right), or on one side alone."""
     moves_deg: dict[str, Number] = Field(min_length=1)
-    """How far each axis moves at most, by name [deg, or m where it slides]."""
+    """Largest offset of each axis, by name [deg, or m for a prismatic axis]."""
     beyond: NotNegative = 0.0
-    """The error that is ignored [m]."""
+    """Error up to which nothing moves [m]."""
     full: Positive
-    """The error from which on the axes are moved as far as that [m]."""
+    """Error from which on the axes have their largest offsets [m]."""
     lead: NotNegative | None = None
-    """What the velocity counts for [s]; 1/ω unless given, which makes the error that of the capture point."""
+    """Lead time T of the error [s]; if left out, 1/ω, which makes the error that of the capture point."""
     rise: NotNegative = 0.05
-    """The least time from no answer to a full one [s]."""
+    """Least time from no offset to the largest one [s]."""
     release: NotNegative = 0.05
-    """The least time back [s]."""
+    """Least time from the largest offset to none [s]."""
 
     @model_validator(mode="after")
     def _grows(self) -> "Strategy":
@@ -164,11 +215,11 @@ class Balance(LoopSection):
 
     kind: Literal["balance"]
     facing_deg: Number = 0.0
-    """Where the robot looks at the start: 0 along the world's x axis, 90 along y."""
+    """Direction in which the robot looks at the start: 0 along the world's x axis, 90 along y."""
     strategies: dict[str, Strategy] = Field(default_factory=dict)
-    """Those that act, by name."""
+    """Strategies, by name."""
     steps: dict[str, CaptureStep] = Field(default_factory=dict)
-    """Those that it may take, by name: the first that is called for, and then the strategies rest."""
+    """Steps that it may take, by name: the first whose error is large enough, after which the strategies rest."""
 
     @model_validator(mode="after")
     def _acts(self) -> "Balance":
@@ -179,14 +230,24 @@ class Balance(LoopSection):
         return self
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
-        """Return the axes that strategies and steps move."""
-        parts = {"moves_deg": [strategy.moves_deg for strategy in self.strategies.values()]}
-        parts |= {key: [getattr(step, key) for step in self.steps.values()] for key in ("lift_deg", "reach_deg")}
-        found = [robot.model.axis_index(axis, key) for key, moves in parts.items() for each in moves for axis in each]
-        return [robot.axes[index] for index in dict.fromkeys(found)]
+        """Names of the axes that strategies and steps move."""
+        moves_by_key = {
+            "moves_deg": [strategy.moves_deg for strategy in self.strategies.values()],
+            "lift_deg": [step.lift_deg for step in self.steps.values()],
+            "reach_deg": [step.reach_deg for step in self.steps.values()],
+        }
+        indices = list[int]()
+        for key, all_moves in moves_by_key.items():
+            for moves in all_moves:
+                indices += [robot.model.axis_index(axis, key) for axis in moves]
+        return [robot.axes[index] for index in dict.fromkeys(indices)]
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the robot stands on feet; raises SimrobError: it does not, or what every loop checks."""
+        """Check that the robot stands on feet of its own and that the steps' feet exist.
+
+        Raises:
+            SimrobError: they do not, or a check of the base class fails.
+        """
         super().check(key, station)
         robot = self.on_feet(key, station)
         assert robot.feet is not None  # on_feet() has asked
@@ -204,31 +265,40 @@ class Balance(LoopSection):
             )
 
     def source(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site, key: str) -> OutputPort:
-        """Return what an input reads: of how the base turns, the plant's state unless a sensor is named."""
+        """Find the port that an input reads.
+
+        The rotation of the base is read from the plant's state, unless the section names a sensor.
+        """
         parts = {"orientation": ("base_pose", slice(3, 7)), "angular_velocity": ("base_velocity", slice(3, 6))}
-        output, part = parts.get(name, ("", slice(0)))
-        known = site.outputs.of_state.get(f"{robot.prefix}{output}")
-        if name in self.reads or known is None:
+        output, entries = parts.get(name, ("", slice(0)))
+        rule = site.outputs.of_state.get(f"{robot.prefix}{output}")
+        if name in self.reads or rule is None:
             return super().source(builder, name, robot, site, key)
         site.picture.draw_nothing(f"{key}.{name}")
-        return add_matrix_gain(builder, f"{key}.{name}", known.matrix(site.state.size())[part], site.state)
+        matrix = rule.matrix(site.state.size())[entries]
+        return add_matrix_gain(builder, f"{key}.{name}", matrix, site.state)
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        assert robot.feet is not None  # check() has asked
+        """Create the block for a robot of the site."""
+        assert robot.feet is not None  # check() has checked it
         feet = list(robot.feet.links)
 
-        def moves(name: str, degrees: dict[str, float]) -> Vector:
-            """Return the moves of a strategy or a step, in radians for all axes."""
+        def offsets(name: str, degrees: dict[str, float]) -> Vector:
+            """Convert offsets in the user's units, by axis, to offsets of all axes [rad]."""
             return robot.model.user_units * robot.model.axis_vector(dict(degrees), f"{key}.{name}")
 
-        answers = [
-            Answer(each, moves(f"strategies.{name}.moves_deg", each.moves_deg))
-            for name, each in self.strategies.items()
-        ]
+        answers = []
+        for name, strategy in self.strategies.items():
+            answers.append(Answer(strategy, offsets(f"strategies.{name}.moves_deg", strategy.moves_deg)))
         steps = []
-        for name, each in self.steps.items():
-            lift, reach = (moves(f"steps.{name}.{part}", getattr(each, part)) for part in ("lift_deg", "reach_deg"))
-            steps.append(Stepping(each, feet.index(each.foot), lift, reach))
+        for name, step in self.steps.items():
+            stepping = Stepping(
+                section=step,
+                foot=feet.index(step.foot),
+                lift=offsets(f"steps.{name}.lift_deg", step.lift_deg),
+                reach=offsets(f"steps.{name}.reach_deg", step.reach_deg),
+            )
+            steps.append(stepping)
         return StandingBalance(
             period=1 / self.rate,
             support=Support(robot, math.radians(self.facing_deg)),
@@ -241,33 +311,44 @@ class Balance(LoopSection):
 
 @dataclass(frozen=True)
 class Answer:
-    """A strategy, with how far the axes move in radians, shape (n,)."""
+    """A strategy of a robot with n axes.
+
+    Attributes:
+        section: section of the strategy.
+        moves: largest offsets of the axes, shape (n,) [rad].
+    """
 
     section: Strategy
     moves: Vector
 
-    def part(self, balanced: Balanced) -> float:
-        """Return what part of the full answer is called for, -1 to 1."""
+    def part(self, state: BalanceState) -> float:
+        """Part of the largest offsets that a state calls for, -1 to 1."""
         section = self.section
-        along = balanced.error(section.measures, section.lead)
-        beyond = max(abs(along) - section.beyond, 0.0)
-        return math.copysign(min(beyond / (section.full - section.beyond), 1.0), along)
+        error = state.error(section.measures, section.lead)
+        beyond = max(abs(error) - section.beyond, 0.0)
+        return math.copysign(min(beyond / (section.full - section.beyond), 1.0), error)
 
     def next(self, before: float, desired: float, period: float) -> float:
-        """Return the part a period [s] after another, as near to what is wanted as it can be by then."""
+        """Move a part towards a desired one, no faster than the section's times.
+
+        Args:
+            before: the part before.
+            desired: the desired part.
+            period: time between the two [s].
+        """
         duration = self.section.rise if abs(desired) > abs(before) else self.section.release
         step = period / duration if duration > 0 else math.inf
         return min(max(desired, before - step), before + step)
 
 
 class StandingBalance(SampledBlock):
-    """Move axes by how a robot stands on its feet.
+    """Compute offsets of the axes from the balance of a robot that stands on its feet.
 
     Ports:
         in  ``position``, ``velocity`` (n) [rad and rad/s]; ``orientation`` (4): of the root link, qw qx qy qz;
-        ``angular_velocity`` (3) [rad/s]: of that, in the world's axes or as a gyroscope tells it.
-        out ``offset`` (n) [rad]: to be added to the reference; ``com`` (2) and ``capture_point`` (2): ahead and to the
-        left of where the feet had the centre of mass at the start [m].
+        ``angular_velocity`` (3) of the root link [rad/s], in the world's axes, or in its own axes from a gyroscope.
+        out ``offset`` (n) [rad], added to the reference; ``com`` (2) and ``capture_point`` (2), ahead and to the left
+        of the place of the centre of mass relative to the feet at the start [m].
     """
 
     def __init__(
@@ -280,30 +361,54 @@ class StandingBalance(SampledBlock):
         size: int,
         gyroscope: bool = False,
     ) -> None:
-        """Make the block for a robot of ``size`` axes: how it stands, its answers, added up, and the steps it may take.
+        """Create the block.
 
-        A ``gyroscope`` gives the angular velocity in the axes of the root link.
+        Args:
+            period: time between two samples [s].
+            support: kinematics of the robot.
+            answers: strategies, whose offsets are added up.
+            steps: steps that the robot may take.
+            size: count n of axes.
+            gyroscope: whether the angular velocity is in the axes of the root link.
         """
         self.units = {"offset": "rad", "com": "m", "capture_point": "m"}
         self.components = dict.fromkeys(("com", "capture_point"), ("ahead", "left"))
-        self._support, self._answers, self._gyroscope = support, answers, gyroscope
+        self._support = support
+        self._answers = answers
+        self._gyroscope = gyroscope
         self._stepper = StepChooser(steps, period)
         reads = {"position": size, "velocity": size, "orientation": 4, "angular_velocity": 3}
         outputs = {"offset": np.zeros(size), "com": np.zeros(2), "capture_point": np.zeros(2)}
-        memory = {**outputs, "parts": np.zeros(len(answers)), "step": np.zeros(3), "stepped": np.zeros(size)}
-        super().__init__(period=period, reads=reads, memory=memory, gives=tuple(outputs))
+        more_memory = {
+            "parts": np.zeros(len(answers)),  # part of each strategy's offsets
+            "step": np.zeros(3),  # see StepState
+            "stepped": np.zeros(size),  # offsets of the step
+        }
+        super().__init__(period=period, reads=reads, memory={**outputs, **more_memory}, gives=tuple(outputs))
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Return how far the axes are to be moved now."""
-        turned, spin = rotation_of(read["orientation"]), read["angular_velocity"]
-        spin = turned @ spin if self._gyroscope else spin
-        balanced = self._support.balanced(read["position"], read["velocity"], turned, spin)
-        stepping = memory["step"][0] > 0  # then strategies rest: the rocking on new feet is not a push
-        desired = [0.0 if stepping else answer.part(balanced) for answer in self._answers]
-        before = zip(self._answers, memory["parts"].tolist(), desired, strict=True)
-        parts = [answer.next(part, now, self.period) for answer, part, now in before]
-        step, offset = self._stepper.next(memory["step"], memory["stepped"], balanced)
-        now = {"com": balanced.com, "capture_point": balanced.capture_point, "step": step, "stepped": offset}
+        """Compute the offsets at this sample."""
+        rotation = rotation_of(read["orientation"])
+        spin = read["angular_velocity"]
+        if self._gyroscope:
+            spin = rotation @ spin
+        balance = self._support.observe(read["position"], read["velocity"], rotation, spin)
+
+        # After a step the strategies rest: the rocking on the new feet is no push.
+        has_stepped = memory["step"][0] > 0
+        parts = list[float]()
+        for answer, last_part in zip(self._answers, memory["parts"].tolist(), strict=True):
+            desired = 0.0 if has_stepped else answer.part(balance)
+            parts.append(answer.next(last_part, desired, self.period))
+        step, step_offset = self._stepper.next(memory["step"], memory["stepped"], balance)
+        offset = step_offset
         for part, answer in zip(parts, self._answers, strict=True):
             offset = offset + part * answer.moves
-        return {"offset": offset, "parts": np.array(parts), **now}
+        return {
+            "offset": offset,
+            "parts": np.array(parts),
+            "com": balance.com,
+            "capture_point": balance.capture_point,
+            "step": step,
+            "stepped": step_offset,
+        }

@@ -1,9 +1,14 @@
-"""Loops that mind forces: one presses with the force that is asked for, one protects motors from too much."""
+"""Loops on forces: one presses with a desired force, the other one protects motors from overload.
+
+A loop moves the reference of its robot, to which the servos move the axes. Its output ``offset`` is added to the
+reference; its output ``target`` replaces the reference while its output ``active`` is 1. Its input ``asked`` is the
+reference below it, with the changes of other loops of lower priority.
+"""
 
 import math
 import weakref
 from collections.abc import Sequence
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import AfterValidator, Field
@@ -13,9 +18,10 @@ from pydrake.multibody.tree import Frame, JacobianWrtVariable
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
+from simrob_drake.base.renaming import keep_former_attributes
 from simrob_drake.base.sections import NotNegative, Positive, Triple
 from simrob_drake.blocks.sampled import Changes, Named, RunEnds, SampledBlock
-from simrob_drake.parts.controllers.loop import LoopSection, check_force_is_read
+from simrob_drake.parts.controllers.loop import ASKED, LoopSection, check_force_is_read
 from simrob_drake.parts.monitors.sections import force_limit
 from simrob_drake.parts.resolved import WORLD, ResolvedRobot, Surroundings
 from simrob_drake.parts.site import Site
@@ -23,13 +29,19 @@ from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.parts.targets import frame_of
 from simrob_drake.robots.axis_map import AxisMap, AxisValues
 
-_DAMPED = 1e-6 * np.eye(6)
-"""The damping of the least squares, squared: near a singularity joints move less, elsewhere it does not show."""
-
-_NEAR = 0.2  # how near the force must be to what is asked for, as a part of that, for the integral to act
+# Squared damping of the least squares for the joint offsets, per row (rad² and m²). Near a singularity it keeps joint
+# motions small; elsewhere its effect is negligible.
+_DAMPING = 1e-6 * np.eye(6)
+# Largest error of the force at which the integral part acts, as a part of the desired force [1].
+_INTEGRAL_RANGE = 0.2
 
 
 def _unit(direction: Triple) -> Triple:
+    """Scale a direction to the length 1.
+
+    Raises:
+        ValueError: its length is zero.
+    """
     size = float(np.linalg.norm(direction))
     if size == 0:
         raise ValueError(message("parts.zero_direction", "a direction of length zero points nowhere"))
@@ -38,10 +50,10 @@ def _unit(direction: Triple) -> Triple:
 
 
 class ForceControl(LoopSection):
-    """Press with the tool: move it along a direction until a force sensor feels what is asked for.
+    """Press with the tool: move it along a direction until a force sensor measures the desired force.
 
-    That is named by `reads: {force: <sensor>}`. It moves all axes of its robot; in the other directions the tool stays
-    as the reference has it.
+    The sensor is named by `reads: {force: <sensor>}`. The loop moves all axes of its robot. In the other directions,
+    the tool stays where the reference has it.
     """
 
     label: ClassVar[str] = message("parts.loop_force_control", "force control")
@@ -53,22 +65,22 @@ class ForceControl(LoopSection):
 
     kind: Literal["force_control"]
     force: Positive
-    """With what force to press [N]."""
+    """Desired force [N]."""
     direction: Annotated[Triple, AfterValidator(_unit)] = (0.0, 0.0, -1.0)
-    """Where to, in the axes of the sensor's `frame`: those of the world unless that says otherwise."""
+    """Direction in which the tool presses, in the axes of the sensor's `frame` (by default the world's)."""
     kp: Positive = 0.003
-    """How fast the tool moves for an error [m/(s·N)]."""
+    """Speed of the tool for an error of the force [m/(s·N)]."""
     ki: NotNegative = 0.003
-    """How fast that speed grows [m/(s²·N)]; 0 for none."""
+    """Growth of this speed [m/(s²·N)]; 0 for no integral part."""
     approach: Positive = 0.01
-    """How fast it may move while it touches nothing [m/s]."""
+    """Largest speed of the tool while it touches nothing [m/s]."""
     speed: Positive = 0.05
-    """How fast otherwise [m/s]."""
+    """Largest speed of the tool in contact [m/s]."""
     reach: Positive = 0.05
-    """How far it may be from where the reference has it [m]."""
+    """Largest distance of the tool from its reference [m]."""
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check what is known before anything is built."""
+        """Check, in addition to the base class, that a force sensor is read and that the robot has a tool."""
         super().check(key, station)
         check_force_is_read(self, key)
         if not station.robot(self.robot, key).tcp:
@@ -79,89 +91,153 @@ class ForceControl(LoopSection):
             )
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        sensor = frame_of(site.plant, getattr(site.station.sensors.get(self.reads["force"]), "frame", WORLD))
-        return PressingTool(self, site.plant.plant, robot.axis_map, robot.tools[robot.tcp], sensor)
+        """Create the block for a robot of the site."""
+        sensor = site.station.sensors.get(self.reads["force"])
+        sensor_frame = frame_of(site.plant, getattr(sensor, "frame", WORLD))
+        return PressingTool(self, site.plant.plant, robot.axis_map, robot.tools[robot.tcp], sensor_frame)
+
+
+class _ToolPath(NamedTuple):
+    """State of the force control.
+
+    Attributes:
+        path: distance x of the tool from its reference along the direction [m].
+        drift: integral part z of the tool's speed [m/s].
+    """
+
+    path: float
+    drift: float
 
 
 class PressingTool(SampledBlock):
-    r"""PI control of the force on a tool by moving it along a direction until a sensor feels what is asked for.
+    r"""PI control of the force on a tool, which moves along a direction until a sensor measures the desired force.
 
-    With the error e of the force, the tool's path x along the direction d has the speed
+    With the error e of the force, the distance x of the tool from its reference along the direction d follows
 
-    .. math:: \dot x = \mathrm{clip}(k_p e + z, \pm v), \qquad \dot z = k_i e, \qquad |x| \le x_{max},
+    .. math:: \dot x = \mathrm{clip}(k_p e + z, \pm v), \qquad \dot z = k_i e, \qquad |x| \le x_{max}.
 
-    where z stands still unless the force is near what is asked for and the speed within its bound, so that it does not
-    wind up on the way there; v is slower until the tool touches. A surface that comes nearer steadily, or an arm that
-    sags more and more, then leaves no error. The joints' offsets follow so that the tool is displaced by x d from where
-    the reference has it, and not turned, with the Jacobian J at that posture:
+    The integral part z only changes while the force is near the desired one and the speed is within its limit, so it
+    does not wind up on the approach. The limit v is lower until the tool touches. With the integral part, no error
+    remains if a surface approaches steadily, or if an arm sags more and more. The joint offsets :math:`\Delta q` move
+    the tool by x d from its reference, without turning it. They approach this goal by one step of damped least squares
+    per sample, with the Jacobian J, the remaining rotation r and the remaining distance s:
 
-    .. math:: \Delta q = J^\top (J J^\top + \lambda^2)^{-1} \begin{pmatrix} \text{turn left} \\ \text{way left}
-        \end{pmatrix} .
+    .. math:: \Delta q \leftarrow \Delta q + J^\top (J J^\top + \lambda^2)^{-1} \begin{pmatrix} r \\ s \end{pmatrix} .
 
     Ports:
         in  ``force`` (3) [N]: on the tool, in the axes of the sensor; ``asked`` (n) [rad]: the reference of the joints.
-        out ``offset`` (n) [rad]: to be added to it; ``pressing`` (1) [N]: against the direction; ``path`` (1) [m].
+        out ``offset`` (n) [rad], added to the reference; ``pressing`` (1) [N]: the force that the tool exerts along the
+        direction; ``path`` (1) [m]: x.
     """
 
     def __init__(self, section: ForceControl, plant: MultibodyPlant, axes: AxisMap, tool: Frame, sensor: Frame) -> None:
-        """Make the block of a section, for axes of a finalized plant, which need not be part of the diagram.
+        """Create the block. Joints of the plant that are no axes are taken to stay where they are at the start.
 
-        What is no axis stands there as at the start. Force and direction are given in the axes of the frame ``sensor``.
+        Args:
+            section: section of the loop.
+            plant: the finalized plant, which need not be part of the diagram.
+            axes: the robot's axes in the plant.
+            tool: frame of the tool.
+            sensor: frame in whose axes force and direction are given.
         """
-        size, one = len(axes.signs), np.zeros(1)
+        size = len(axes.signs)
+        zero = np.zeros(1)
         self.units = {"offset": "rad", "pressing": "N", "path": "m"}
-        memory = {"offset": np.zeros(size), "pressing": one, "path": one}
-        reads, outputs = {"force": 3, "asked": size}, list(memory)
-        super().__init__(period=1 / section.rate, reads=reads, memory={**memory, "drift": one}, gives=outputs)
-        self._plant, self._axes, self._tool, self._sensor = weakref.proxy(plant), axes, tool.index(), sensor.index()
-        self._scratch = plant.CreateDefaultContext()  # nothing is remembered in it: every evaluation sets it anew
+        outputs = {"offset": np.zeros(size), "pressing": zero, "path": zero}
+        super().__init__(
+            period=1 / section.rate,
+            reads={"force": 3, ASKED: size},
+            memory={**outputs, "drift": zero},
+            gives=list(outputs),
+        )
+        self._plant = weakref.proxy(plant)
+        self._axes = axes
+        self._tool = tool.index()
+        self._sensor = sensor.index()
+        self._scratch = plant.CreateDefaultContext()  # work space: every evaluation sets its positions anew
         self._rest = plant.GetPositions(self._scratch)
-        self._section, self._direction = section, np.array(section.direction)
+        self._section = section
+        self._direction = np.array(section.direction)
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Return how far the tool and the joints are to be moved now."""
+        """Compute the tool's distance from its reference, and the joint offsets for it."""
+        # The sensor measures the force on the tool, which is opposite to the force that the tool exerts.
         pressing = float(-self._direction @ read["force"])
-        path, drift = self.next_path(memory["path"][0], memory["drift"][0], pressing)
-        offset = self.joints(memory["offset"], read["asked"], path)
-        return {"pressing": pressing, "path": path, "drift": drift, "offset": offset}
+        tool_path = self.next_path(memory["path"][0], memory["drift"][0], pressing)
+        offset = self.next_offsets(memory["offset"], read[ASKED], tool_path.path)
+        return {"pressing": pressing, "path": tool_path.path, "drift": tool_path.drift, "offset": offset}
 
-    def next_path(self, path: float, drift: float, pressing: float) -> tuple[float, float]:
-        """Return x [m] and z [m/s] by what they were, and by the force [N]."""
+    def next_path(self, path: float, drift: float, pressing: float) -> _ToolPath:
+        """Compute x and z after a sample, by the equations of the class.
+
+        Args:
+            path: x before the sample [m].
+            drift: z before the sample [m/s].
+            pressing: force that the tool exerts along the direction [N].
+        """
         section = self._section
-        error, fastest = section.force - pressing, section.speed if pressing > 0 else section.approach
-        desired = section.kp * error + drift
-        speed = min(max(desired, -fastest), fastest)
-        if abs(error) < _NEAR * section.force and speed == desired:
+        error = section.force - pressing
+        largest_speed = section.speed if pressing > 0 else section.approach
+        desired_speed = section.kp * error + drift
+        speed = min(max(desired_speed, -largest_speed), largest_speed)
+        is_near = abs(error) < _INTEGRAL_RANGE * section.force
+        if is_near and speed == desired_speed:
             drift += section.ki * error * self.period
-        return min(max(path + speed * self.period, -section.reach), section.reach), drift
+        path = min(max(path + speed * self.period, -section.reach), section.reach)
+        return _ToolPath(path=path, drift=drift)
 
-    def joints(self, offset: Vector, reference: Vector, path: float) -> Vector:
-        """Return offsets (n,) [rad], from the last ones on, that put the tool ``path`` [m] beside the reference."""
-        plant, context, axes = self._plant, self._scratch, self._axes
-        world, tool, sensor = plant.world_frame(), plant.get_frame(self._tool), plant.get_frame(self._sensor)
-        plant.SetPositions(context, axes.spread_positions(reference, self._rest))
+    def next_offsets(self, offset: Vector, reference: Vector, path: float) -> Vector:
+        """Compute joint offsets that move the tool by a distance from its reference.
+
+        Args:
+            offset: offsets before the sample, shape (n,) [rad].
+            reference: reference of the joints, shape (n,) [rad].
+            path: distance x along the direction [m].
+
+        Returns:
+            The new offsets, shape (n,) [rad].
+        """
+        plant = self._plant
+        context = self._scratch
+        world = plant.world_frame()
+        tool = plant.get_frame(self._tool)
+        sensor = plant.get_frame(self._sensor)
+
+        # Pose of the tool at the reference, and the direction in the world.
+        plant.SetPositions(context, self._axes.spread_positions(reference, self._rest))
         target = tool.CalcPoseInWorld(context)
-        along = sensor.CalcRotationMatrixInWorld(context) @ self._direction
-        plant.SetPositions(context, axes.spread_positions(reference + offset, self._rest))
-        now = tool.CalcPoseInWorld(context)
-        turn = (target.rotation() @ now.rotation().inverse()).ToAngleAxis()
-        left = np.empty(6)
-        left[:3] = turn.angle() * turn.axis()
-        left[3:] = target.translation() + path * along - now.translation()
-        jacobian = axes.velocities(
-            plant.CalcJacobianSpatialVelocity(context, JacobianWrtVariable.kV, tool, np.zeros(3), world, world)
-        )
-        return np.asarray(offset + jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + _DAMPED, left))
+        direction = sensor.CalcRotationMatrixInWorld(context) @ self._direction
+
+        # Remaining rotation and distance from the posture with the offsets so far.
+        plant.SetPositions(context, self._axes.spread_positions(reference + offset, self._rest))
+        present = tool.CalcPoseInWorld(context)
+        rotation = (target.rotation() @ present.rotation().inverse()).ToAngleAxis()
+        error = np.empty(6)
+        error[:3] = rotation.angle() * rotation.axis()
+        error[3:] = target.translation() + path * direction - present.translation()
+
+        origin = np.zeros(3)
+        plant_jacobian = plant.CalcJacobianSpatialVelocity(context, JacobianWrtVariable.kV, tool, origin, world, world)
+        jacobian = self._axes.velocities(plant_jacobian)
+        step = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + _DAMPING, error)
+        return np.asarray(offset + step)
 
 
-_GUARDS, _WARNS, _GIVES_WAY, _STOPPED = 0.0, 1.0, 2.0, 3.0
+keep_former_attributes(PressingTool, joints="next_offsets")
+
+
+# Stages of the motor protection, as its output `stage` gives them.
+_WATCHES = 0.0
+_WARNS = 1.0
+_GIVES_WAY = 2.0
+_STOPPED = 3.0
 
 
 class MotorProtection(LoopSection):
-    """Give way where a motor is loaded too much or gets too warm, then stop the robot where it is.
+    """Let an axis give way if its motor is overloaded or too warm, then stop the robot where it is.
 
-    It watches the torques of the servos, and perhaps the force at a sensor (`reads: {force: <sensor>}`), which stops it
-    without giving way first. It lies above all other loops of its robot, whatever their priorities.
+    The loop watches the torques of the servos. It can also watch the force at a sensor (`reads: {force: <sensor>}`),
+    which stops the robot at once. It acts after all other loops of its robot, whatever their priorities.
     """
 
     uppermost: ClassVar[bool] = True
@@ -177,26 +253,26 @@ class MotorProtection(LoopSection):
     limit: AxisValues | None = None
     """Torque above which an axis gives way, per axis [N·m or N]; less than the servo's own limit."""
     nominal: AxisValues | None = None
-    """Torque that its motor may give forever [N·m or N]; not more than the limit. Too warm, it may give no more."""
+    """Torque that its motor may give forever [N·m or N], at most the limit. A motor that is too warm gives no more."""
     thermal_time: Positive = 30.0
-    """Time constant with which a motor gets warm [s]."""
+    """Time constant of a motor's heat [s]."""
     warn: Annotated[float, Field(gt=0, lt=1)] = 0.8
-    """How warm a motor is when it warns; 1 is too warm."""
+    """Heat of a motor from which the loop warns; 1 is too warm."""
     hold: NotNegative = 0.1
-    """How long a torque, or the force, must be above its limit [s]."""
+    """Time for which a torque, or the force, must be above its limit [s]."""
     patience: NotNegative = 0.5
-    """How long an axis gives way before the robot stops [s]."""
+    """Time for which an axis gives way before the robot stops [s]."""
     return_deg: Positive = 20.0
-    """How fast an axis comes back once it can [deg/s, or m/s where it slides]."""
+    """Speed at which an axis returns once it can [deg/s, or m/s for a prismatic axis]."""
     force: Positive | str | None = None
-    """Force that stops it [N], or a body region of ISO/TS 15066 such as `hands_and_fingers`."""
+    """Force that stops the robot [N], or a body region of ISO/TS 15066 such as `hands_and_fingers`."""
     then: Literal["hold", "end"] = "hold"
-    """To stop is to hold the posture of that moment, or to end the run."""
+    """What to do when the robot stops: hold the posture of that moment, or end the run."""
     reset_after: Positive | None = None
-    """How long all must be well again before it lets go [s]; never unless given."""
+    """Time without overload after which the robot moves on [s]; if it is left out, the robot stays stopped."""
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check what is known before anything is built."""
+        """Check, in addition to the base class, that there is something to watch and that the limits fit the servos."""
         super().check(key, station)
         robot = station.robot(self.robot, key)
         if self.weight is not None:
@@ -211,7 +287,9 @@ class MotorProtection(LoopSection):
                 message("parts.one_to_watch", "given one of them to watch"),
             )
         for axis, name in enumerate(robot.axes):
-            unit, servo, watched = robot.model.units[axis].effort, robot.gains, min(limit[axis], nominal[axis])
+            unit = robot.model.units[axis].effort
+            servo = robot.gains
+            watched = min(limit[axis], nominal[axis])
             if not watched > 0:
                 raise InvalidParameter(
                     message("parts.key_of_axis", "{key}, of {name},", key=key, name=name),
@@ -254,17 +332,21 @@ class MotorProtection(LoopSection):
 
         They are infinite for axes without one, and for passive axes.
         """
-        limit, nominal = ({} if values is None else values for values in (self.limit, self.nominal))
-        spread = robot.model.axis_vector
-        limits = spread(limit, f"{key}.limit", math.inf)
-        nominals = spread(nominal, f"{key}.nominal", math.inf)
+        limit = {} if self.limit is None else self.limit
+        nominal = {} if self.nominal is None else self.nominal
+        limits = robot.model.axis_vector(limit, f"{key}.limit", math.inf)
+        nominals = robot.model.axis_vector(nominal, f"{key}.nominal", math.inf)
         passive = robot.gains.passive
         return np.where(passive, math.inf, limits), np.where(passive, math.inf, nominals)
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
+        """Create the block for a robot of the site."""
         limit, nominal = self._limits(key, robot)
-        sagging = (robot.gains.ki == 0) & (robot.gains.kp > 0)  # not with an integral part
-        sags = np.where(sagging, 1 / np.where(sagging, robot.gains.kp, 1.0), 0.0)
+        # Servos without an integral part sag by torque / kp.
+        is_sagging = (robot.gains.ki == 0) & (robot.gains.kp > 0)
+        kp = np.where(is_sagging, robot.gains.kp, 1.0)  # 1 instead of 0, by which NumPy would divide
+        compliance = np.where(is_sagging, 1 / kp, 0.0)
+        weight = None if robot.floats else _ArmWeight(site.plant.plant, robot.axis_map, compliance)
         return GuardedMotors(
             self,
             limit=limit,
@@ -273,27 +355,52 @@ class MotorProtection(LoopSection):
             fastest=robot.model.user_units * self.return_deg,
             names=robot.axes,
             units=robot.model.effort_units,
-            held_by=None if robot.floats else (site.plant.plant, robot.axis_map, sags),
+            weight=weight,
         )
 
 
-class GuardedMotors(SampledBlock):
-    r"""Watch the torques of servos; give way, then stop (the thesis, p. 60).
+class _ArmWeight:
+    """Compensates the sag of an arm on a fixed base under its weight, when the reference is set to a posture."""
 
-    How warm a motor is follows from its torque by a first-order model, with the torque :math:`\tau_n` that it may give
-    forever; 1 is as warm as that makes it:
+    def __init__(self, plant: MultibodyPlant, axes: AxisMap, compliance: Vector) -> None:
+        """Prepare the computation.
+
+        Args:
+            plant: the finalized plant.
+            axes: the robot's axes in the plant.
+            compliance: sag of each axis for a torque, shape (n,) [rad/(N·m)].
+        """
+        self._plant = weakref.proxy(plant)
+        self._axes = axes
+        self._compliance = compliance
+        self._scratch = plant.CreateDefaultContext()
+
+    def compensation(self, position: Vector) -> Vector:
+        """Compute the offset of the reference, shape (n,) [rad], with which the axes stay at a position (n,) [rad]."""
+        self._axes.set_positions(self._plant, self._scratch, position)
+        weight = -self._axes.efforts(self._plant.CalcGravityGeneralizedForces(self._scratch))
+        return np.asarray(weight * self._compliance)
+
+
+class GuardedMotors(SampledBlock):
+    r"""Watch the torques of servos; give way if a motor is overloaded, then stop (the thesis, p. 60).
+
+    The heat :math:`\theta` of a motor follows its torque by a first-order model. It approaches 1 at the torque
+    :math:`\tau_n` that the motor may give forever:
 
     .. math:: T_{th} \dot\theta = (\tau / \tau_n)^2 - \theta, \qquad
         \theta \leftarrow \theta + (1 - e^{-T / T_{th}}) \bigl((\tau / \tau_n)^2 - \theta\bigr) .
 
-    To give way is to move the reference of an axis by x so that the torque of its servo falls to the limit L, and back
-    as far as that lets it: :math:`x \leftarrow x + \mathrm{clip}(-x, (-L - \tau)/k_p, (L - \tau)/k_p)`.
+    An axis gives way by an offset x of its reference, such that the torque of its servo falls to the limit L. The
+    offset returns to 0 as far as the limit permits:
+
+    .. math:: x \leftarrow x + \mathrm{clip}(-x, (-L - \tau)/k_p, (L - \tau)/k_p) .
 
     Ports:
-        in  ``torque`` (n) [N·m]: of the servos; ``position`` (n) [rad]; ``asked`` (n) [rad]: the reference below; with
-        a limit of force ``force`` (3) [N].
-        out ``offset`` (n) [rad]: by how much an axis gives way; ``target`` (n) [rad] and ``active`` (1): the posture
-        that is held once it has stopped; ``heat`` (n): 1 is too warm; ``stage`` (1): 0, 1 warns, 2 yields, 3 stopped.
+        in  ``torque`` (n) [N·m] of the servos; ``position`` (n) [rad]; ``asked`` (n) [rad]: the reference; ``force``
+        (3) [N] if the force has a limit.
+        out ``offset`` (n) [rad]: x; ``target`` (n) [rad]: the posture that is held while ``active`` (1) is 1, after
+        the robot has stopped; ``heat`` (n): 1 is too warm; ``stage`` (1): 0 watches, 1 warns, 2 gives way, 3 stopped.
     """
 
     def __init__(
@@ -306,98 +413,133 @@ class GuardedMotors(SampledBlock):
         fastest: Vector,
         names: Sequence[str],
         units: Sequence[str],
-        held_by: tuple[MultibodyPlant, AxisMap, Vector] | None = None,
+        weight: _ArmWeight | None = None,
     ) -> None:
-        """Make the block of a section, for axes by name, of a limit L and a nominal torque each, (n,) [N·m].
+        """Create the block for n axes.
 
-        ``stiffness`` is kp of the servos (n,) [N·m/rad], ``fastest`` how fast each axis comes back (n,) [rad/s]. With
-        ``held_by``, a finalized plant, the axes in it and how far each sags [rad/(N·m)], shape (n,), an axis is held by
-        a reference that is above it by what it will sag under its weight.
+        Args:
+            section: section of the loop.
+            limit: torque limit L of each axis, shape (n,) [N·m].
+            nominal: torque that each motor may give forever, shape (n,) [N·m].
+            stiffness: gain kp of the servos, shape (n,) [N·m/rad].
+            fastest: speed at which each axis returns, shape (n,) [rad/s].
+            names: names of the axes.
+            units: units of the torques, for messages.
+            weight: compensation of the arm's weight when the robot stops. If it is None, the axes may sag then.
         """
-        size, period = len(limit), 1 / section.rate
-        zero, one = np.zeros(size), np.zeros(1)
+        size = len(limit)
+        period = 1 / section.rate
         self.units = {"offset": "rad", "target": "rad"}
-        self._limit, self._nominal, self._stiffness, self._section = limit, nominal, stiffness, section
-        self._share, self._fastest = -math.expm1(-period / section.thermal_time), period * fastest
-        self._force = force = None if section.force is None else force_limit(section.force)
-        self._names, self._units = names, units
-        self._held_by = None
-        if held_by is not None:
-            plant, axes, sags = held_by
-            self._held_by = weakref.proxy(plant), plant.CreateDefaultContext(), axes, sags
-        memory = {"offset": zero, "target": zero, "active": one, "heat": zero, "stage": one}
-        reads = {"torque": size, "position": size, "asked": size, **({} if force is None else {"force": 3})}
-        outputs = list(memory)
-        memory |= {"above": zero, "pressed": one, "lasts": one}
-        super().__init__(period=period, reads=reads, memory=memory, gives=outputs)
+        self._section = section
+        self._limit = limit
+        self._nominal = nominal
+        self._stiffness = stiffness
+        self._heat_share = -math.expm1(-period / section.thermal_time)  # 1 - exp(-T / T_th)
+        self._largest_return = period * fastest  # in one sample [rad]
+        self._force_limit = None if section.force is None else force_limit(section.force)
+        self._names = names
+        self._units = units
+        self._weight = weight
+
+        zero = np.zeros(size)
+        none = np.zeros(1)
+        outputs = {"offset": zero, "target": zero, "active": none, "heat": zero, "stage": none}
+        timers = {
+            "above": zero,  # time for which each torque is above its limit [s]
+            "pressed": none,  # time for which the force is above its limit [s]
+            "lasts": none,  # time for which an axis gives way, or nothing is overloaded while stopped [s]
+        }
+        reads = {"torque": size, "position": size, ASKED: size}
+        if self._force_limit is not None:
+            reads["force"] = 3
+        super().__init__(period=period, reads=reads, memory={**outputs, **timers}, gives=list(outputs))
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Return how warm the motors are now, and what is done about it."""
-        torque, stage, before = read["torque"], memory["stage"][0], memory["heat"]
-        heat = before + self._share * ((torque / self._nominal) ** 2 - before)
-        above = (memory["above"] + self.period) * (abs(torque) > self._limit)
-        known: dict[str, Vector | float] = {"heat": heat, "above": above}
-        longest, warmest, pressed = float(above.max()), float(heat.max()), 0.0
-        if self._force is not None:
-            beyond = math.hypot(*read["force"]) > self._force
-            known["pressed"] = pressed = memory["pressed"][0] + self.period if beyond else 0.0
+        """Compute the heat of the motors at this sample, and give way or stop if needed."""
+        section = self._section
+        torque = read["torque"]
+        last_heat = memory["heat"]
+        heat = last_heat + self._heat_share * ((torque / self._nominal) ** 2 - last_heat)
+        above = (memory["above"] + self.period) * (abs(torque) > self._limit)  # back to 0 if below the limit
+        changes: dict[str, Vector | float] = {"heat": heat, "above": above}
+        pressed = 0.0
+        if self._force_limit is not None:
+            if math.hypot(*read["force"]) > self._force_limit:
+                pressed = memory["pressed"][0] + self.period
+            changes["pressed"] = pressed
+
+        longest_above = float(above.max())
+        largest_heat = float(heat.max())
+        stage = memory["stage"][0]
         if stage == _STOPPED:
-            well = longest == pressed == 0 and warmest < self._section.warn
-            return {**known, **self._stopped(memory, read, well=well)}
-        if pressed > self._section.hold:
-            return {
-                **known,
-                **self._stop(
-                    read["position"],
-                    message(
-                        "parts.force_lasted",
-                        "the force was above {force:g} N for {pressed:g} s",
-                        force=self._force,
-                        pressed=pressed,
-                    ),
-                ),
-            }
-        if stage == _GIVES_WAY or longest > self._section.hold or warmest >= 1:
-            return {**known, **self._give_way(memory, read, heat)}
-        return {**known, "stage": _WARNS if warmest >= self._section.warn else _GUARDS}
+            is_well = longest_above == pressed == 0 and largest_heat < section.warn
+            return {**changes, **self._stay_stopped(memory, read, is_well=is_well)}
+        if pressed > section.hold:
+            reason = message(
+                "parts.force_lasted",
+                "the force was above {force:g} N for {pressed:g} s",
+                force=self._force_limit,
+                pressed=pressed,
+            )
+            return {**changes, **self._stop(read["position"], reason)}
+        is_overloaded = longest_above > section.hold or largest_heat >= 1
+        if stage == _GIVES_WAY or is_overloaded:
+            return {**changes, **self._give_way(memory, read, heat)}
+        return {**changes, "stage": _WARNS if largest_heat >= section.warn else _WATCHES}
 
     def _give_way(self, memory: Named, read: Named, heat: Vector) -> Changes:
-        torque, offset = read["torque"], memory["offset"]
+        """Let overloaded axes give way, and return the others; stop if an axis stays at its limit for too long.
+
+        Args:
+            memory: memory before the sample.
+            read: inputs of the sample.
+            heat: heat of the motors at this sample, shape (n,).
+        """
+        torque = read["torque"]
+        offset = memory["offset"]
         allowed = np.where(heat >= 1, self._nominal, self._limit)
-        back = np.clip(-offset, -self._fastest, self._fastest)
-        room = [(side * allowed - torque) / self._stiffness for side in (-1, 1)]
-        moved = np.clip(back, *room)
-        bound = moved != back  # these axes are at their limit
-        lasts = memory["lasts"][0] + self.period if bound.any() else 0.0
+        # The offset returns to 0, within the range in which the torques stay allowed.
+        desired_step = np.clip(-offset, -self._largest_return, self._largest_return)
+        lowest_step = (-allowed - torque) / self._stiffness
+        highest_step = (allowed - torque) / self._stiffness
+        step = np.clip(desired_step, lowest_step, highest_step)
+        is_at_limit = step != desired_step
+
+        lasts = memory["lasts"][0] + self.period if is_at_limit.any() else 0.0
         if lasts > self._section.patience:
-            which = int(np.argmax(bound))
-            hot = message("parts.too_warm", " for it is too warm") if heat[which] >= 1 else ""
-            why = message(
+            axis = int(np.argmax(is_at_limit))
+            hot = message("parts.too_warm", " for it is too warm") if heat[axis] >= 1 else ""
+            reason = message(
                 "parts.torque_held",
                 "{axis} was held at {allowed:g} {unit} for {lasts:g} s{hot}",
-                axis=self._names[which],
-                allowed=allowed[which],
-                unit=self._units[which],
+                axis=self._names[axis],
+                allowed=allowed[axis],
+                unit=self._units[axis],
                 lasts=lasts,
                 hot=hot,
             )
-            return self._stop(read["position"], why)
-        offset = offset + moved
-        return {"offset": offset, "lasts": lasts, "stage": _GIVES_WAY if offset.any() or bound.any() else _GUARDS}
+            return self._stop(read["position"], reason)
+        new_offset = offset + step
+        gives_way = new_offset.any() or is_at_limit.any()
+        return {"offset": new_offset, "lasts": lasts, "stage": _GIVES_WAY if gives_way else _WATCHES}
 
-    def _stop(self, position: Vector, why: str) -> Changes:
+    def _stop(self, position: Vector, reason: str) -> Changes:
+        """Hold a position (n,) [rad] from now on.
+
+        Raises:
+            RunEnds: the section ends the run instead, for a reason.
+        """
         if self._section.then == "end":
-            raise RunEnds(why)
+            raise RunEnds(reason)
         target = position
-        if self._held_by is not None:
-            plant, context, axes, sags = self._held_by
-            axes.set_positions(plant, context, position)
-            weight = -axes.efforts(plant.CalcGravityGeneralizedForces(context))
-            target = position + weight * sags
+        if self._weight is not None:
+            target = position + self._weight.compensation(position)
         return {"target": target, "active": 1.0, "stage": _STOPPED, "lasts": 0.0}
 
-    def _stopped(self, memory: Named, read: Named, *, well: bool) -> Changes:
-        lasts = memory["lasts"][0] + self.period if well else 0.0
+    def _stay_stopped(self, memory: Named, read: Named, *, is_well: bool) -> Changes:
+        """Hold the position, until nothing is overloaded for long enough. Then the axes return as after giving way."""
+        lasts = memory["lasts"][0] + self.period if is_well else 0.0
         if self._section.reset_after is None or lasts < self._section.reset_after:
             return {"lasts": lasts}
-        return {"active": 0.0, "stage": _GIVES_WAY, "lasts": 0.0, "offset": memory["target"] - read["asked"]}
+        # The offset keeps the present position at first.
+        return {"active": 0.0, "stage": _GIVES_WAY, "lasts": 0.0, "offset": memory["target"] - read[ASKED]}

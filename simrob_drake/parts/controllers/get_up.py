@@ -1,9 +1,13 @@
-"""A loop that gets a fallen robot up: posture after posture, each as the trunk lies as it should after the last."""
+"""Loop that gets a fallen robot up by a sequence of postures.
+
+After each posture the lean of the trunk is checked. If it is wrong, the sequence is tried again from the start. A
+loop's output ``target`` replaces the reference of its robot while its output ``active`` is 1.
+"""
 
 import math
 from collections.abc import Sequence
 from types import MappingProxyType
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -21,22 +25,35 @@ from simrob_drake.robots.gaits_file import gaits_file
 from simrob_drake.walking.getting_up import RisingPosture, load_getting_up, postures
 from simrob_drake.walking.stride import smoothstep
 
-_FALLEN, _UPRIGHT = math.radians(60.0), math.radians(15.0)  # lean of the trunk [rad]
-_LOW = 0.7  # of the height at which it stands
-_REST, _STANDS, _PATIENCE = 0.3, 1.0, 2.0  # how long it must lie still, or stand, and how long that is waited for [s]
-_SLOW = 0.2  # a robot at rest [m/s, rad/s]
-_UP, _DOWN, _FIRST = 0.0, 1.0, 2.0
-"""Stages: it has not fallen; it waits until it lies still; the first posture, which the others follow."""
+# Lean of the trunk above which the robot has fallen [rad].
+_FALLEN_LEAN = math.radians(60.0)
+# Lean of the trunk below which the robot stands [rad].
+_UPRIGHT_LEAN = math.radians(15.0)
+# Height of the root below which the robot has fallen, as a part of the height at which it stands [1].
+_FALLEN_HEIGHT = 0.7
+# Time for which the robot must lie still before it begins [s].
+_REST_TIME = 0.3
+# Time for which the robot must stand before the loop ends [s].
+_STANDING_TIME = 1.0
+# Longest time that the loop waits for either [s].
+_PATIENCE = 2.0
+# Largest component of the velocity of a robot at rest [m/s, rad/s].
+_REST_SPEED = 0.2
+
+# Stages of the loop.
+_UP = 0.0  # the robot has not fallen
+_DOWN = 1.0  # the loop waits until the robot lies still
+_FIRST = 2.0  # the first posture; the others have the numbers after it
 STANDS = message("parts.stands", "stands")
-"""What a run says that ends well."""
+"""Word in the reason of a run that ends well."""
 Attempts = Annotated[Integer, Field(ge=1, le=100)]
 
 
 class GetUp(LoopSection):
-    """Get a robot up where it has fallen, by the postures under `get_up` in its `gaits.yaml`; then let go.
+    """Get a robot up after it has fallen, by the postures under `get_up` in its `gaits.yaml`.
 
-    As soon as it has fallen it holds what it was asked for, until it lies still. Where the trunk does not lie after a
-    posture as it should, it begins anew.
+    When it has fallen, the robot holds its reference until it lies still. If the trunk's lean is wrong after a posture,
+    the robot tries again from the start. When it stands, other loops drive it again.
     """
 
     label: ClassVar[str] = message("parts.loop_get_up", "get up")
@@ -48,35 +65,65 @@ class GetUp(LoopSection):
 
     kind: Literal["get_up"]
     attempts: Attempts = 5
-    """How often it tries; the run ends where none succeeds."""
+    """Largest count of attempts; the run ends if none succeeds."""
     ends: Boolean = False
-    """Whether the run ends as soon as it has stood for a second."""
+    """Whether the run ends once the robot has stood for a second."""
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the robot stands on feet of its own and has postures for it.
+        """Check that the robot stands on feet of its own and has postures to get up, in addition to the base class.
 
-        Raises SimrobError: it does not, it has none, or what every loop checks.
+        Raises:
+            SimrobError: it does not, or has none.
         """
         super().check(key, station)
         model = self.on_feet(key, station).model
-        own = load_getting_up(model)
-        for way in (own.front, own.back):
-            postures(model, way)
+        getting_up = load_getting_up(model)
+        for sequence in (getting_up.front, getting_up.back):
+            postures(model, sequence)
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
+        """Create the block for a robot of the site."""
         model = robot.model
-        own, facing = load_getting_up(model), math.radians(gaits_file(model).facing_deg)
-        ways = [list(zip(way, postures(model, way), strict=True)) for way in (own.front, own.back)]
-        return Rising(self, ways, own.height, facing=facing, ground=site.plant.ground, name=model.name)
+        getting_up = load_getting_up(model)
+        sequences = []
+        for sequence in (getting_up.front, getting_up.back):
+            angles = postures(model, sequence)
+            sequences.append([Goal(posture, own) for posture, own in zip(sequence, angles, strict=True)])
+        facing = math.radians(gaits_file(model).facing_deg)
+        return Rising(self, sequences, getting_up.height, facing=facing, ground=site.plant.ground, name=model.name)
+
+
+class Goal(NamedTuple):
+    """A posture on the way up.
+
+    Attributes:
+        posture: its duration, and the lean of the trunk that it must reach.
+        angles: positions of the axes, shape (n,) [rad].
+    """
+
+    posture: RisingPosture
+    angles: Vector
+
+
+class _Lean(NamedTuple):
+    """Lean of a trunk.
+
+    Attributes:
+        ahead: lean ahead, -pi to pi [rad].
+        total: lean to any side, 0 to pi [rad].
+    """
+
+    ahead: float
+    total: float
 
 
 class Rising(SampledBlock):
-    """Ask a robot that has fallen for the next posture on its way up.
+    """Compute the next posture of a robot that gets up.
 
     Ports:
         in  ``base_pose`` (7): x y z [m] and a quaternion; ``base_velocity`` (6) [m/s, rad/s]; ``asked`` (n) [rad].
-        out ``target`` (n) [rad]; ``active`` (1): 1 from the fall until it stands; ``offset_velocity`` (n) [rad/s]: how
-        fast the target moves; ``attempt`` (1): how often it has begun since it fell.
+        out ``target`` (n) [rad]; ``active`` (1): 1 from the fall until it stands; ``offset_velocity`` (n) [rad/s]:
+        velocity of the target; ``attempt`` (1): count of attempts since it fell.
     """
 
     units = MappingProxyType({"target": "rad", "offset_velocity": "rad/s"})
@@ -84,78 +131,137 @@ class Rising(SampledBlock):
     def __init__(
         self,
         section: GetUp,
-        ways: Sequence[Sequence[tuple[RisingPosture, Vector]]],
+        sequences: Sequence[Sequence[Goal]],
         height: float,
         *,
         facing: float,
         ground: Ground,
         name: str,
     ) -> None:
-        """Make the block of a section, for a robot of a name, which stands from a ``height`` of its root [m] on.
+        """Create the block.
 
-        The ``ways`` from the belly and from the back are postures and their angles (n,) [rad]; ``facing`` is where the
-        robot looks in the axes of its root, counterclockwise from x [rad].
+        Args:
+            section: section of the loop.
+            sequences: postures from lying on the front, and from lying on the back.
+            height: height of the root above the ground from which on the robot stands [m].
+            facing: direction in which the robot looks, in the axes of its root, counterclockwise from x [rad].
+            ground: ground of the station.
+            name: name of the robot, for messages.
         """
-        self._section, self._ways, self._height, self._ground, self._name = section, ways, height, ground, name
-        self._ahead = math.cos(facing), math.sin(facing)
-        zero = np.zeros(len(ways[0][0][1]))
+        self._section = section
+        self._sequences = sequences
+        self._height = height
+        self._ground = ground
+        self._name = name
+        self._ahead_x = math.cos(facing)
+        self._ahead_y = math.sin(facing)
+        zero = np.zeros(len(sequences[0][0].angles))
         outputs: dict[str, Vector | float] = {"target": zero, "active": 0.0, "offset_velocity": zero, "attempt": 0.0}
-        # where the way to a posture begins; which of the ways; how long it has been in this stage, and
-        # without a break at rest, or standing [s]
-        memory = {**outputs, "stage": _UP, "origin": zero, "way": 0.0, "elapsed": 0.0, "well": 0.0}
+        more_memory: dict[str, Vector | float] = {
+            "stage": _UP,
+            "origin": zero,  # target at the start of the stage [rad]
+            "way": 0.0,  # index of the sequence
+            "elapsed": 0.0,  # time since the start of the stage [s]
+            "well": 0.0,  # time for which the robot has been at rest, or standing, without a break [s]
+        }
         reads = {"base_pose": 7, "base_velocity": 6, ASKED: len(zero)}
-        super().__init__(period=1 / section.rate, reads=reads, memory=memory, gives=tuple(outputs))
+        super().__init__(period=1 / section.rate, reads=reads, memory={**outputs, **more_memory}, gives=tuple(outputs))
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Return the next point of the way to a posture, or what follows that."""
-        stage, pose, elapsed = memory["stage"][0], read["base_pose"], memory["elapsed"][0] + self.period
-        height, (ahead, lean) = self._ground.height(pose), self._leans(pose)
+        """Compute the next target, or change to the next stage."""
+        stage = memory["stage"][0]
+        elapsed = memory["elapsed"][0] + self.period
+        height = self._ground.height(read["base_pose"])
+        lean = self._lean_of(read["base_pose"])
         if stage == _UP:
-            return self._upright(read[ASKED], fallen=lean > _FALLEN or height < _LOW * self._height)
+            has_fallen = lean.total > _FALLEN_LEAN or height < _FALLEN_HEIGHT * self._height
+            return self._watch(read[ASKED], has_fallen=has_fallen)
         if stage == _DOWN:
-            still = bool(np.abs(read["base_velocity"]).max() < _SLOW)
-            return self._lying(memory, elapsed, self._lasting(memory, well=still), ahead)
-        way = self._ways[int(memory["way"][0])]
-        if stage - _FIRST < len(way):
-            return self._rising(memory, elapsed, *way[int(stage - _FIRST)], math.degrees(ahead))
-        return self._standing(memory, elapsed, self._lasting(memory, well=lean < _UPRIGHT and height > self._height))
+            is_still = bool(np.abs(read["base_velocity"]).max() < _REST_SPEED)
+            return self._lie(memory, elapsed, self._time_well(memory, is_well=is_still), lean.ahead)
 
-    def _leans(self, pose: Vector) -> tuple[float, float]:
-        """Return how far the trunk leans ahead, -pi to pi, and to any side, 0 to pi [rad]."""
+        sequence = self._sequences[int(memory["way"][0])]
+        number = int(stage - _FIRST)
+        if number < len(sequence):
+            return self._rise(memory, elapsed, sequence[number], math.degrees(lean.ahead))
+        stands = lean.total < _UPRIGHT_LEAN and height > self._height
+        return self._stand(memory, elapsed, self._time_well(memory, is_well=stands))
+
+    def _lean_of(self, pose: Vector) -> _Lean:
+        """Compute the lean of the trunk from the pose (7,) of the root."""
+        # The world's vertical in the axes of the root: it moves backward there as the trunk leans ahead.
         x, y, up = vertical(*pose[3:].tolist())
-        return math.atan2(-(x * self._ahead[0] + y * self._ahead[1]), up), math.acos(min(max(up, -1.0), 1.0))
+        ahead = -(x * self._ahead_x + y * self._ahead_y)
+        return _Lean(ahead=math.atan2(ahead, up), total=math.acos(min(max(up, -1.0), 1.0)))
 
-    def _lasting(self, memory: Named, *, well: bool) -> float:
-        return float(memory["well"][0]) + self.period if well else 0.0
+    def _time_well(self, memory: Named, *, is_well: bool) -> float:
+        """Time [s] for which the robot has been at rest, or standing, at this sample."""
+        return float(memory["well"][0]) + self.period if is_well else 0.0
 
-    def _upright(self, asked: Vector, *, fallen: bool) -> Changes:
-        if not fallen and self._section.ends:
+    def _watch(self, asked: Vector, *, has_fallen: bool) -> Changes:
+        """Wait for a fall; then hold the reference ``asked`` (n,) [rad] of that moment.
+
+        Raises:
+            RunEnds: the robot stands, and the run is to end then.
+        """
+        if has_fallen:
+            return {"active": 1.0, "target": asked, "attempt": 0.0, **_begin(_DOWN, asked)}
+        if self._section.ends:
             raise RunEnds(
                 message("parts.stands_not_fallen", "{name} {stands}: it has not fallen", name=self._name, stands=STANDS)
             )
-        return {"active": 1.0, "target": asked, "attempt": 0.0, **_begin(_DOWN, asked)} if fallen else {}
+        return {}
 
-    def _lying(self, memory: Named, elapsed: float, well: float, ahead: float) -> Changes:
-        """Wait until it lies still, and begin by how it lies."""
-        if well < _REST and elapsed < _PATIENCE:
-            return {"elapsed": elapsed, "well": well}
-        return {"attempt": memory["attempt"] + 1, "way": float(ahead < 0), **_begin(_FIRST, memory["target"])}
+    def _lie(self, memory: Named, elapsed: float, time_well: float, ahead: float) -> Changes:
+        """Wait until the robot lies still, then begin the sequence for its side.
 
-    def _rising(self, memory: Named, elapsed: float, posture: RisingPosture, goal: Vector, ahead_deg: float) -> Changes:
-        """Go on to a posture, and from there to the next if the trunk lies as it should."""
-        share, (least, most) = min(elapsed / posture.time, 1.0), posture.lean_deg
-        target = memory["origin"] + smoothstep(share) * (goal - memory["origin"])
-        speed = (target - memory["target"]) / self.period
-        changed: dict[str, Vector | float] = {"target": target, "offset_velocity": speed, "elapsed": elapsed}
-        if share < 1.0:
-            return changed
-        well = least <= ahead_deg <= most
-        return {**changed, **(_begin(memory["stage"][0] + 1, target) if well else self._anew(memory, target))}
+        Args:
+            memory: memory before the sample.
+            elapsed: time since the stage began [s].
+            time_well: time for which the robot has been at rest [s].
+            ahead: lean of the trunk ahead [rad]: positive if it lies on its front.
+        """
+        if time_well < _REST_TIME and elapsed < _PATIENCE:
+            return {"elapsed": elapsed, "well": time_well}
+        is_on_back = ahead < 0
+        return {"attempt": memory["attempt"] + 1, "way": float(is_on_back), **_begin(_FIRST, memory["target"])}
 
-    def _standing(self, memory: Named, elapsed: float, well: float) -> Changes:
-        """Let go once it has stood for long enough."""
-        if well < _STANDS:
-            return {"elapsed": elapsed, "well": well} if elapsed < _PATIENCE else self._anew(memory, memory["target"])
+    def _rise(self, memory: Named, elapsed: float, goal: Goal, ahead_deg: float) -> Changes:
+        """Move on to a posture. At its end, begin the next stage if the trunk's lean is right, or try again.
+
+        Args:
+            memory: memory before the sample.
+            elapsed: time since the stage began [s].
+            goal: the posture.
+            ahead_deg: lean of the trunk ahead [deg].
+        """
+        part = min(elapsed / goal.posture.time, 1.0)
+        origin = memory["origin"]
+        target = origin + smoothstep(part) * (goal.angles - origin)
+        velocity = (target - memory["target"]) / self.period
+        changes: dict[str, Vector | float] = {"target": target, "offset_velocity": velocity, "elapsed": elapsed}
+        if part < 1.0:
+            return changes
+        least, most = goal.posture.lean_deg
+        if least <= ahead_deg <= most:
+            return {**changes, **_begin(memory["stage"][0] + 1, target)}
+        return {**changes, **self._try_again(memory, target)}
+
+    def _stand(self, memory: Named, elapsed: float, time_well: float) -> Changes:
+        """Give up control once the robot has stood for long enough; try again if it does not stand in time.
+
+        Args:
+            memory: memory before the sample.
+            elapsed: time since the stage began [s].
+            time_well: time for which the robot has stood [s].
+
+        Raises:
+            RunEnds: the robot stands, and the run is to end then.
+        """
+        if time_well < _STANDING_TIME:
+            if elapsed < _PATIENCE:
+                return {"elapsed": elapsed, "well": time_well}
+            return self._try_again(memory, memory["target"])
         if self._section.ends:
             raise RunEnds(
                 message(
@@ -168,7 +274,12 @@ class Rising(SampledBlock):
             )
         return {"active": 0.0, "stage": _UP}
 
-    def _anew(self, memory: Named, target: Vector) -> Changes:
+    def _try_again(self, memory: Named, target: Vector) -> Changes:
+        """Begin again from lying, with the present target (n,) [rad].
+
+        Raises:
+            RunEnds: all attempts have failed.
+        """
         tries = int(memory["attempt"][0])
         if tries >= self._section.attempts:
             raise RunEnds(
@@ -180,5 +291,5 @@ class Rising(SampledBlock):
 
 
 def _begin(stage: float, origin: Vector) -> dict[str, Vector | float]:
-    """Return what changes in the memory where a stage begins."""
+    """Changes of the memory at the start of a stage, with the target (n,) [rad] at that time."""
     return {"stage": stage, "origin": origin, "elapsed": 0.0, "well": 0.0, "offset_velocity": np.zeros(len(origin))}

@@ -38,7 +38,8 @@ class Wired:
     components: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
 
-ASKED = "asked"  # what an input is called that is the reference as it is below a loop
+ASKED = "asked"
+"""Name of the input of a loop that is the reference below it, with the changes of loops of lower priority."""
 
 Weight = Annotated[Number, Field(gt=0, le=1)]
 
@@ -158,7 +159,11 @@ class LoopSection(ControllerSection):
 
 
 def check_force_is_read(section: LoopSection, key: str) -> None:
-    """Check that a loop on a force says which sensor tells it; raises InvalidParameter: it does not."""
+    """Check that a loop on a force names its sensor.
+
+    Raises:
+        InvalidParameter: it does not.
+    """
     if "force" not in section.reads:
         raise InvalidParameter(
             f"{key}.reads",
@@ -168,7 +173,7 @@ def check_force_is_read(section: LoopSection, key: str) -> None:
 
 
 def loops_of(controllers: Mapping[str, Any]) -> dict[str, LoopSection]:
-    """Return those controllers that are loops of the package's, by name."""
+    """Select the controllers that are loops of this package, by name."""
     return {name: section for name, section in controllers.items() if isinstance(section, LoopSection)}
 
 
@@ -178,7 +183,7 @@ def flows_of(controllers: Mapping[str, Any]) -> "dict[str, SignalFlow]":
 
 
 def readers_of(controllers: Mapping[str, Any]) -> "dict[str, LoopSection | SignalFlow]":
-    """Return those controllers that are of the package's, and tell what they read and drive, by name."""
+    """Select the controllers that are loops or signal flows: their sections name what they read and drive."""
     return {**loops_of(controllers), **flows_of(controllers)}
 
 
@@ -227,7 +232,8 @@ def check_loops(station: Surroundings, loops: Mapping[str, LoopSection]) -> None
             raise InvalidParameter(f"controllers.{other}", conflict, expected)
 
 
-_FAR = 1e3  # where an axis without limits is taken to end [rad or m]
+# Limit that an axis without limits is taken to have [rad or m].
+_FAR = 1e3
 
 
 def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSection]) -> None:
@@ -269,18 +275,35 @@ def _connect(builder: DiagramBuilder, site: Site, name: str, section: LoopSectio
 
 
 class _Stack:
-    """What a robot is asked, as far as loops have been laid over it: a sum of ports.
+    """Reference of a robot, with the loops that were laid over it so far. It is a sum of ports.
 
-    Each block between reference and servos takes time at every step: so there are as few of them as can be.
+    Each block between reference and servos takes time at every step, so the terms are only added up when needed.
     """
 
     def __init__(self, builder: DiagramBuilder, site: Site, robot: StationRobot) -> None:
-        self._builder, self._site, self._key = builder, site, f"{robot.prefix}reference"
-        self._size, self._limits = len(robot.axes), robot.model.axis_limits
-        self.ports: list[OutputPort | None] = [None]  # that are added up; None is the input of the station
+        """Begin with the reference alone.
+
+        Args:
+            builder: builder of the diagram.
+            site: the station under construction.
+            robot: the robot.
+        """
+        self._builder = builder
+        self._site = site
+        self._key = f"{robot.prefix}reference"
+        self._size = len(robot.axes)
+        self._limits = robot.model.axis_limits
+        self.ports: list[OutputPort | None] = [None]
+        """Terms of the sum. None stands for the station's input, which has no port yet."""
 
     def feed(self, name: str, block: LeafSystem, *above: OutputPort) -> None:
-        """Feed a block with the ports, and others above them; its output takes their place."""
+        """Add a block, and connect its inputs to the terms and to further ports. Its output becomes the only term.
+
+        Args:
+            name: name of the block.
+            block: the block.
+            *above: ports for the inputs after the terms.
+        """
         self._builder.AddNamedSystem(name, block)
         for index, port in enumerate([*self.ports, *above]):
             if port is None:
@@ -290,75 +313,107 @@ class _Stack:
         self.ports = [block.get_output_port()]
 
     def sum(self, name: str) -> OutputPort:
-        """Return the sum as a port."""
+        """Add up the terms, by a block of a name if one is needed, and return the port."""
         if len(self.ports) > 1 or self.ports[0] is None:
             self.feed(name, Adder(len(self.ports), self._size))
         assert self.ports[0] is not None
         return self.ports[0]
 
     def limit(self) -> OutputPort:
-        """Return the sum within the joint limits."""
+        """Limit the sum to the joint limits, and return the port."""
         if len(self.ports) > 1:
             self.sum(f"{self._key}.limits.sum")
-        self.feed(f"{self._key}.limits", Saturation(*self._limits))
+        lower, upper = self._limits
+        self.feed(f"{self._key}.limits", Saturation(lower, upper))
         return self.sum("")
 
     def lay_over(self, name: str, target: OutputPort, active: OutputPort, share: Vector) -> None:
-        """Let it be (1 - share) of what it was and share of a target where ``active`` is 1; as it was where that is 0.
+        """Blend the sum r with a target: (1 - share) r + share target while ``active`` is 1, and r while it is 0.
 
-        Of Drake's primitives, so that no Python is asked at each look of the solver: with the lower limits l, and W
-        wider than the limits, it is l + max(below - l - W active, 0) + max(target - l - W (1 - active), 0) on the axes
-        that share.
+        It is made of Drake's primitives, so that no Python is called at each evaluation of the solver. With the lower
+        limit l of an axis, and a W larger than the range of its limits, the sum of two parts is formed that cannot be
+        negative, of which one is always zero:
+
+            l + max(r - l - W active, 0) + max(target - l - W (1 - active), 0)
+
+        Args:
+            name: prefix of the names of the blocks.
+            target: port of the target, size n [rad or m].
+            active: port of size 1, 0 or 1.
+            share: share of the target for each axis, shape (n,), 0 to 1.
         """
-        size, axes, count = self._size, np.flatnonzero(share), len(self.ports)
-        lower, upper = (np.clip(bound, -_FAR, _FAR)[axes] for bound in self._limits)
-        eye, wide, part, far = np.eye(size), (upper - lower + 1.0)[:, None], share[axes], np.full(size, np.inf)
-        pick, none = eye[axes], np.zeros((len(axes), size))
-        bus = Multiplexer([size] * (count + 1) + [1])
-        shown = np.block(
+        size = self._size
+        axes = np.flatnonzero(share)
+        term_count = len(self.ports)
+        all_lower, all_upper = self._limits
+        lower = np.clip(all_lower, -_FAR, _FAR)[axes]
+        upper = np.clip(all_upper, -_FAR, _FAR)[axes]
+        wide = (upper - lower + 1.0)[:, None]  # W
+        identity = np.eye(size)
+        pick = identity[axes]  # picks the axes with a share
+        none = np.zeros((len(axes), size))
+
+        # Columns: the terms of r, the target, then active. Rows: r and the target of the axes, then all of r.
+        bus = Multiplexer([size] * (term_count + 1) + [1])
+        matrix = np.block(
             [
-                [*[pick] * count, none, -wide],
-                [*[none] * count, pick, wide],
-                [*[eye] * count, np.zeros((size, size + 1))],
+                [*[pick] * term_count, none, -wide],
+                [*[none] * term_count, pick, wide],
+                [*[identity] * term_count, np.zeros((size, size + 1))],
             ]
         )
-        hidden = np.concatenate([-lower, -lower - wide[:, 0], np.zeros(size)])
-        least = np.concatenate([np.zeros(2 * len(axes)), -far])
-        back = pick.T * part
+        constant = np.concatenate([-lower, -lower - wide[:, 0], np.zeros(size)])
+        # The two parts are not below zero; r itself is not limited.
+        least = np.concatenate([np.zeros(2 * len(axes)), np.full(size, -np.inf)])
+        most = np.full(len(least), np.inf)
+        # share (l + first part + second part) + (1 - share) r
+        back = pick.T * share[axes]
+        blend = np.hstack([back, back, identity - np.diag(share)])
         self.feed(f"{name}.bus", bus, target, active)
-        self.feed(f"{name}.shown", AffineSystem(D=shown, y0=hidden))
-        self.feed(f"{name}.either", Saturation(least, np.full(len(least), np.inf)))
-        self.feed(f"{name}.layers", AffineSystem(D=np.hstack([back, back, eye - np.diag(share)]), y0=back @ lower))
+        self.feed(f"{name}.shown", AffineSystem(D=matrix, y0=constant))
+        self.feed(f"{name}.either", Saturation(least, most))
+        self.feed(f"{name}.layers", AffineSystem(D=blend, y0=back @ lower))
 
 
 def _drive(
     builder: DiagramBuilder, site: Site, robot: StationRobot, layers: Mapping[str, tuple[LoopSection, Wired]]
 ) -> None:
-    """Lay loops over the reference of a robot and its feedforward, the lowest first, within the joint limits."""
-    size, key = len(robot.axes), f"{robot.prefix}reference"
-    inner, stack = site.inputs[key], _Stack(builder, site, robot)
-    torques, speeds = list[OutputPort](), list[OutputPort]()
+    """Lay loops over the reference of a robot and its feedforward, within the joint limits.
+
+    Args:
+        builder: builder of the diagram.
+        site: the station under construction.
+        robot: the robot.
+        layers: section and ports of each loop, by name, the one of lowest priority first.
+    """
+    key = f"{robot.prefix}reference"
+    scale = np.eye(len(robot.axes))
+    robot_input = site.inputs[key]
+    stack = _Stack(builder, site, robot)
+    torques = list[OutputPort]()
+    speeds = list[OutputPort]()
     for name, (section, wired) in layers.items():
         outputs = wired.outputs
-        weight, place = section.weight or 1.0, f"{key}.{name}"
+        weight = section.weight or 1.0
+        place = f"{key}.{name}"
         _draw_layers(site, place, robot)
         if ASKED in wired.inputs:
             builder.Connect(stack.sum(f"{place}.asked"), wired.inputs[ASKED])
         if "offset" in outputs:
-            stack.ports.append(add_matrix_gain(builder, f"{place}.weight", weight * np.eye(size), outputs["offset"]))
+            stack.ports.append(add_matrix_gain(builder, f"{place}.weight", weight * scale, outputs["offset"]))
         if "offset_velocity" in outputs and f"{robot.prefix}reference_velocity" in site.inputs:
-            speeds.append(add_matrix_gain(builder, f"{place}.speed", weight * np.eye(size), outputs["offset_velocity"]))
+            speeds.append(add_matrix_gain(builder, f"{place}.speed", weight * scale, outputs["offset_velocity"]))
         if "target" in outputs:
             share = np.where(np.isin(robot.axes, section.layered(robot)), weight, 0.0)
             stack.lay_over(place, outputs["target"], outputs["active"], share)
         if "feedforward" in outputs:
-            torques.append(add_matrix_gain(builder, f"{place}.torque", weight * np.eye(size), outputs["feedforward"]))
-    builder.Connect(stack.limit(), inner)
+            torques.append(add_matrix_gain(builder, f"{place}.torque", weight * scale, outputs["feedforward"]))
+    builder.Connect(stack.limit(), robot_input)
     _draw_layers(site, f"{key}.limits", robot)
-    for key, added in (("feedforward", torques), ("reference_velocity", speeds)):
+    for added_key, added in (("feedforward", torques), ("reference_velocity", speeds)):
         if added:
-            add_to(builder, site, f"{robot.prefix}{key}", added, name="loops")
-            _draw_layers(site, f"{robot.prefix}{key}.loops", robot)
+            add_to(builder, site, f"{robot.prefix}{added_key}", added, name="loops")
+            _draw_layers(site, f"{robot.prefix}{added_key}.loops", robot)
 
 
 def _block_label(name: str, section: LoopSection) -> str:
@@ -370,6 +425,6 @@ def _block_label(name: str, section: LoopSection) -> str:
 
 
 def _draw_layers(site: Site, system: str, robot: StationRobot) -> None:
-    """Say that a system is part of the block that lays loops over the reference."""
+    """Draw a system as a part of the block that lays loops over the reference."""
     label = message("parts.block_layers", "Reference\nand loops,\njoint limits")
     site.picture.draw(system, "loop", label, robot, key=f"{robot.prefix}layers")

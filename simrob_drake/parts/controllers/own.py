@@ -34,31 +34,54 @@ def declare_output(
     called: str = "",
     components: Sequence[str] = (),
 ) -> None:
-    """Declare an output of a controller as a signal, ``<controller>.<output>``; by axis where it has one value each.
+    """Declare an output of a controller, ``<controller>.<output>``, with its result columns and its plot.
 
-    Of a robot's axes those are told that are named. It is called as its port is unless said. Units that differ are
-    told one by one, as "m/s, rad/s". Pictures call its numbers by the names of its components, if there are any.
+    An output with one value for each axis of a robot gets columns named after the axes; otherwise they are numbered.
+
+    Args:
+        site: the station under construction.
+        name: name of the controller.
+        port: port of the output.
+        unit: unit of all values, or the unit of each value, separated by commas, such as "m/s, rad/s".
+        robot: robot that the controller drives. If it is None, all robots are considered.
+        axes: axes whose values become columns. If it is None, all do.
+        called: name of the output. If it is empty, the port's name is used.
+        components: names of the values in plots, if there are any.
     """
     called = called or port.get_name()
-    output, size = f"{name}.{called}", port.size()
+    output = f"{name}.{called}"
+    size = port.size()
+
+    # Names of the values: axes of the first robot with as many axes as values, or numbers.
     robots = site.plant.robots.values() if robot is None else [robot]
-    by_axis = next((each.axes for each in robots if len(each.axes) == size), None)
-    entries = by_axis or [str(index) for index in range(size)]
-    every = size == 1 or axes is None or by_axis is None
-    indices = tuple(index for index, entry in enumerate(entries) if every or entry in (axes or ()))
-    names = (output,) if size == 1 else tuple(f"{output}.{entries[index]}" for index in indices)
+    axes_of_size = [own_robot.axes for own_robot in robots if len(own_robot.axes) == size]
+    entries = axes_of_size[0] if axes_of_size else [str(index) for index in range(size)]
+
+    takes_all = size == 1 or axes is None or not axes_of_size
+    indices = tuple(index for index, entry in enumerate(entries) if takes_all or entry in (axes or ()))
+    columns = (output,) if size == 1 else tuple(f"{output}.{entries[index]}" for index in indices)
+    units = tuple(unit.split(", ")) if ", " in unit else (unit,) * len(columns)
     heading = message("parts.the_block", "the block '{name}'", name=name)
-    panel = Panel(f"controller_{name}", heading, called, f"{called} [{unit}]", names, tuple(components))
+    panel = Panel(f"controller_{name}", heading, called, f"{called} [{unit}]", columns, tuple(components))
     picked = indices if len(indices) < size else None
-    units = tuple(unit.split(", ")) if ", " in unit else (unit,) * len(names)
-    site.outputs.add(output, port, Signal(names, units, "own", output, picked, part=name, panel=panel))
+    site.outputs.add(output, port, Signal(columns, units, "own", output, picked, part=name, panel=panel))
 
 
 def add_to(builder: DiagramBuilder, site: Site, key: str, added: Sequence[OutputPort], *, name: str) -> None:
-    """Add ports to what an input of a robot is given, by blocks of a ``name``; its input stands before them."""
+    """Add ports to an input of a robot.
+
+    Args:
+        builder: builder of the diagram.
+        site: the station under construction. Its input becomes the first term of the sum.
+        key: name of the input, such as ``feedforward``.
+        added: the ports, of the input's size.
+        name: suffix of the names of the blocks.
+    """
     reference = builder.AddNamedSystem(f"{key}.before_{name}", PassThrough(added[0].size()))
-    inner, site.inputs[key] = site.inputs[key], reference.get_input_port()
-    builder.Connect(add_sum(builder, f"{key}.{name}", reference.get_output_port(), *added), inner)
+    robot_input = site.inputs[key]
+    site.inputs[key] = reference.get_input_port()
+    total = add_sum(builder, f"{key}.{name}", reference.get_output_port(), *added)
+    builder.Connect(total, robot_input)
     site.picture.draw_nothing(key)
 
 

@@ -198,39 +198,63 @@ class CellSequence(SampledBlock):
 
 _ANGLES = np.linspace(0, 2 * np.pi, 64, endpoint=False)
 _DIRECTIONS = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)])
-"""Along which a support is measured: distances from it come out at most 0.13 % short."""
+"""Unit vectors along which the feet's area is measured, shape (64, 2): distances are at most 0.13 % too short."""
 
 
 class CapturePoint:
-    r"""Tells how far the capture point of a robot is outside of the area that its feet span.
+    r"""Computes the distance of a robot's capture point from the area that its feet span.
 
-    There it would have to step to come to rest, as a linear inverted pendulum with the centre of mass c at height z
-    over the feet: :math:`c_{xy} + \dot c_{xy} \sqrt{z / g}` (Pratt and others, 2006). Between them they can stop it.
+    A robot that steps onto its capture point comes to rest there, if it is a linear inverted pendulum. With the centre
+    of mass c at height z over the feet, the point is :math:`c_{xy} + \dot c_{xy} \sqrt{z / g}` (Pratt and others,
+    2006). While the point is between the feet, they can stop the robot.
     """
 
     def __init__(self, plant: MultibodyPlant, robot: StationRobot, key: str) -> None:
-        """Take a robot of a finalized plant, in a diagram or not; raises InvalidParameter, with ``key``: no feet."""
+        """Prepare the computation.
+
+        Args:
+            plant: the finalized plant, which need not be part of a diagram.
+            robot: the robot.
+            key: key in the station file, for the error.
+
+        Raises:
+            Unsuitable: the robot has no feet.
+        """
         if robot.feet is None:
             raise Unsuitable(key, message("parts.no_feet", "{model} has no feet", model=robot.model.name))
-        self._plant, self._robot = weakref.proxy(plant), [robot.instance]
+        self._plant = weakref.proxy(plant)
+        self._instance = robot.instance
+        # Contact points of each foot in the frame of its link, shape (3, points) [m].
         self._soles = {link: robot.feet.support_points(link).T for link in robot.feet.links}
         self._gravity = np.linalg.norm(plant.gravity_field().gravity_vector())
-        self._scratch = plant.CreateDefaultContext()  # nothing is remembered in it: every evaluation sets it anew
+        self._scratch = plant.CreateDefaultContext()  # work space: every evaluation sets its state anew
 
     def outside(self, state: Vector) -> float:
-        """Return how far from the feet it is [m], negative between them, by positions and velocities (nq + nv).
+        """Compute the distance of the capture point from the feet [m]; negative between them.
 
-        Feet that are lifted count as well.
+        Lifted feet count, too.
+
+        Args:
+            state: positions and velocities of the plant, shape (nq + nv,).
         """
-        plant, scratch, robot = self._plant, self._scratch, self._robot
-        plant.SetPositionsAndVelocities(scratch, state)
-        mass = plant.CalcCenterOfMassPositionInWorld(scratch, robot)
-        speed = plant.CalcCenterOfMassTranslationalVelocityInWorld(scratch, robot)
-        world, frames = plant.world_frame(), [plant.GetFrameByName(link, robot[0]) for link in self._soles]
-        soles = zip(frames, self._soles.values(), strict=True)
-        points = np.hstack([plant.CalcPointsPositions(scratch, frame, sole, world) for frame, sole in soles])
-        place = mass[:2] + speed[:2] * np.sqrt(max(mass[2] - points[2].min(), 0.0) / self._gravity)
-        return float(-(_DIRECTIONS @ (points[:2] - place[:, np.newaxis])).max(axis=1).min())
+        plant = self._plant
+        context = self._scratch
+        instances = [self._instance]
+        plant.SetPositionsAndVelocities(context, state)
+        com = plant.CalcCenterOfMassPositionInWorld(context, instances)
+        velocity = plant.CalcCenterOfMassTranslationalVelocityInWorld(context, instances)
+        points_of_feet = []
+        for link, sole in self._soles.items():
+            frame = plant.GetFrameByName(link, self._instance)
+            points_of_feet.append(plant.CalcPointsPositions(context, frame, sole, plant.world_frame()))
+        points = np.hstack(points_of_feet)
+
+        height = max(com[2] - points[2].min(), 0.0)
+        capture_point = com[:2] + velocity[:2] * np.sqrt(height / self._gravity)
+        # The distance of a point from a convex area is the largest of its distances beyond the area's edge, over all
+        # directions. The edge in a direction is at the farthest point.
+        edges = (_DIRECTIONS @ (points[:2] - capture_point[:, np.newaxis])).max(axis=1)
+        return float(-edges.min())
 
 
 class FallGuard(LoopSection):

@@ -1,4 +1,4 @@
-"""The kinematics of a robot on its legs: its centre of mass against its feet, and where the ends of its limbs are."""
+"""Kinematics of a robot on its legs: its centre of mass relative to its feet, and the ends of its limbs."""
 
 import math
 import weakref
@@ -6,202 +6,388 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import cos, sin
-from typing import Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from pydrake.math import RotationMatrix
-from pydrake.multibody.tree import Frame, RevoluteJoint, RigidBody
+from pydrake.multibody.math import SpatialVelocity
+from pydrake.multibody.tree import BodyIndex, Frame, Joint, RevoluteJoint, RigidBody
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
+from simrob_drake.base.renaming import former_names_of, keep_former_attributes
 from simrob_drake.parts.soles import shares_by_height
 from simrob_drake.parts.station_plant import StationRobot
 
-_LOWEST = 0.01  # the least height of the centre of mass that is reckoned with [m]: a robot that lies has fallen
+# Least height of the centre of mass that is used [m]: a robot that lies would have an infinite omega.
+_LEAST_HEIGHT = 0.01
 
 Direction = Literal["sagittal", "lateral", "forward", "backward", "left", "right"]
-_SENSES: dict[Direction, tuple[float, float, float]] = {
-    "sagittal": (1, 0, -math.inf),
-    "lateral": (0, 1, -math.inf),
-    "forward": (1, 0, 0),
-    "backward": (-1, 0, 0),
-    "left": (0, 1, 0),
-    "right": (0, -1, 0),
-}  # of each direction: its parts ahead and to the left, and the least error that counts
+"""Direction in which an error of the balance is measured. The first two have both signs."""
+
+
+class _Sense(NamedTuple):
+    """Part of an error that counts in a direction.
+
+    Attributes:
+        ahead: factor of the error ahead.
+        left: factor of the error to the left.
+        least: least result: 0 if errors to the other side do not count.
+    """
+
+    ahead: float
+    left: float
+    least: float
+
+
+_SENSES: dict[Direction, _Sense] = {
+    "sagittal": _Sense(1, 0, -math.inf),
+    "lateral": _Sense(0, 1, -math.inf),
+    "forward": _Sense(1, 0, 0),
+    "backward": _Sense(-1, 0, 0),
+    "left": _Sense(0, 1, 0),
+    "right": _Sense(0, -1, 0),
+}
 
 
 @dataclass(frozen=True)
-class Balanced:
-    """How far a robot is from standing as at the start: ahead and to the left."""
+class BalanceState:
+    """Deviation of a robot from its stance at the start. Vectors have the components ahead and to the left.
 
-    com: Vector  # its centre of mass, from where its feet had it at the start, shape (2,) [m]
-    speed: Vector  # of that over the floor, shape (2,) [m/s]
-    omega: float  # how fast it would tip, sqrt(g/h) with the height h of the centre of mass [1/s]
-    lifted: Vector  # how high each foot is above the lowest, shape (feet,) [m]
+    Attributes:
+        com: centre of mass from its position relative to the feet at the start, shape (2,) [m].
+        speed: velocity of the centre of mass over the floor, shape (2,) [m/s].
+        omega: natural frequency of tipping, sqrt(g / h), with the height h of the centre of mass [1/s].
+        lifted: height of each foot above the lowest one, shape (feet,) [m].
+    """
+
+    com: Vector
+    speed: Vector
+    omega: float
+    lifted: Vector
 
     def error(self, measures: Direction, lead: float | None = None) -> float:
-        """Return how far it errs in a direction, the velocity counting for ``lead`` seconds, 1/ω unless given [m]."""
-        ahead, left, least = _SENSES[measures]
-        error = self.com + (1 / self.omega if lead is None else lead) * self.speed
-        return max(ahead * float(error[0]) + left * float(error[1]), least)
+        """Compute the error in a direction [m].
+
+        Args:
+            measures: the direction.
+            lead: time by which the velocity is extrapolated [s]. If it is None, it is 1/omega, and the result is the
+                error of the capture point.
+        """
+        sense = _SENSES[measures]
+        time = 1 / self.omega if lead is None else lead
+        error = self.com + time * self.speed
+        return max(sense.ahead * float(error[0]) + sense.left * float(error[1]), sense.least)
 
     @property
     def capture_point(self) -> Vector:
-        """Where it comes to rest if it stands on ankles alone, shape (2,) [m]."""
+        """Point at which the robot comes to rest if it stands on its ankles alone, shape (2,) [m]."""
         return self.com + self.speed / self.omega
 
 
-class Support:
-    """The kinematics of a robot on its feet, of joints and of how its base turns alone: nothing tells where it is.
+class _FootState(NamedTuple):
+    """Motion of a foot.
 
-    The lowest contact points of the feet are taken to stand still on the floor. Each foot knows the place under the
-    centre of mass at the start, so a foot that tips or is lifted does not move it.
+    Attributes:
+        heights: heights of its contact points, shape (k,) [m].
+        arms: contact points from the foot's origin, in the world's axes, shape (k, 3) [m].
+        home: point of the foot that was below the centre of mass at the start, shape (3,) [m].
+        velocity: velocity of the foot.
+    """
+
+    heights: Vector
+    arms: Vector
+    home: Vector
+    velocity: SpatialVelocity
+
+
+class Support:
+    """Kinematics of a robot on its feet, from its joints and the rotation of its base: no position is measured.
+
+    The lowest contact points of the feet are taken to be at rest on the floor. Each foot has a home: the point below
+    the centre of mass at the start, fixed to the foot. A foot that tips or is lifted counts less (see
+    :func:`~simrob_drake.parts.soles.shares_by_height`), so it does not shift the result.
     """
 
     def __init__(self, robot: StationRobot, facing: float) -> None:
-        """Prepare a robot on feet that looks along ``facing`` at the start: an angle from the world's x axis [rad]."""
-        assert robot.feet is not None  # the section has checked
-        plant, root = robot.plant, robot.root.body()
-        self._plant, self._axes, self._instance = weakref.proxy(plant), robot.axis_map, robot.instance
-        self._scratch = plant.CreateDefaultContext()  # nothing is remembered in it: every evaluation sets it anew
-        self._positions, self._velocities = plant.GetPositions(self._scratch), np.zeros(plant.num_velocities())
-        self._turn, self._spin = root.floating_positions_start(), root.floating_velocities_start_in_v()
+        """Prepare the computation.
+
+        Args:
+            robot: a robot with feet.
+            facing: direction in which the robot looks at the start, from the world's x axis [rad].
+        """
+        assert robot.feet is not None  # the section has checked it
+        plant = robot.plant
+        root = robot.root.body()
+        self._plant = weakref.proxy(plant)
+        self._axes = robot.axis_map
+        self._instance = robot.instance
+        self._scratch = plant.CreateDefaultContext()  # work space: every evaluation sets its state anew
+        self._positions = plant.GetPositions(self._scratch)
+        self._velocities = np.zeros(plant.num_velocities())
+        # Where the rotation and the angular velocity of the base are in the plant's vectors.
+        self._rotation_start = root.floating_positions_start()
+        self._spin_start = root.floating_velocities_start_in_v()
         self._gravity = float(np.linalg.norm(plant.gravity_field().gravity_vector()))
         self._links = [plant.GetBodyByName(link, robot.instance).index() for link in robot.feet.links]
         self._points = [robot.feet.support_points(link) for link in robot.feet.links]
-        start = robot.base.rotation()
-        self._ahead = start.inverse() @ np.array([math.cos(facing), math.sin(facing), 0.0])
-        self._put(robot.initial, np.zeros(len(robot.initial)), start, np.zeros(3))
+
+        rotation = robot.base.rotation()
+        self._ahead = rotation.inverse() @ np.array([math.cos(facing), math.sin(facing), 0.0])  # in the root link
+        at_rest = np.zeros(len(robot.initial))
+        self._set_state(robot.initial, at_rest, rotation, np.zeros(3))
         poses = [link.EvalPoseInWorld(self._scratch) for link in self._feet()]
-        under = plant.CalcCenterOfMassPositionInWorld(self._scratch, [self._instance])
-        points = zip(poses, self._points, strict=True)
-        under[2] = min((pose @ points.T)[2].min() for pose, points in points)
-        self._unders = [pose.inverse() @ under for pose in poses]
+        below_com = plant.CalcCenterOfMassPositionInWorld(self._scratch, [self._instance])
+        heights = [(pose @ points.T)[2].min() for pose, points in zip(poses, self._points, strict=True)]
+        below_com[2] = min(heights)
+        self._homes = [pose.inverse() @ below_com for pose in poses]
 
-    def balanced(self, position: Vector, velocity: Vector, turned: RotationMatrix, spin: Vector) -> Balanced:
-        """Return how the robot stands, of its axes (n,) [rad or m] and their velocities, and of its root link.
+    def observe(self, position: Vector, velocity: Vector, rotation: RotationMatrix, spin: Vector) -> BalanceState:
+        """Compute the robot's deviation from its stance at the start.
 
-        That is ``turned`` in the world, with an angular velocity ``spin`` (3,) [rad/s] in the world's axes.
+        Args:
+            position: positions of the axes, shape (n,) [rad or m].
+            velocity: velocities of the axes, shape (n,) [rad/s or m/s].
+            rotation: rotation of the root link in the world.
+            spin: angular velocity of the root link in the world's axes, shape (3,) [rad/s].
         """
-        self._put(position, velocity, turned, spin)
-        plant, scratch, feet = self._plant, self._scratch, []
-        for link, points, under in zip(self._feet(), self._points, self._unders, strict=True):
-            pose, motion = link.EvalPoseInWorld(scratch), link.EvalSpatialVelocityInWorld(scratch)
-            arms = points @ pose.rotation().matrix().T
-            feet.append((pose.translation()[2] + arms[:, 2], arms, pose @ under, motion))
-        floor = min(heights.min() for heights, *_ in feet)
-        carried, place, slip = 0.0, np.zeros(3), np.zeros(3)
-        for heights, arms, own_place, motion in feet:
-            share = shares_by_height(heights, floor)
-            part, arm = share.sum(), share @ arms
-            carried += part
-            place += part * own_place
-            # the vector product, by hand: NumPy's takes ten times as long
-            (a, b, c), (x, y, z) = motion.rotational(), arm
-            slip += part * motion.translational() + np.array([b * z - c * y, c * x - a * z, a * y - b * x])
-        centre = plant.CalcCenterOfMassPositionInWorld(scratch, [self._instance])
-        speed = plant.CalcCenterOfMassTranslationalVelocityInWorld(scratch, [self._instance]) - slip / carried
-        ahead, left, _ = turned @ self._ahead
-        heading = np.array([[ahead, left], [-left, ahead]]) / math.hypot(ahead, left)
-        omega = math.sqrt(self._gravity / max(centre[2] - floor, _LOWEST))
-        lifted = np.array([heights.min() - floor for heights, *_ in feet])
-        return Balanced(heading @ (centre - place / carried)[:2], heading @ speed[:2], omega, lifted)
+        self._set_state(position, velocity, rotation, spin)
+        plant = self._plant
+        instances = [self._instance]
+        feet = self._observe_feet()
+        floor = min(foot.heights.min() for foot in feet)
 
-    def _put(self, position: Vector, velocity: Vector, turned: RotationMatrix, spin: Vector) -> None:
-        self._positions[self._turn : self._turn + 4] = turned.ToQuaternion().wxyz()
+        # Means over the contact points, by their shares: the home of the feet, and the velocity of the points. The
+        # points are at rest on the floor, so that velocity is the error of the base's unknown velocity.
+        total_share = 0.0
+        home = np.zeros(3)
+        slip = np.zeros(3)
+        for foot in feet:
+            shares = shares_by_height(foot.heights, floor)
+            foot_share = shares.sum()
+            arm = shares @ foot.arms
+            total_share += foot_share
+            home += foot_share * foot.home
+            slip += foot_share * foot.velocity.translational() + _cross(foot.velocity.rotational(), arm)
+        com = plant.CalcCenterOfMassPositionInWorld(self._scratch, instances)
+        com_velocity = plant.CalcCenterOfMassTranslationalVelocityInWorld(self._scratch, instances)
+        com_velocity = com_velocity - slip / total_share
+
+        # Rotation of level vectors from the world's axes to ahead and left.
+        ahead_x, ahead_y, _ = rotation @ self._ahead
+        to_heading = np.array([[ahead_x, ahead_y], [-ahead_y, ahead_x]]) / math.hypot(ahead_x, ahead_y)
+        return BalanceState(
+            com=to_heading @ (com - home / total_share)[:2],
+            speed=to_heading @ com_velocity[:2],
+            omega=math.sqrt(self._gravity / max(com[2] - floor, _LEAST_HEIGHT)),
+            lifted=np.array([foot.heights.min() - floor for foot in feet]),
+        )
+
+    def _observe_feet(self) -> list[_FootState]:
+        """Compute the motion of each foot in the state that is set."""
+        feet = []
+        for link, points, home in zip(self._feet(), self._points, self._homes, strict=True):
+            pose = link.EvalPoseInWorld(self._scratch)
+            arms = points @ pose.rotation().matrix().T
+            foot = _FootState(
+                heights=pose.translation()[2] + arms[:, 2],
+                arms=arms,
+                home=pose @ home,
+                velocity=link.EvalSpatialVelocityInWorld(self._scratch),
+            )
+            feet.append(foot)
+        return feet
+
+    def _set_state(self, position: Vector, velocity: Vector, rotation: RotationMatrix, spin: Vector) -> None:
+        """Set the state of the work space; the arguments are those of `observe`."""
+        self._positions[self._rotation_start : self._rotation_start + 4] = rotation.ToQuaternion().wxyz()
         self._positions[self._axes.position_places] = self._axes.signs * position
-        self._velocities[self._spin : self._spin + 3] = spin
+        self._velocities[self._spin_start : self._spin_start + 3] = spin
         self._velocities[self._axes.velocity_places] = self._axes.signs * velocity
         self._plant.SetPositions(self._scratch, self._positions)
         self._plant.SetVelocities(self._scratch, self._velocities)
 
     def _feet(self) -> list[RigidBody]:
+        """Links of the feet."""
         return [self._plant.get_body(index) for index in self._links]
+
+
+keep_former_attributes(Support, balanced="observe")
+
+
+def _cross(first: Vector, second: Vector) -> Vector:
+    """Compute the cross product of two vectors (3,). NumPy's takes ten times as long."""
+    a, b, c = first
+    x, y, z = second
+    return np.array([b * z - c * y, c * x - a * z, a * y - b * x])
+
+
+class _PlainJoint(NamedTuple):
+    """A joint of a limb in plain numbers.
+
+    Attributes:
+        axis: index of its axis.
+        direction: its direction at zero in the root's frame, 3 numbers.
+        point: a point on its axis at zero, 3 numbers [m].
+    """
+
+    axis: int
+    direction: list[float]
+    point: list[float]
+
+
+class _JointMatrices(NamedTuple):
+    """Matrices of a joint of a limb, for rotations about its axis.
+
+    Attributes:
+        axis: index of its axis.
+        cross: matrix K of the cross product with its direction, shape (3, 3).
+        cross_squared: K², shape (3, 3).
+        point: a point on its axis at zero, shape (3,) [m].
+    """
+
+    axis: int
+    cross: Vector
+    cross_squared: Vector
+    point: Vector
+
+    def rotate(self, arms: Vector, angle: float) -> Vector:
+        """Rotate arms (3,) or (3, k) about the joint's direction, by Rodrigues' formula."""
+        return np.asarray(arms + sin(angle) * (self.cross @ arms) + (1.0 - cos(angle)) * (self.cross_squared @ arms))
 
 
 @dataclass(frozen=True, eq=False)
 class Limb:
-    """Revolute joints in a row, from the root outward."""
+    """A chain of k revolute joints, from the root outward.
 
-    axes: list[int]  # their places among the robot's axes, shape (k,)
-    turns: Vector  # their directions at zero in the root's frame, shape (k, 3)
-    points: Vector  # points on them at zero [m], shape (k, 3)
-    end: Vector  # the point at its end at zero, shape (3,) [m]
+    Attributes:
+        axes: indices of their axes among the robot's n axes.
+        turns: their directions at zero in the root's frame, shape (k, 3).
+        points: points on them at zero in the root's frame, shape (k, 3) [m].
+        end: the point at the limb's end at zero in the root's frame, shape (3,) [m].
+    """
 
-    @cached_property
-    def _crossing(self) -> list[tuple[int, Vector, Vector, Vector]]:
-        """Axis, matrix K of its direction's cross product, K² and point of each joint, from the end inward."""
-        return [
-            (axis, cross := np.cross(turn, np.eye(3)).T, cross @ cross, point)
-            for axis, turn, point in zip(self.axes[::-1], self.turns[::-1], self.points[::-1], strict=True)
-        ]
+    axes: list[int]
+    turns: Vector
+    points: Vector
+    end: Vector
 
     @cached_property
     def places(self) -> slice | list[int]:
-        """Its axes as an index: a slice, where they stand in a row, is quicker."""
-        first, last = self.axes[0], self.axes[-1]
-        return slice(first, last + 1) if self.axes == list(range(first, last + 1)) else self.axes
+        """Index of its axes in arrays over all axes. If they are consecutive, it is a slice, which is faster."""
+        first = self.axes[0]
+        last = self.axes[-1]
+        is_consecutive = self.axes == list(range(first, last + 1))
+        return slice(first, last + 1) if is_consecutive else self.axes
 
     @cached_property
-    def _plain(self) -> tuple[list[tuple[int, list[float], list[float]]], list[float]]:
-        """Axis, direction and point of each joint, from the end inward, and the end, as plain numbers."""
-        joints = zip(self.axes[::-1], self.turns[::-1].tolist(), self.points[::-1].tolist(), strict=True)
-        return list(joints), self.end.tolist()
+    def _plain_joints(self) -> list[_PlainJoint]:
+        """Joints in plain numbers, from the end inward."""
+        joints = zip(self.axes, self.turns.tolist(), self.points.tolist(), strict=True)
+        return [_PlainJoint(axis, direction, point) for axis, direction, point in joints][::-1]
+
+    @cached_property
+    def _plain_end(self) -> list[float]:
+        """End of the limb at zero, 3 numbers [m]."""
+        end: list[float] = self.end.tolist()
+        return end
+
+    @cached_property
+    def _joint_matrices(self) -> list[_JointMatrices]:
+        """Matrices of the joints, from the end inward."""
+        found = []
+        for axis, turn, point in zip(self.axes, self.turns, self.points, strict=True):
+            cross = np.cross(turn, np.eye(3)).T
+            found.append(_JointMatrices(axis, cross, cross @ cross, point))
+        return found[::-1]
 
     def place(self, positions: Sequence[float]) -> tuple[float, float, float]:
-        """Return where the end is at positions of all n axes [m]: of plain numbers, for loops ask at every sample."""
-        joints, (x, y, z) = self._plain
-        for axis, (kx, ky, kz), (px, py, pz) in joints:
-            x, y, z, s, c = x - px, y - py, z - pz, sin(positions[axis]), cos(positions[axis])
+        """Compute the position of the end in the root's frame [m], for positions of all n axes [rad].
+
+        It uses plain numbers, which are faster than arrays of this size: loops call it at every sample.
+        """
+        x, y, z = self._plain_end
+        for joint in self._plain_joints:
+            kx, ky, kz = joint.direction
+            px, py, pz = joint.point
+            angle = positions[joint.axis]
+            s = sin(angle)
+            c = cos(angle)
+            # Rodrigues' formula for the arm r from the joint: c r + s (k x r) + (1 - c) (k r) k.
+            x -= px
+            y -= py
+            z -= pz
             along = (1.0 - c) * (kx * x + ky * y + kz * z)
-            x, y, z = (
-                px + c * x + s * (ky * z - kz * y) + along * kx,
-                py + c * y + s * (kz * x - kx * z) + along * ky,
-                pz + c * z + s * (kx * y - ky * x) + along * kz,
-            )
+            new_x = px + c * x + s * (ky * z - kz * y) + along * kx
+            new_y = py + c * y + s * (kz * x - kx * z) + along * ky
+            new_z = pz + c * z + s * (kx * y - ky * x) + along * kz
+            x = new_x
+            y = new_y
+            z = new_z
         return x, y, z
 
     def rates(self, positions: Vector) -> Vector:
-        """Return how the end moves with the joints, shape (3, k) [m/rad]."""
-        place, columns = self.end, np.empty((3, 0))
-        for axis, cross, twice, point in self._crossing:
-            columns = np.column_stack([cross @ (place - point), columns])
-            place = point + _turned(place - point, cross, twice, positions[axis])
-            columns = _turned(columns, cross, twice, positions[axis])
+        """Compute the Jacobian of the end's position by the joints, shape (3, k) [m/rad], at positions (n,) [rad]."""
+        place = self.end
+        columns = np.empty((3, 0))
+        # From the end inward, each joint adds a column, and rotates the columns of the joints beyond it.
+        for joint in self._joint_matrices:
+            arm = place - joint.point
+            angle = positions[joint.axis]
+            columns = np.column_stack([joint.cross @ arm, columns])
+            place = joint.point + joint.rotate(arm, angle)
+            columns = joint.rotate(columns, angle)
         return columns
 
 
 def limb_to(robot: StationRobot, end: Frame) -> Limb:
-    """Return the limb from a robot's root to a frame; raises InvalidParameter: no joint moves it, or one slides."""
-    plant, context = robot.plant, robot.plant.CreateDefaultContext()
+    """Find the limb from a robot's root to a frame.
+
+    Raises:
+        InvalidParameter: no joint moves the frame, or a joint on the way slides.
+    """
+    plant = robot.plant
+    context = plant.CreateDefaultContext()
     robot.axis_map.set_positions(plant, context, np.zeros(len(robot.axes)))
-    axes, turns, points = axes_to(robot, end), list[Vector](), list[Vector]()
+    axes = axes_to(robot, end)
+    turns = list[Vector]()
+    points = list[Vector]()
     for axis in axes:
         joint = robot.joints[axis]
-        assert isinstance(joint, RevoluteJoint)  # axes_to() has looked
+        assert isinstance(joint, RevoluteJoint)  # axes_to() has checked it
         pose = plant.CalcRelativeTransform(context, robot.root, joint.frame_on_child())
         turns.append(robot.axis_map.signs[axis] * (pose.rotation() @ joint.revolute_axis()))
         points.append(pose.translation())
-    place = plant.CalcRelativeTransform(context, robot.root, end).translation()
-    return Limb(axes, np.array(turns), np.array(points), place)
+    end_point = plant.CalcRelativeTransform(context, robot.root, end).translation()
+    return Limb(axes=axes, turns=np.array(turns), points=np.array(points), end=end_point)
 
 
 def axes_to(robot: StationRobot, end: Frame) -> list[int]:
-    """Return the axes' places from a robot's root outward to a frame; raises InvalidParameter: as :func:`limb_to`."""
-    plant, body, axes = robot.plant, end.body(), list[int]()
-    inward = {plant.get_joint(index).child_body().index(): plant.get_joint(index) for index in plant.GetJointIndices()}
-    places = {joint.index(): number for number, joint in enumerate(robot.joints)}
-    while body.index() != robot.root.body().index() and body.index() in inward:
-        joint = inward[body.index()]
-        if joint.index() in places:
+    """Find the indices of the axes between a robot's root and a frame, from the root outward.
+
+    Raises:
+        InvalidParameter: no joint moves the frame, or a joint on the way slides.
+    """
+    plant = robot.plant
+    joint_of_body = dict[BodyIndex, Joint]()  # joint that moves a body, by the body
+    for index in plant.GetJointIndices():
+        joint = plant.get_joint(index)
+        joint_of_body[joint.child_body().index()] = joint
+    axis_of_joint = {joint.index(): axis for axis, joint in enumerate(robot.joints)}
+
+    axes = list[int]()
+    body = end.body()
+    while body.index() != robot.root.body().index() and body.index() in joint_of_body:
+        joint = joint_of_body[body.index()]
+        if joint.index() in axis_of_joint:
             if not isinstance(joint, RevoluteJoint):
                 raise InvalidParameter(
                     message("parts.limb_to", "limb to {end}", end=end.name()),
                     message("parts.with_joint", "with {joint}", joint=joint.name()),
                     message("parts.of_turning_joints", "of joints that turn"),
                 )
-            axes.insert(0, places[joint.index()])
+            axes.insert(0, axis_of_joint[joint.index()])
         body = joint.parent_body()
     if not axes:
         raise InvalidParameter(
@@ -212,6 +398,5 @@ def axes_to(robot: StationRobot, end: Frame) -> list[int]:
     return axes
 
 
-def _turned(arms: Vector, cross: Vector, twice: Vector, angle: float) -> Vector:
-    """Return arms (3,) or (3, k), turned by an angle about the direction of a joint (Rodrigues)."""
-    return np.asarray(arms + sin(angle) * (cross @ arms) + (1.0 - cos(angle)) * (twice @ arms))
+if not TYPE_CHECKING:
+    __getattr__ = former_names_of(__name__, {"Balanced": "BalanceState"})

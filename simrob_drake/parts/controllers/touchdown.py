@@ -1,4 +1,4 @@
-"""A loop that lets feet find ground of unknown height: a foot that touches early stays, one that finds none seeks it.
+"""Loop for walking on ground of unknown height: a foot that touches early stays, another one moves on downward.
 
 The thesis proposes it for four legs (p. 120): a foot sphere that, on touching, holds what was applied last.
 """
@@ -21,8 +21,10 @@ from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.urdf import link_of, name_of
 
-_FOLLOWS, _TOUCHED, _STANDS = 0.0, 1.0, 2.0
-"""A leg goes as planned; it touched while the plan still has it in the air; it stands, until the plan lifts it."""
+# Phases of a leg, as the output `phase` gives them.
+_FOLLOWS = 0.0  # the leg follows the reference
+_TOUCHED = 1.0  # the foot touches, while the reference still has it in the air
+_STANDS = 2.0  # the leg stands, until the reference lifts it
 
 
 class Touchdown(LoopSection):
@@ -88,76 +90,145 @@ class Touchdown(LoopSection):
 
 
 class UnknownGround(SampledBlock):
-    """Hold legs that touch, extend legs that should and do not.
+    """Hold legs whose feet touch early, and extend legs whose feet do not touch when they should.
 
     Ports:
-        in  by each foot's name: the force on it (3) [N]; ``reference`` (n): what the servos are asked for, with the
-            offset; ``position`` (n) [rad], ``torque`` (n) [N·m].
-        out ``offset`` (n) [rad] and ``offset_velocity`` (n) [rad/s], on the reference; ``feedforward`` (n) [N·m];
-            ``phase`` (k): 0 where a foot follows the reference, 1 where it touched early, 2 where it stands.
+        in  the force on each foot (3) [N], by the foot's name; ``reference`` (n) of the servos, which contains the
+            offset [rad]; ``position`` (n) [rad], ``torque`` (n) [N·m].
+        out ``offset`` (n) [rad] and ``offset_velocity`` (n) [rad/s], added to the reference; ``feedforward`` (n)
+            [N·m]; ``phase`` (k): 0 if a foot follows the reference, 1 if it touched early, 2 if it stands.
     """
 
     def __init__(self, section: Touchdown, limbs: Mapping[str, Limb], size: int) -> None:
-        """Make the block of a section, for legs by the names of their k feet, of a robot of n axes."""
-        period, self.units = 1 / section.rate, {"offset": "rad", "offset_velocity": "rad/s", "feedforward": "N·m"}
-        self._limbs, self._section, self.components = dict(limbs), section, {"phase": tuple(limbs)}
-        self._keeps, self._stays = np.exp(-period / section.release), np.exp(-period / section.settle)
-        zero, feet = np.zeros(size), np.zeros(len(limbs))
-        memory = {"offset": zero, "offset_velocity": zero, "feedforward": zero}
-        memory |= dict.fromkeys(("posture", "torques", "plan"), zero)
+        """Create the block.
+
+        Args:
+            section: section of the loop.
+            limbs: legs, by the names of their k feet.
+            size: count n of the robot's axes.
+        """
+        period = 1 / section.rate
+        self.units = {"offset": "rad", "offset_velocity": "rad/s", "feedforward": "N·m"}
+        self.components = {"phase": tuple(limbs)}
+        self._limbs = dict(limbs)
+        self._section = section
+        # Factors of the offsets per sample, with the time constants of the section.
+        self._release_factor = np.exp(-period / section.release)
+        self._settle_factor = np.exp(-period / section.settle)
+        zero = np.zeros(size)
+        feet = np.zeros(len(limbs))
+        memory = {
+            "offset": zero,
+            "offset_velocity": zero,
+            "feedforward": zero,
+            "posture": zero,  # positions of a leg when its foot touched [rad]
+            "torques": zero,  # torques of a leg when its foot touched [N·m]
+            "plan": zero,  # reference without the offset [rad]
+            "phase": feet + _STANDS,
+            "heights": feet,  # heights of the feet in the plan [m]
+            "sought": feet,  # distance by which each foot has moved on downward [m]
+        }
         super().__init__(
             period=period,
             reads={**dict.fromkeys(limbs, 3), "reference": size, "position": size, "torque": size},
-            memory={**memory, "phase": feet + _STANDS, "heights": feet, "sought": feet},
+            memory=memory,
             gives=("offset", "offset_velocity", "feedforward", "phase"),
         )
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Return what each leg is asked for beyond the reference."""
+        """Compute the offset and the feedforward of each leg."""
         new = {name: memory[name].copy() for name in ("offset", "posture", "torques", "phase", "sought")}
         plan = read["reference"] - memory["offset"]
-        speed = (plan - memory["plan"]) / self.period  # not used before a leg has been lifted
-        new["offset_velocity"], new["feedforward"] = np.zeros(len(plan)), np.zeros(len(plan))
-        angles, before, phases = plan.tolist(), memory["heights"].tolist(), memory["phase"].tolist()
+        velocity = (plan - memory["plan"]) / self.period  # it is not used before a leg has been lifted
+        new["offset_velocity"] = np.zeros(len(plan))
+        new["feedforward"] = np.zeros(len(plan))
+
+        angles = plan.tolist()
         heights = [limb.place(angles)[2] for limb in self._limbs.values()]
-        least = min(heights) + self._section.clearance
+        last_heights = memory["heights"].tolist()
+        last_phases = memory["phase"].tolist()
+        lowest_in_air = min(heights) + self._section.clearance
         for number, (foot, limb) in enumerate(self._limbs.items()):
-            raised, leg = heights[number] > least, limb.places
-            phase = self._phase(phases[number], raised, heights[number] < before[number], foot, read)
-            if phase == _TOUCHED and phases[number] == _FOLLOWS:
-                new["posture"][leg], new["torques"][leg] = read["position"][leg], read["torque"][leg]
+            leg = limb.places
+            last_phase = last_phases[number]
+            is_raised = heights[number] > lowest_in_air
+            is_lowering = heights[number] < last_heights[number]
+            phase = self._next_phase(last_phase, foot, read, is_raised=is_raised, is_lowering=is_lowering)
+            new["phase"][number] = phase
+            if phase == _TOUCHED and last_phase == _FOLLOWS:
+                new["posture"][leg] = read["position"][leg]
+                new["torques"][leg] = read["torque"][leg]
+
             if phase == _FOLLOWS:
-                self._seek(new, number, limb, plan, raised)
+                self._follow(new, number, limb, plan, is_raised=is_raised)
             elif phase == _TOUCHED:
                 new["offset"][leg] = (new["posture"] - plan)[leg]
-                new["offset_velocity"][leg] = -speed[leg]
+                new["offset_velocity"][leg] = -velocity[leg]
             else:
-                new["offset"][leg] *= self._stays
+                new["offset"][leg] *= self._settle_factor
             if self._section.holds == "torques":
-                # a leg that touched early: its servos apply what they did then, and nothing beside
-                if phase == _FOLLOWS:
-                    new["torques"][leg] = 0.0
-                elif new["torques"][leg].any():
-                    new["offset"][leg], new["offset_velocity"][leg] = (read["position"] - plan)[leg], -speed[leg]
-                    new["feedforward"][leg] = new["torques"][leg]
-            new["phase"][number] = phase
+                self._hold_torques(new, leg, read["position"] - plan, velocity, follows=phase == _FOLLOWS)
         return {**new, "plan": plan, "heights": np.array(heights)}
 
-    def _phase(self, phase: float, raised: bool, lowers: bool, foot: str, read: Named) -> float:
-        """Return what a leg does next; the force on its foot is looked at only where it matters: that takes time."""
-        if phase == _STANDS:
-            return _FOLLOWS if raised else _STANDS
-        if phase == _TOUCHED:
-            return _TOUCHED if raised else _STANDS
-        touches = (lowers or not raised) and math.hypot(*read[foot].tolist()) > self._section.force
-        return (_TOUCHED if raised else _STANDS) if touches else _FOLLOWS
+    def _next_phase(self, phase: float, foot: str, read: Named, *, is_raised: bool, is_lowering: bool) -> float:
+        """Phase of a leg at this sample.
 
-    def _seek(self, new: dict[str, Vector], number: int, limb: Limb, plan: Vector, raised: bool) -> None:
-        """Let a leg that has not touched go on downward where it should have, and back to the reference before."""
-        if raised:
-            new["offset"][limb.places] *= self._keeps
+        The force on the foot is only read if it matters, since reading takes time.
+
+        Args:
+            phase: phase before.
+            foot: name of the foot.
+            read: inputs of the sample.
+            is_raised: whether the plan has the foot in the air.
+            is_lowering: whether the plan moves the foot down.
+        """
+        if phase == _STANDS:
+            return _FOLLOWS if is_raised else _STANDS
+        if phase == _TOUCHED:
+            return _TOUCHED if is_raised else _STANDS
+        may_touch = is_lowering or not is_raised
+        if may_touch and math.hypot(*read[foot].tolist()) > self._section.force:
+            return _TOUCHED if is_raised else _STANDS
+        return _FOLLOWS
+
+    def _follow(self, new: dict[str, Vector], number: int, limb: Limb, plan: Vector, *, is_raised: bool) -> None:
+        """Change the offset of a leg that does not touch; writes to the new memory.
+
+        While the plan has the foot in the air, the leg returns to the reference. Afterwards, the foot moves on down.
+
+        Args:
+            new: the new memory.
+            number: index of the foot.
+            limb: the leg.
+            plan: reference without the offset, shape (n,) [rad].
+            is_raised: whether the plan has the foot in the air.
+        """
+        if is_raised:
+            new["offset"][limb.places] *= self._release_factor
             new["sought"][number] = 0.0
             return
         step = min(self._section.search * self.period, self._section.reach - new["sought"][number])
-        new["offset"][limb.places] += np.linalg.lstsq(limb.rates(plan + new["offset"]), [0.0, 0.0, -step])[0]
+        motion = [0.0, 0.0, -step]
+        new["offset"][limb.places] += np.linalg.lstsq(limb.rates(plan + new["offset"]), motion)[0]
         new["sought"][number] += step
+
+    def _hold_torques(
+        self, new: dict[str, Vector], leg: slice | list[int], to_position: Vector, velocity: Vector, *, follows: bool
+    ) -> None:
+        """Let the servos of a leg that touched early apply the torques of that moment, and no other ones.
+
+        It writes to the new memory. With the reference at the measured position, the servos themselves apply nothing.
+
+        Args:
+            new: the new memory.
+            leg: indices of the leg's axes.
+            to_position: distance from the plan to the measured positions, shape (n,) [rad].
+            velocity: velocity of the plan, shape (n,) [rad/s].
+            follows: whether the leg follows the reference.
+        """
+        if follows:
+            new["torques"][leg] = 0.0
+        elif new["torques"][leg].any():
+            new["offset"][leg] = to_position[leg]
+            new["offset_velocity"][leg] = -velocity[leg]
+            new["feedforward"][leg] = new["torques"][leg]

@@ -1,9 +1,13 @@
-"""A loop that walks: from commands, and what the robot does, to the reference of its legs."""
+"""Walking loop: from commands and the measured motion of the robot to the reference of its legs.
+
+The walk itself is in :mod:`simrob_drake.walking`. A loop's output ``target`` replaces the reference of its robot while
+its output ``active`` is 1.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -37,10 +41,15 @@ from simrob_drake.walking.parameters import WalkingParameters, load_walking
 from simrob_drake.walking.steps import Command
 from simrob_drake.walking.stride import NUMBERS, Stride, smoothstep
 
-_SAME = 1e-3  # of a posture [rad]
-_NEAR = 0.5  # from where the robot stands to where its path starts, at most [m]
-_EDGE = 0.02  # to be left around a sole that is set down on a known ground [m]
-_READY = 1.0  # time to take the first posture from 45 deg away [s]
+# Postures that differ by less are the same [rad].
+_SAME_POSTURE = 1e-3
+# Largest distance of the robot from the start of its path [m].
+_LARGEST_START_DISTANCE = 0.5
+# Level ground that is left free around a sole, on a known ground [m].
+_EDGE = 0.02
+# Time to take the first posture from a distance of 45 deg [s]. It grows with the square root of the distance.
+_READY_TIME = 1.0
+_READY_DISTANCE = math.pi / 4
 
 
 class Walk(LoopSection):
@@ -128,12 +137,12 @@ class Walk(LoopSection):
         self.warnings(key, robot)
         if self.path is not None:
             begins, stands = complex(*self.path.points[0]), complex(*robot.base.translation()[:2])
-            if abs(begins - stands) > _NEAR:
+            if abs(begins - stands) > _LARGEST_START_DISTANCE:
                 where = message("parts.at_place", "at ({x:g}, {y:g}) m", x=begins.real, y=begins.imag)
                 near = message(
                     "parts.near_robot",
                     "within {near:g} m of where {robot} stands, ({x:g}, {y:g}) m",
-                    near=_NEAR,
+                    near=_LARGEST_START_DISTANCE,
                     robot=robot.name,
                     x=stands.real,
                     y=stands.imag,
@@ -211,11 +220,17 @@ class Walk(LoopSection):
         return self.model_copy(update={"commands": (*before, *map(_entry_of_command, commands))})
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        parameters, feet = self.walking(robot), robot.feet
-        assert feet is not None  # check() has asked
+        """Create the block for a robot of the site."""
+        parameters = self.walking(robot)
+        feet = robot.feet
+        assert feet is not None  # check() has checked it
         names = [foot for group in parameters.groups for foot in group]
-        links = {robot.plant.GetFrameByName(link, robot.instance).body().index(): link for link in feet.links}
-        frames = [robot.plant.GetFrameByName(links[robot.tools[foot].body().index()], robot.instance) for foot in names]
+        # A foot is named by its tool; its frame is that of the link with the contact points.
+        link_of_body = {robot.plant.GetFrameByName(link, robot.instance).body().index(): link for link in feet.links}
+        frames = []
+        for foot in names:
+            link = link_of_body[robot.tools[foot].body().index()]
+            frames.append(robot.plant.GetFrameByName(link, robot.instance))
         facing = math.radians(gaits_file(robot.model).facing_deg)
         posture = robot.model.axis_vector(parameters.bearing.posture_deg, f"{key}.gait.bearing.posture_deg")
         body = Body(
@@ -259,19 +274,31 @@ def _command_values(entry: Commanded) -> tuple[float, ...]:
     return entry.ahead, entry.sideways, math.radians(entry.turn_deg)
 
 
+class _SelectedCommand(NamedTuple):
+    """Command of a sample.
+
+    Attributes:
+        command: the command, within the speeds that the legs can follow.
+        changes: changes of the loop's memory.
+    """
+
+    command: Command
+    changes: Changes
+
+
 class WalkingLoop(SampledBlock):
-    """Ask a robot's axes for the next posture of a walk.
+    """Compute the next posture of a walk.
 
     Ports:
-        in  by the name of each foot whose force is read: that (3), the last part upward [N];
-            ``position`` (n) [rad], ``velocity`` (n) [rad/s]; ``base_pose`` (7): x y z [m] and a quaternion;
-            ``base_velocity`` (6): linear and angular, in the world [m/s, rad/s]; perhaps ``command`` (3), as below, or
-            not a number; perhaps ``waits`` (1): not 0 while something else moves the robot.
-        out ``target`` (n) [rad]; ``active`` (1): 1; ``offset_velocity`` (n) [rad/s]: how fast the target moves;
-            ``capture`` (2): divergent component from the foot that stands, ahead and to the left [m];
-            ``foot`` (1): 0 where the right one stands, 1 where the left one does; ``command`` (3): what the walk is
-            asked for, ahead and to the left [m/s], turn [rad/s]; ``clipped`` (1): 1 while that is less than was wanted;
-            ``blind`` (1): 1 where what is read is not a number: then the walk goes on as planned.
+        in  ``position`` (n) [rad], ``velocity`` (n) [rad/s]; ``base_pose`` (7): x y z [m] and a quaternion;
+            ``base_velocity`` (6): linear and angular, in the world [m/s, rad/s]; optionally, for each foot, the force
+            on it (3), by its name, the last component upward [N]; ``command`` (3), as below, or not a number; ``waits``
+            (1): not 0 while another loop moves the robot.
+        out ``target`` (n) [rad]; ``active`` (1): 1; ``offset_velocity`` (n) [rad/s]: velocity of the target;
+            ``capture`` (2): divergent component from the stance foot, ahead and to the left [m];
+            ``foot`` (1): the stance foot, 0 for the right one, 1 for the left one; ``command`` (3): command of the
+            walk, ahead and to the left [m/s], turn [rad/s]; ``clipped`` (1): 1 while more was commanded than the legs
+            can follow; ``blind`` (1): 1 while an input is not a number. The walk then continues as planned.
     """
 
     units = MappingProxyType(
@@ -282,23 +309,57 @@ class WalkingLoop(SampledBlock):
     def __init__(
         self, section: Walk, engine: WalkingEngine, feet: Sequence[str], posture: Vector, commander: Commander
     ) -> None:
-        """Make the block of a section, around the engine of a walk and what says what is asked for.
+        """Create the block.
 
-        ``feet`` are named in the engine's order; the forces on all of them are read, or on none. The posture (n,) [rad]
-        is that of axes in no leg, and near which the legs are found.
+        Args:
+            section: section of the loop.
+            engine: engine of the walk.
+            feet: names of the feet, in the engine's order. The forces on all of them are read, or on none.
+            posture: posture of the axes that are in no leg, and the one near which postures of the legs are searched,
+                shape (n,) [rad].
+            commander: selects the command.
         """
-        self.engine, self.start, self._commander, self._strict = engine, posture, commander, section.strict
-        self._feet = [foot for foot in feet if foot in section.reads]
-        self._perhaps = {name: size for name, size in (("command", 3), ("waits", 1)) if name in section.reads}
-        self._last = b"", Stride()  # of the last sample, and its numbers: it need not be made of them again
-        zero = np.zeros(len(posture))
-        reads = {"position": len(posture), "velocity": len(posture), "base_pose": 7, "base_velocity": 6}
-        reads |= {**self._perhaps, **dict.fromkeys(self._feet, 3)}
-        outputs: dict[str, Vector | float] = {"target": zero, "active": 0.0, "offset_velocity": zero}
-        outputs |= {"capture": np.zeros(2), "foot": 1.0, "command": np.zeros(3), "clipped": 0.0, "blind": 0.0}
-        memory = {**outputs, "stride": np.zeros(NUMBERS), "posture": zero, "begun": zero, "ready": 0.0}
-        memory |= Commander.MEMORY
-        super().__init__(period=1 / section.rate, reads=reads, memory=memory, gives=tuple(outputs))
+        self.engine = engine
+        self.start = posture
+        self._commander = commander
+        self._strict = section.strict
+        self._measured_feet = [foot for foot in feet if foot in section.reads]
+        self._has_command_port = "command" in section.reads
+        self._has_waits_port = "waits" in section.reads
+        # The stride after the last sample, and its numbers as bytes, so that it need not be made of them again.
+        self._last_numbers = b""
+        self._last_stride = Stride()
+
+        count = len(posture)
+        zero = np.zeros(count)
+        reads = {"position": count, "velocity": count, "base_pose": 7, "base_velocity": 6}
+        if self._has_command_port:
+            reads["command"] = 3
+        if self._has_waits_port:
+            reads["waits"] = 1
+        reads |= dict.fromkeys(self._measured_feet, 3)
+        outputs: dict[str, Vector | float] = {
+            "target": zero,
+            "active": 0.0,
+            "offset_velocity": zero,
+            "capture": np.zeros(2),
+            "foot": 1.0,
+            "command": np.zeros(3),
+            "clipped": 0.0,
+            "blind": 0.0,
+        }
+        more_memory: dict[str, Vector | float] = {
+            "stride": np.zeros(NUMBERS),
+            "posture": zero,  # posture of the walk at the last sample
+            "begun": zero,  # posture of the robot when the loop began
+            "ready": 0.0,  # part of the motion from there to the first posture that is done
+        }
+        super().__init__(
+            period=1 / section.rate,
+            reads=reads,
+            memory={**outputs, **more_memory, **Commander.MEMORY},
+            gives=tuple(outputs),
+        )
 
     def command_by_hand(self, context: Context, values: Sequence[float]) -> None:
         """Command the walk from the next sample on. Neither the section nor a port commands it any more in this run.
@@ -310,55 +371,92 @@ class WalkingLoop(SampledBlock):
         self.remember(context, {"hand": np.array([1.0, *values])})
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Return the next posture."""
-        seen = np.concatenate([read[name] for name in _READ])
-        blind = 0.0 if math.isfinite(seen.dot(seen)) else 1.0
-        changes: dict[str, Vector | float] = {} if memory["blind"][0] == blind else {"blind": blind}
-        if not read[TIME][0]:  # what a hand asked for in another run is past
-            changes["hand"] = np.zeros(4)
-        if "waits" in self._perhaps and read["waits"][0]:
+        """Compute the next posture."""
+        measured = np.concatenate([read[name] for name in _MEASURED])
+        is_blind = not math.isfinite(measured.dot(measured))
+        changes: dict[str, Vector | float] = {}
+        if memory["blind"][0] != is_blind:
+            changes["blind"] = float(is_blind)
+        if not read[TIME][0]:
+            changes["hand"] = np.zeros(4)  # a user's command in an earlier run, which this one continues, is over
+
+        if self._has_waits_port and read["waits"][0]:
             return {**changes, "active": 0.0, "offset_velocity": np.zeros(len(self.start))}
         if not memory["active"][0]:
-            return {**changes, **({} if blind else self._begun(read))}
+            return changes if is_blind else {**changes, **self._begin(read)}
         if memory["ready"][0] < 1.0:
-            begun, end = memory["begun"], memory["posture"]
-            time = _READY * math.sqrt(np.abs(end - begun).max() / (math.pi / 4))
-            ready = min(memory["ready"][0] + self.period / max(time, self.period), 1.0)
-            target = begun + smoothstep(ready) * (end - begun)
-            velocity = (target - memory["target"]) / self.period
-            return {**changes, "target": target, "offset_velocity": velocity, "ready": ready}
-        posture, engine, (known, stride) = memory["posture"], self.engine, self._last
-        estimator = engine.estimator
-        if memory["stride"].tobytes() != known:
+            return {**changes, **self._approach_start(memory)}
+        return {**changes, **self._walk(memory, read, None if is_blind else measured)}
+
+    def _approach_start(self, memory: Named) -> Changes:
+        """Move on from the posture at the beginning to the first posture of the walk."""
+        begin = memory["begun"]
+        end = memory["posture"]
+        duration = _READY_TIME * math.sqrt(np.abs(end - begin).max() / _READY_DISTANCE)
+        ready = min(memory["ready"][0] + self.period / max(duration, self.period), 1.0)
+        target = begin + smoothstep(ready) * (end - begin)
+        velocity = (target - memory["target"]) / self.period
+        return {"target": target, "offset_velocity": velocity, "ready": ready}
+
+    def _walk(self, memory: Named, read: Named, measured: Vector | None) -> Changes:
+        """Compute the next posture of the walk.
+
+        Args:
+            memory: memory before the sample.
+            read: inputs of the sample.
+            measured: measured motion, see `Body.observe`; None if it is not finite.
+        """
+        engine = self.engine
+        stride = self._last_stride
+        if memory["stride"].tobytes() != self._last_numbers:
             stride = Stride.of(memory["stride"])
-        command = self._commanded(memory, read, changes)
-        estimate = None if blind else estimator.estimate(stride, engine.body.observe(seen), self._forces(stride, read))
-        after, target = engine.sample(stride, posture, command, estimate)
-        numbers = after.numbers()
-        self._last = numbers.tobytes(), after
-        if estimate is not None:
-            changes["capture"] = np.array([estimate.xi.real, estimate.xi.imag])
-        return {
-            **changes,
+        selected = self._select_command(memory, read)
+        estimate = None
+        if measured is not None:
+            state = engine.body.observe(measured)
+            estimate = engine.estimator.estimate(stride, state, self._vertical_forces(stride, read))
+
+        posture = memory["posture"]
+        new_stride, target = engine.sample(stride, posture, selected.command, estimate)
+        numbers = new_stride.numbers()
+        self._last_numbers = numbers.tobytes()
+        self._last_stride = new_stride
+        changes: dict[str, Vector | float] = {
+            **selected.changes,
             "target": target,
             "offset_velocity": (target - posture) / self.period,
             "posture": target,
             "stride": numbers,
-            "foot": after.step.standing,
+            "foot": new_stride.step.standing,
         }
+        if estimate is not None:
+            changes["capture"] = np.array([estimate.xi.real, estimate.xi.imag])
+        return changes
 
-    def _commanded(self, memory: Named, read: Named, changes: dict[str, Vector | float]) -> Command:
-        """Return what is asked for within what the legs can follow, and add to what is told."""
-        time, by_port = float(read[TIME][0]), read["command"] if "command" in self._perhaps else None
-        progress, before = float(memory["progress"][0]), memory["command"]
-        desired, along = self._commander.now(time, memory["hand"], by_port, read["base_pose"], progress)
-        if along != progress:
-            changes["progress"] = along
-        if desired is None:  # the path does not see where the robot is
-            return command_of(before)
+    def _select_command(self, memory: Named, read: Named) -> _SelectedCommand:
+        """Select the command of this sample, and clip it to the speeds that the legs can follow.
+
+        Raises:
+            RunEnds: the section is strict, and the command is faster.
+        """
+        last_values = memory["command"]
+        last_progress = float(memory["progress"][0])
+        desired, progress = self._commander.now(
+            float(read[TIME][0]),
+            memory["hand"],
+            read["command"] if self._has_command_port else None,
+            read["base_pose"],
+            last_progress,
+        )
+        changes: dict[str, Vector | float] = {}
+        if progress != last_progress:
+            changes["progress"] = progress
+        if desired is None:  # the path needs the robot's pose, which is not finite
+            return _SelectedCommand(command=command_of(last_values), changes=changes)
+
         command = clip_command(desired, self.engine.max_speed)
-        less = float(command is not desired)
-        if less and self._strict:
+        is_clipped = command is not desired
+        if is_clipped and self._strict:
             part, value, limit, unit = find_excess(desired, self.engine.max_speed)[0]
             raise RunEnds(
                 message(
@@ -370,33 +468,43 @@ class WalkingLoop(SampledBlock):
                     limit=limit,
                 )
             )
-        if less != memory["clipped"][0]:
-            changes["clipped"] = less
-        numbers = [command.speed.real, command.speed.imag, command.turn]
-        if numbers != before.tolist():
-            changes["command"] = np.array(numbers)
-        return command
+        # Unchanged values are not written: each write takes time.
+        if is_clipped != memory["clipped"][0]:
+            changes["clipped"] = float(is_clipped)
+        values = [command.speed.real, command.speed.imag, command.turn]
+        if values != last_values.tolist():
+            changes["command"] = np.array(values)
+        return _SelectedCommand(command=command, changes=changes)
 
-    def _forces(self, stride: Stride, read: Named) -> list[float] | None:
-        """Return the vertical forces on the feet where they count, for reading them takes time; None: none are told."""
-        if not self._feet:
+    def _vertical_forces(self, stride: Stride, read: Named) -> list[float] | None:
+        """Read the vertical forces on the feet [N]. Returns None if no forces are measured.
+
+        Only the forces that the estimator needs are read, since reading takes time. The others are 0.
+        """
+        if not self._measured_feet:
             return None
-        felt = self.engine.estimator.feet_to_measure(stride)
-        return [abs(float(read[foot][2])) if place in felt else 0.0 for place, foot in enumerate(self._feet)]
+        needed = self.engine.estimator.feet_to_measure(stride)
+        forces = []
+        for number, foot in enumerate(self._measured_feet):
+            forces.append(abs(float(read[foot][2])) if number in needed else 0.0)
+        return forces
 
-    def _begun(self, read: Named) -> Changes:
+    def _begin(self, read: Named) -> Changes:
+        """Begin the walk from the robot's present posture: first it moves to the posture in which the walk stands."""
         engine = self.engine
-        seen = engine.body.observe(np.concatenate([read[name] for name in _READ]))
-        stride, posture = engine.stand(self.start, engine.estimator.slope(seen))
-        far = np.abs(posture - read["position"]).max()
+        state = engine.body.observe(np.concatenate([read[name] for name in _MEASURED]))
+        stride, posture = engine.stand(self.start, engine.estimator.slope(state))
+        distance = np.abs(posture - read["position"]).max()
+        is_there = distance <= _SAME_POSTURE
         return {
-            "target": read["position"] if far > _SAME else posture,
+            "target": posture if is_there else read["position"],
             "active": 1.0,
             "begun": read["position"],
             "posture": posture,
             "stride": stride.numbers(),
-            "ready": 0.0 if far > _SAME else 1.0,
+            "ready": 1.0 if is_there else 0.0,
         }
 
 
-_READ = ("position", "velocity", "base_pose", "base_velocity")
+# Inputs that are the measured motion of the robot, in the order of `Body.observe`.
+_MEASURED = ("position", "velocity", "base_pose", "base_velocity")

@@ -1,7 +1,10 @@
-"""What frames tell: an inertial measurement unit, and Simscape Multibody's Transform Sensor."""
+"""Sensors at frames: an inertial measurement unit, and the Transform Sensor of Simscape Multibody.
+
+A class with the key ``kind`` is a section of ``sensors`` in a station file; the class of its block follows it.
+"""
 
 import weakref
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -15,40 +18,54 @@ from simrob_drake.base.frames import transform_from_pose, transform_from_xyz_qua
 from simrob_drake.base.lifetime import weakly
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import ORIGIN, Boolean, Integer, NotNegative, Pose
-from simrob_drake.base.signals import POSE, QUANTITY_WORDS, VELOCITY, Panel, Signal
+from simrob_drake.base.signals import POSE, QUANTITY_WORDS, VELOCITY, Panel, Role, Signal
 from simrob_drake.blocks.block import Block, add_and_connect
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.resolved import WORLD, Surroundings
-from simrob_drake.parts.sensors.sensor import SampledSensor, Sensor, axis_names, normal, sensor_label
+from simrob_drake.parts.sensors.sensor import SampledSensor, Sensor, axis_names, normal_noise, sensor_label
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.targets import check_frame, frame_of
 
+
+class _Output(NamedTuple):
+    """Output of an inertial measurement unit.
+
+    Attributes:
+        components: names of its components.
+        unit: unit of each component.
+    """
+
+    components: tuple[str, ...]
+    unit: str
+
+
 _INERTIAL = {
-    "specific_force": (("x", "y", "z"), "m/s²"),
-    "angular_velocity": (("x", "y", "z"), "rad/s"),
-    "orientation": (("qw", "qx", "qy", "qz"), "1"),
+    "specific_force": _Output(("x", "y", "z"), "m/s²"),
+    "angular_velocity": _Output(("x", "y", "z"), "rad/s"),
+    "orientation": _Output(("qw", "qx", "qy", "qz"), "1"),
 }
+"""Outputs of an inertial measurement unit, by name."""
 
 
 class Imu(SampledSensor):
-    """Specific force, angular velocity and orientation of a frame, in its axes, as an inertial measurement unit tells.
+    """Inertial measurement unit: specific force, angular velocity and orientation of a frame, in the frame's axes.
 
-    At rest the specific force is 9.80665 m/s² upward, in free fall zero: the mean over a sample.
+    The specific force is a mean over a sample: 9.80665 m/s² upward at rest, and zero in free fall.
     """
 
     kind: Literal["imu"]
     frame: str | None = None
-    """A link or a tool of a robot, or a piece (its TCP); the root link of the only robot unless given."""
+    """A link or a tool of a robot, or a piece (its TCP); the root link of the only robot if it is left out."""
     seed: Integer = Field(default=0, ge=0)
-    """Of noise and biases: the same seed, the same figures."""
+    """Seed of noise and biases: the same seed gives the same values."""
     accelerometer_noise: NotNegative = 0.0
     """Standard deviation of a sample of each axis [m/s²]."""
     gyroscope_noise: NotNegative = 0.0
-    """Likewise [rad/s]."""
+    """Standard deviation of a sample of each axis [rad/s]."""
     accelerometer_bias: NotNegative = 0.0
     """Standard deviation of the constant error of each axis, drawn from the seed [m/s²]."""
     gyroscope_bias: NotNegative = 0.0
-    """Likewise [rad/s]."""
+    """Standard deviation of the constant error of each axis, drawn from the seed [rad/s]."""
 
     def check(self, key: str, station: Surroundings) -> None:
         """Check that the frame exists."""
@@ -59,12 +76,13 @@ class Imu(SampledSensor):
         frame = self._frame_name(site.station, f"sensors.{name}")
         block = InertialUnit(self, site.plant.plant, frame_of(site.plant, frame))
         signals = {}
-        for part, (axes, unit) in _INERTIAL.items():
-            names = axis_names(part, name, axes)
-            heading = message("parts.the_imu", "the IMU '{name}'", name=name)
-            panel = Panel(f"imu_{name}", heading, QUANTITY_WORDS[part], QUANTITY_WORDS[part], names)
-            signals[part] = Signal(names, (unit,) * len(names), "inertial", part=name, panel=panel)
-        self._give(
+        heading = message("parts.the_imu", "the IMU '{name}'", name=name)
+        for part, output in _INERTIAL.items():
+            columns = axis_names(part, name, output.components)
+            units = (output.unit,) * len(columns)
+            panel = Panel(f"imu_{name}", heading, QUANTITY_WORDS[part], QUANTITY_WORDS[part], columns)
+            signals[part] = Signal(columns, units, "inertial", part=name, panel=panel)
+        self._add_block(
             builder,
             site,
             name,
@@ -76,6 +94,15 @@ class Imu(SampledSensor):
         site.outputs.notes[name] = {"kind": self.kind, "frame": frame}
 
     def _frame_name(self, station: Surroundings, key: str) -> str:
+        """Name of the frame in the station.
+
+        Args:
+            station: contents of the station.
+            key: key of the sensor in the station.
+
+        Raises:
+            InvalidParameter: no frame is given, and the station does not have exactly one robot.
+        """
         if self.frame is not None:
             return self.frame
         robot = station.robot(None, f"{key}.frame")
@@ -83,16 +110,16 @@ class Imu(SampledSensor):
 
 
 class InertialUnit(SampledBlock):
-    r"""Sample what an inertial measurement unit at a frame tells.
+    r"""Sample the measurements of an inertial measurement unit at a frame.
 
-    The accelerometer gives the mean specific force over a sample time T,
+    The accelerometer gives the mean specific force over a sampling period T,
 
     .. math:: f_k = \bar R^\top \left( \frac{v_k - v_{k-1}}{T} - g \right) + b_a + n_k ,
 
-    with the velocity v of the frame's origin and the orientation :math:`\bar R` midway between the two samples. So it
-    needs no accelerations, which depend on a solver's scheme, and holds what an impact does within a sample. The
-    gyroscope gives :math:`R_k^\top \omega_k + b_g + n_k`, the attitude the true orientation. The first sample has none
-    before it, and takes the velocity as constant.
+    with the velocity v of the frame's origin, the orientation :math:`\bar R` midway between the two samples, a constant
+    bias :math:`b_a` and noise :math:`n_k`. So it needs no accelerations, which depend on a solver's scheme, and it
+    contains the effect of an impact within a sample. The gyroscope gives :math:`R_k^\top \omega_k + b_g + n_k`, and the
+    orientation is the true one. At the first sample the velocity is taken as constant.
 
     Ports:
         in  ``state`` (nq + nv): positions and velocities of the whole plant.
@@ -101,7 +128,13 @@ class InertialUnit(SampledBlock):
     """
 
     def __init__(self, section: Imu, plant: MultibodyPlant, frame: Frame) -> None:
-        """Make the block of a section, for a frame of a finalized plant, which need not be part of the diagram."""
+        """Create the block.
+
+        Args:
+            section: section of the sensor.
+            plant: the finalized plant, which need not be part of the diagram.
+            frame: the frame.
+        """
         super().__init__(
             period=1 / section.rate,
             reads={"state": plant.num_multibody_states()},
@@ -113,54 +146,73 @@ class InertialUnit(SampledBlock):
                 "count": np.zeros(1),
             },
             gives=list(_INERTIAL),
-            delay=section.late_samples,
+            delay=section.delay_samples,
             at_once=True,
         )
-        self._plant, self._frame = weakref.proxy(plant), frame.index()
+        self._plant = weakref.proxy(plant)
+        self._frame = frame.index()
         self._gravity = plant.gravity_field().gravity_vector()
-        self._scratch = plant.CreateDefaultContext()  # nothing is remembered in it: every evaluation sets it anew
+        self._scratch = plant.CreateDefaultContext()  # work space: every evaluation sets its state anew
         self.seed = section.seed
         self._noise = np.repeat([section.accelerometer_noise, section.gyroscope_noise], 3)
         self._bias = np.repeat([section.accelerometer_bias, section.gyroscope_bias], 3)
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Return force and rates by the motion since the last sample."""
-        plant, scratch, count = self._plant, self._scratch, int(memory["count"][0])
-        plant.SetPositionsAndVelocities(scratch, read["state"])
+        """Compute the measurements from the motion since the last sample."""
+        count = int(memory["count"][0])
+        plant = self._plant
+        plant.SetPositionsAndVelocities(self._scratch, read["state"])
         frame = plant.get_frame(self._frame)
-        pose, motion = frame.CalcPoseInWorld(scratch), frame.CalcSpatialVelocityInWorld(scratch)
-        velocity, orientation = motion.translational(), xyz_quaternion_from_transform(pose)[3:]
-        before, last = (memory["orientation"], memory["velocity"]) if count else (orientation, velocity)
-        middle = before + np.copysign(1.0, before @ orientation) * orientation
+        pose = frame.CalcPoseInWorld(self._scratch)
+        motion = frame.CalcSpatialVelocityInWorld(self._scratch)
+        velocity = motion.translational()
+        orientation = xyz_quaternion_from_transform(pose)[3:]
+
+        is_first = count == 0
+        last_orientation = orientation if is_first else memory["orientation"]
+        last_velocity = velocity if is_first else memory["velocity"]
+        # The sum of two quaternions of the same sign is the rotation midway between them.
+        same_sign = np.copysign(1.0, last_orientation @ orientation)
+        middle = last_orientation + same_sign * orientation
         to_frame = transform_from_xyz_quaternion([0, 0, 0, *middle]).rotation().inverse()
-        force = to_frame @ ((velocity - last) / self.period - self._gravity)
+        force = to_frame @ ((velocity - last_velocity) / self.period - self._gravity)
         rates = pose.rotation().inverse() @ motion.rotational()
-        wrong = self._bias * normal(self.seed, 0, 6) + self._noise * normal(self.seed, count + 1, 6)
-        measured = np.concatenate([force, rates]) + wrong
-        outputs = {"specific_force": measured[:3], "angular_velocity": measured[3:], "orientation": orientation}
-        return {**outputs, "velocity": velocity, "count": count + 1}
+
+        # The bias is the first draw of the seed; the noise of each sample has a draw of its own.
+        bias = self._bias * normal_noise(self.seed, 0, 6)
+        noise = self._noise * normal_noise(self.seed, count + 1, 6)
+        measured = np.concatenate([force, rates]) + (bias + noise)
+        return {
+            "specific_force": measured[:3],
+            "angular_velocity": measured[3:],
+            "orientation": orientation,
+            "velocity": velocity,
+            "count": count + 1,
+        }
 
 
 Axes = Literal["world", "base", "frame"]
+"""Axes of the frame sensor's values: the world's, those of the base, or those of the measured frame."""
 _RELATIVE = {"pose": POSE, "velocity": VELOCITY}
+"""Columns, their units, and the plotted quantity of the outputs of a frame sensor."""
 
 
 class FrameSensor(Sensor):
-    """Where a frame is as another sees it, and how it moves there."""
+    """Pose and velocity of a frame relative to another frame, the base."""
 
     kind: Literal["frame"]
     frame: str
     """A link or a tool of a robot, a piece (its TCP), or `world`."""
     offset: Pose = ORIGIN
-    """Pose of what is measured in that frame, [x y z Rz Ry Rx]."""
+    """Pose in that frame of the point and axes that are measured, [x y z Rz Ry Rx]."""
     base: str = WORLD
-    """The frame that it is seen from, likewise."""
+    """The frame from which it is measured: a link or a tool of a robot, a piece (its TCP), or `world`."""
     base_offset: Pose = ORIGIN
-    """Pose of that in its frame."""
+    """Pose in the frame `base` of the point and axes from which it is measured, [x y z Rz Ry Rx]."""
     axes: Axes = "base"
-    """In whose axes position and velocities are told: `world`, `base` or `frame`."""
+    """Axes in which position and velocities are given: those of `world`, `base` or `frame`."""
     turning: Boolean = True
-    """Whether the velocity is that which one sees who turns with these axes; else that which the world sees."""
+    """Whether the velocity is relative to these axes as they turn; otherwise, to axes that do not turn."""
 
     def check(self, key: str, station: Surroundings) -> None:
         """Check that the frames exist."""
@@ -169,26 +221,50 @@ class FrameSensor(Sensor):
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
         """Add ``frame_pose.<sensor>`` (7) [m], and ``frame_velocity.<sensor>`` (6): linear, then angular."""
-        ends = (
-            (frame_of(site.plant, self.base), transform_from_pose(self.base_offset)),
-            (frame_of(site.plant, self.frame), transform_from_pose(self.offset)),
-        )
-        block = RelativeMotion(plant=site.plant.plant, ends=ends, axes=self.axes, turning=self.turning)
+        base = AttachedFrame(frame_of(site.plant, self.base), transform_from_pose(self.base_offset))
+        frame = AttachedFrame(frame_of(site.plant, self.frame), transform_from_pose(self.offset))
+        block = RelativeMotion(plant=site.plant.plant, base=base, frame=frame, axes=self.axes, turning=self.turning)
         add_and_connect(builder, f"sensor.{name}", block, site.state)
-        site.picture.draw(
-            f"sensor.{name}", "sensor", sensor_label(message("parts.block_transform_sensor", "Transform sensor"), name)
-        )
-        for part, (columns, units, quantity) in _RELATIVE.items():
-            names, output = axis_names("frame", name, columns), f"frame_{part}.{name}"
-            heading = message("parts.frame_from", "'{frame}' from '{base}'", frame=self.frame, base=self.base)
-            panel = Panel(f"frame_{name}", heading, QUANTITY_WORDS[part], quantity, names[:3])
-            signal = Signal(names, units, "pose" if part == "pose" else "motion", output, part=name, panel=panel)
-            site.outputs.add(output, block.GetOutputPort(part), signal)
+        label = sensor_label(message("parts.block_transform_sensor", "Transform sensor"), name)
+        site.picture.draw(f"sensor.{name}", "sensor", label)
+        heading = message("parts.frame_from", "'{frame}' from '{base}'", frame=self.frame, base=self.base)
+        for part, (components, units, quantity) in _RELATIVE.items():
+            columns = axis_names("frame", name, components)
+            output = f"frame_{part}.{name}"
+            panel = Panel(f"frame_{name}", heading, QUANTITY_WORDS[part], quantity, columns[:3])
+            role: Role = "pose" if part == "pose" else "motion"
+            site.outputs.add(
+                output, block.GetOutputPort(part), Signal(columns, units, role, output, part=name, panel=panel)
+            )
         site.outputs.notes[name] = {"kind": self.kind, "frame": self.frame, "base": self.base}
 
 
+class AttachedFrame(NamedTuple):
+    """A frame that is fixed at a pose in a frame of the plant.
+
+    Attributes:
+        parent: the frame of the plant.
+        pose: pose in the parent.
+    """
+
+    parent: Frame
+    pose: RigidTransform
+
+
+class _FrameMotion(NamedTuple):
+    """Motion of a frame in the world.
+
+    Attributes:
+        pose: pose of the frame.
+        velocity: velocity of the frame at its origin.
+    """
+
+    pose: RigidTransform
+    velocity: SpatialVelocity
+
+
 class RelativeMotion(Block):
-    r"""Tell how a frame stands and moves as another sees it, from the state of their plant.
+    r"""Compute the pose and the velocity of a frame relative to another frame, the base, from the state of their plant.
 
     From the origin of the base B to that of the frame F, in the axes E of the world, the base or the frame itself,
 
@@ -196,8 +272,8 @@ class RelativeMotion(Block):
         v = R_E^\top \bigl(v_F - v_B - \Omega \times (p_F - p_B)\bigr), \qquad
         \omega = R_E^\top (\omega_F - \omega_B),
 
-    where :math:`\Omega` is how fast these axes turn, or zero for a velocity as the world sees it. The orientation is
-    that of the frame in the base.
+    where :math:`\Omega` is the angular velocity of these axes, or zero for a velocity relative to axes that do not
+    turn. The orientation is that of the frame in the base.
 
     Ports:
         in  ``state`` (nq + nv): positions and velocities of the whole plant.
@@ -209,50 +285,79 @@ class RelativeMotion(Block):
         self,
         *,
         plant: MultibodyPlant,
-        ends: tuple[tuple[Frame, RigidTransform], tuple[Frame, RigidTransform]],
+        base: AttachedFrame,
+        frame: AttachedFrame,
         axes: Axes = "base",
         turning: bool = True,
     ) -> None:
-        """Make the block for a finalized plant, which need not be part of the diagram.
+        """Create the block.
 
-        ``ends`` are base and frame, each with the pose in it of what is meant; ``axes`` those in which position and
-        velocities are told; ``turning``: the velocity is that which those axes see.
+        Args:
+            plant: the finalized plant, which need not be part of the diagram.
+            base: the base.
+            frame: the frame that is measured.
+            axes: axes E in which position and velocities are given.
+            turning: whether the velocity is relative to the turning axes.
         """
         super().__init__()
         self._plant = weakref.proxy(plant)
-        self._scratch = plant.CreateDefaultContext()  # nothing is remembered in it: every evaluation sets it anew
-        self._ends = [(frame.index(), pose) for frame, pose in ends]
-        self._axes, self._turning = axes, turning
+        self._scratch = plant.CreateDefaultContext()  # work space: every evaluation sets its state anew
+        # Indices instead of frames: a frame would keep the plant in memory.
+        self._base_index = base.parent.index()
+        self._base_offset = base.pose
+        self._frame_index = frame.parent.index()
+        self._frame_offset = frame.pose
+        self._axes = axes
+        self._turning = turning
         self._state = self.DeclareVectorInputPort("state", plant.num_multibody_states())
-        self.DeclareVectorOutputPort("pose", 7, weakly(self._pose))
-        self.DeclareVectorOutputPort("velocity", 6, weakly(self._velocity))
-        self._motion = self.DeclareVectorOutputPort("motion", 13, weakly(self._move))
+        self.DeclareVectorOutputPort("pose", 7, weakly(self._calc_pose))
+        self.DeclareVectorOutputPort("velocity", 6, weakly(self._calc_velocity))
+        self._motion = self.DeclareVectorOutputPort("motion", 13, weakly(self._calc_motion))
 
-    def _pose(self, context: Context, output: BasicVector) -> None:
+    def _calc_pose(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(self._motion.Eval(context)[:7])
 
-    def _velocity(self, context: Context, output: BasicVector) -> None:
+    def _calc_velocity(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(self._motion.Eval(context)[7:])
 
-    def _move(self, context: Context, output: BasicVector) -> None:
+    def _calc_motion(self, context: Context, output: BasicVector) -> None:
+        """Compute the pose, then the velocity, by the equations of the class."""
         self._plant.SetPositionsAndVelocities(self._scratch, self._state.Eval(context))
-        (base, slow), (frame, fast) = (self._seen(index, offset) for index, offset in self._ends)
-        seen = base.inverse().multiply(frame)
-        arm = frame.translation() - base.translation()
-        if self._turning and self._axes != "world":  # one of them as if it were fixed to the axes where the other is
-            slow, fast = (slow.Shift(arm), fast) if self._axes == "base" else (slow, fast.Shift(-arm))
-        speed, place = fast - slow, seen.translation()
-        if self._axes == "world":
-            place = arm
-        else:
-            speed = speed.Rotate((base if self._axes == "base" else frame).rotation().inverse())
-        if self._axes == "frame":
-            place = seen.rotation().inverse().multiply(place)
-        motion, turn = speed.get_coeffs(), seen.rotation().ToQuaternion().wxyz()
-        output.SetFromVector(np.concatenate([place, turn, motion[3:], motion[:3]]))
+        base = self._motion_in_world(self._base_index, self._base_offset)
+        frame = self._motion_in_world(self._frame_index, self._frame_offset)
+        frame_in_base = base.pose.inverse().multiply(frame.pose)
+        arm = frame.pose.translation() - base.pose.translation()
 
-    def _seen(self, index: FrameIndex, offset: RigidTransform) -> tuple[RigidTransform, SpatialVelocity]:
-        """Return pose and velocity in the world of what is at an offset in a frame."""
-        frame = self._plant.get_frame(index)
-        pose, velocity = frame.CalcPoseInWorld(self._scratch), frame.CalcSpatialVelocityInWorld(self._scratch)
-        return pose.multiply(offset), velocity.Shift(pose.rotation().multiply(offset.translation()))
+        # With the turning axes fixed to the base, the velocity is relative to the point of the base at the frame's
+        # origin; with the axes fixed to the frame, the same the other way round.
+        base_velocity = base.velocity
+        frame_velocity = frame.velocity
+        if self._turning and self._axes == "base":
+            base_velocity = base_velocity.Shift(arm)
+        elif self._turning and self._axes == "frame":
+            frame_velocity = frame_velocity.Shift(-arm)
+        velocity = frame_velocity - base_velocity
+
+        match self._axes:
+            case "world":
+                position = arm
+            case "base":
+                position = frame_in_base.translation()
+                velocity = velocity.Rotate(base.pose.rotation().inverse())
+            case "frame":
+                position = frame_in_base.rotation().inverse().multiply(frame_in_base.translation())
+                velocity = velocity.Rotate(frame.pose.rotation().inverse())
+        orientation = frame_in_base.rotation().ToQuaternion().wxyz()
+        # Drake gives the angular velocity first.
+        coefficients = velocity.get_coeffs()
+        linear = coefficients[3:]
+        angular = coefficients[:3]
+        output.SetFromVector(np.concatenate([position, orientation, linear, angular]))
+
+    def _motion_in_world(self, index: FrameIndex, offset: RigidTransform) -> _FrameMotion:
+        """Compute the motion of a frame that is fixed at an offset in a frame of the plant."""
+        parent = self._plant.get_frame(index)
+        pose = parent.CalcPoseInWorld(self._scratch)
+        velocity = parent.CalcSpatialVelocityInWorld(self._scratch)
+        to_offset = pose.rotation().multiply(offset.translation())
+        return _FrameMotion(pose=pose.multiply(offset), velocity=velocity.Shift(to_offset))

@@ -1,4 +1,7 @@
-"""What joints tell: encoders, torques that they hand on, and torques that the model does not explain."""
+"""Sensors at joints: encoders, torques that joints transmit, and external torques that the model does not explain.
+
+A class with the key ``kind`` is a section of ``sensors`` in a station file; the class of its block follows it.
+"""
 
 from typing import Literal
 
@@ -17,32 +20,33 @@ from simrob_drake.blocks.joint_torque import JointTorqueSensor
 from simrob_drake.blocks.momentum_observer import MomentumObserver
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.resolved import ResolvedRobot, Surroundings
-from simrob_drake.parts.sensors.sensor import SampledSensor, Sensor, axis_names, normal, sensor_label
+from simrob_drake.parts.sensors.sensor import SampledSensor, Sensor, axis_names, normal_noise, sensor_label
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
 
 
 class Encoders(SampledSensor):
-    """Positions and speeds of a robot's axes as encoders tell them: sampled, rounded, noisy and late."""
+    """Positions and speeds of a robot's axes as encoders measure them: sampled, rounded, noisy and late."""
 
     kind: Literal["encoders"]
     robot: str | None = None
-    """Whose axes; the only robot's unless given."""
+    """Robot whose axes are measured; the only robot if it is left out."""
     resolution_deg: NotNegative | None = None
-    """Step from one position that they tell to the next [deg, or m where an axis slides]; 0 for none. That of the
-    motors unless given, and without these none."""
+    """Step between two positions that can be measured [deg, or m for a prismatic axis]; 0 rounds nothing. If it is
+    left out, the motors' resolution is used, and without motors nothing is rounded."""
     noise_deg: NotNegative = 0.0
     """Standard deviation of a position [deg, or m]."""
     smoothing: NotNegative = 0.0
     """Time constant of the speeds' low-pass filter [s]."""
     seed: Integer = Field(default=0, ge=0)
-    """Of the noise: the same seed, the same figures."""
+    """Seed of the noise: the same seed gives the same values."""
 
     def resolution(self, robot: ResolvedRobot) -> Vector:
-        """Return the resolution of each axis of its robot, (n,) [deg, or m]: its own, else that of the motors."""
+        """Resolution of each axis, shape (n,) [deg, or m for a prismatic axis]; 0 for an axis that is not rounded."""
         if self.resolution_deg is not None:
             return np.full(len(robot.axes), self.resolution_deg)
-        return np.array([0.0 if motor is None else motor.resolution_deg or 0.0 for motor in robot.motors])
+        resolutions = [0.0 if motor is None else motor.resolution_deg or 0.0 for motor in robot.motors]
+        return np.array(resolutions)
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
         """Add ``position.<sensor>`` and ``velocity.<sensor>`` (n) [rad and rad/s, or m and m/s]."""
@@ -57,7 +61,7 @@ class Encoders(SampledSensor):
             panel = Panel(f"encoders_{name}", heading, quantity, quantity, names)
             signals[output] = Signal(names, units, "motion", part=name, panel=panel)
         inputs = {"position": site.port(builder, f"{robot.prefix}position")}
-        self._give(
+        self._add_block(
             builder,
             site,
             name,
@@ -71,53 +75,62 @@ class Encoders(SampledSensor):
 
 
 class JointEncoders(SampledBlock):
-    r"""Sample joint positions, and take their differences as speeds.
+    r"""Sample joint positions, and compute speeds from their differences.
 
-    A sample tells positions rounded to the resolution, and as speed what incremental encoders give: their difference
-    over a sample, smoothed with the time constant :math:`T_s`,
+    Positions q with a noise n are rounded to the resolution. Speeds are what incremental encoders give: the difference
+    of the positions over the sampling period T, smoothed with the time constant :math:`T_s`,
 
     .. math:: \hat q_k = \mathrm{round}(q_k + n_k), \qquad
         \hat v_k = \hat v_{k-1} + \frac{T}{T + T_s}\left( \frac{\hat q_k - \hat q_{k-1}}{T} - \hat v_{k-1} \right) .
 
     Ports:
         in  ``position`` (n) [rad].
-        out ``position`` (n) [rad], ``velocity`` (n) [rad/s]; zero speed at the first sample.
+        out ``position`` (n) [rad]; ``velocity`` (n) [rad/s], which is zero at the first sample.
     """
 
     def __init__(self, section: Encoders, units: Vector, resolution: Vector) -> None:
-        """Make a section's block, for n axes of users' units (n,) in SI, and ``resolution`` (n,) in those."""
-        size, period = len(units), 1 / section.rate
-        memory = {"position": np.zeros(size), "velocity": np.zeros(size), "count": np.zeros(1)}
+        """Create the block.
+
+        Args:
+            section: section of the sensor.
+            units: the user's unit of each axis, in SI units, shape (n,): pi/180 for an axis in degrees.
+            resolution: resolution of each axis, shape (n,), in the user's units.
+        """
+        size = len(units)
+        period = 1 / section.rate
         super().__init__(
             period=period,
             reads={"position": size},
-            memory=memory,
+            memory={"position": np.zeros(size), "velocity": np.zeros(size), "count": np.zeros(1)},
             gives=("position", "velocity"),
-            delay=section.late_samples,
+            delay=section.delay_samples,
             at_once=True,
         )
-        self._resolution, self._noise = units * resolution, units * section.noise_deg
-        self._share, self.seed = period / (period + section.smoothing), section.seed
+        self._resolution = units * resolution
+        self._noise = units * section.noise_deg
+        self._filter_share = period / (period + section.smoothing)
+        self.seed = section.seed
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Return what the encoders tell now."""
+        """Compute the measured positions and speeds at this sample."""
         count = int(memory["count"][0])
-        noise = self._noise * normal(self.seed, count, len(self._noise))
+        noise = self._noise * normal_noise(self.seed, count, len(self._noise))
         position = round_to_resolution(read["position"] + noise, self._resolution)
-        difference = (position - memory["position"]) / self.period if count else np.zeros_like(position)
-        velocity = memory["velocity"] + self._share * (difference - memory["velocity"])
+        is_first = count == 0
+        difference = np.zeros_like(position) if is_first else (position - memory["position"]) / self.period
+        velocity = memory["velocity"] + self._filter_share * (difference - memory["velocity"])
         return {"position": position, "velocity": velocity, "count": count + 1}
 
 
 class JointTorque(Sensor):
-    """Torque that each joint hands on to its link, between gear and link [N·m]."""
+    """Torque that each joint transmits to its link, between gear and link [N·m]."""
 
     kind: Literal["joint_torque"]
     robot: str | None = None
-    """Whose joints; the only robot's unless given."""
+    """Robot whose joints are measured; the only robot if it is left out."""
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the scheme tells reaction forces, too."""
+        """Check, in addition to the base class, that the solver reports reaction forces of joints."""
         super().check(key, station)
         if not station.engine.reports_forces_of_joints:
             expected = message(
@@ -129,20 +142,36 @@ class JointTorque(Sensor):
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
         """Add ``joint_torque.<sensor>`` (n) [N·m or N]."""
-        robot, output = site.robot(self.robot), f"joint_torque.{name}"
-        names, units = axis_names("joint_torque", name, robot.axes), robot.model.effort_units
-        panel = sensor_panel(message("parts.joint_torque_of", "joint torque '{name}'", name=name), "torque", names)
-        port = _port(builder, site, name, robot)
-        site.outputs.add(output, port, Signal(names, tuple(units), "effort", output, part=name, panel=panel))
+        robot = site.robot(self.robot)
+        output = f"joint_torque.{name}"
+        columns = axis_names("joint_torque", name, robot.axes)
+        title = message("parts.joint_torque_of", "joint torque '{name}'", name=name)
+        signal = Signal(
+            columns,
+            tuple(robot.model.effort_units),
+            "effort",
+            output,
+            part=name,
+            panel=sensor_panel(title, "torque", columns),
+        )
+        site.outputs.add(output, _add_joint_torque(builder, site, name, robot), signal)
 
 
-def _port(builder: DiagramBuilder, site: Site, name: str, robot: StationRobot) -> OutputPort:
-    if not site.station.engine.moves_by_forces:  # what inverse dynamics gives is what the joints hand on
+def _add_joint_torque(builder: DiagramBuilder, site: Site, name: str, robot: StationRobot) -> OutputPort:
+    """Add the block of a joint torque sensor, and return its port, size n [N·m or N].
+
+    Args:
+        builder: builder of the diagram.
+        site: the station under construction.
+        name: name of the sensor.
+        robot: robot whose joints are measured.
+    """
+    if not site.station.engine.moves_by_forces:
+        # The torques of a kinematic station come from inverse dynamics: they are what the joints transmit.
         return site.outputs[f"{robot.prefix}torque"]
     block = JointTorqueSensor(joints=robot.joints, signs=robot.axis_map.signs)
-    site.picture.draw(
-        f"sensor.{name}", "sensor", sensor_label(message("parts.block_joint_torques", "Joint torques"), name), robot
-    )
+    label = sensor_label(message("parts.block_joint_torques", "Joint torques"), name)
+    site.picture.draw(f"sensor.{name}", "sensor", label, robot)
     return add_and_connect(builder, f"sensor.{name}", block, site.plant.plant.get_reaction_forces_output_port())
 
 
@@ -154,9 +183,9 @@ class ExternalTorque(SampledSensor):
 
     kind: Literal["external_torque"]
     robot: str | None = None
-    """Whose joints; the only robot's unless given."""
+    """Robot whose joints are measured; the only robot if it is left out."""
     gain: Positive = 50.0
-    """How fast the estimate follows [1/s]; it lags by 1/gain."""
+    """Gain of the observer [1/s]: the estimate lags behind by 1/gain."""
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
         """Add ``external_torque.<sensor>`` (n) [N·m or N] and, with a tool, ``external_force.<sensor>`` (3) [N]."""
@@ -168,32 +197,55 @@ class ExternalTorque(SampledSensor):
             period=1 / self.rate,
             tool=robot.tools.get(robot.tcp),
         )
-        torque, damping = site.outputs[f"{robot.prefix}torque"], robot.gains.damping
-        if damping.any():  # of the motors, which the plant has and the torques tell
-            every = np.hstack([np.eye(len(damping)), np.diag(damping) @ robot.axis_map.state_matrix[len(damping) :]])
-            felt = add_multiplexer(builder, f"{name}.torque_and_state", torque, site.state)
-            torque = add_matrix_gain(builder, f"{name}.motor_torque", every, felt)
-        contents = {"external_torque": (robot.axes, robot.model.effort_units)}
+        title = message("parts.external_torque_of", "external torque '{name}'", name=name)
+        panel = sensor_panel(title, "torque", axis_names("external_torque", name, robot.axes))
+        signals = {
+            "external_torque": Signal(
+                axis_names("external_torque", name, robot.axes),
+                tuple(robot.model.effort_units),
+                "estimate",
+                part=name,
+                # With a tool, the estimated force is plotted instead.
+                panel=None if robot.tcp else panel,
+            )
+        }
         if robot.tcp:
-            contents["external_force"] = (["x", "y", "z"], ["N"] * 3)
-        signals = {}
-        for port, (axes, units) in contents.items():
-            names, force = axis_names(port, name, axes), port == "external_force"
-            title = message("parts.external_torque_of", "external torque '{name}'", name=name)
-            if force:
-                title = message(
-                    "parts.estimated_force", "force at the tool, estimated by '{name}', in its axes", name=name
-                )
-            panel = sensor_panel(title, "force" if force else "torque", names)
-            shown = panel if force or not robot.tcp else None
-            signals[port] = Signal(names, tuple(units), "estimate", part=name, panel=shown)
-        self._give(
+            columns = axis_names("external_force", name)
+            title = message("parts.estimated_force", "force at the tool, estimated by '{name}', in its axes", name=name)
+            panel = sensor_panel(title, "force", columns)
+            signals["external_force"] = Signal(columns, ("N",) * 3, "estimate", part=name, panel=panel)
+        self._add_block(
             builder,
             site,
             name,
             block=observer,
             title=message("parts.block_momentum_observer", "Momentum observer"),
-            inputs={"state": site.state, "torque": torque},
+            inputs={"state": site.state, "torque": _add_motor_torque(builder, site, name, robot)},
             signals=signals,
             robot=robot,
         )
+
+
+def _add_motor_torque(builder: DiagramBuilder, site: Site, name: str, robot: StationRobot) -> OutputPort:
+    """Find the motor torques of a robot, without the dampers that the plant's joints have for them.
+
+    The torques of a robot contain these dampers. The observer gets the dampers from the plant, so they are added back.
+
+    Args:
+        builder: builder of the diagram, to which blocks are added if there are such dampers.
+        site: the station under construction.
+        name: prefix of the names of the blocks.
+        robot: the robot.
+
+    Returns:
+        The port, size n [N·m or N].
+    """
+    torque = site.outputs[f"{robot.prefix}torque"]
+    damping = robot.gains.damping
+    if not damping.any():
+        return torque
+    count = len(damping)
+    velocity_rows = robot.axis_map.state_matrix[count:]
+    matrix = np.hstack([np.eye(count), np.diag(damping) @ velocity_rows])
+    torque_and_state = add_multiplexer(builder, f"{name}.torque_and_state", torque, site.state)
+    return add_matrix_gain(builder, f"{name}.motor_torque", matrix, torque_and_state)

@@ -1,25 +1,29 @@
-r"""Where a robot on its feet is and how it moves, as an IMU at its root link and the encoders of its joints tell.
+r"""Estimate of a robot's base from an IMU at its root link, the encoders of its joints and its feet on the ground.
 
-A complementary filter of the base's position p and velocity v, in the world's axes, as of Bloesch et al., State
-estimation for legged robots (RSS 2012). The accelerometer predicts, with the orientation R̄ midway between two samples,
+A complementary filter of the base's position p and velocity v in the world's axes, after Bloesch et al., "State
+estimation for legged robots" (RSS 2012). The accelerometer's specific force f predicts, over a period T, with the
+orientation R̄ midway between two samples,
 
 .. math:: a_k = \bar R (f_k - b_{k-1}) + g, \quad p^-_k = p_{k-1} + T v_{k-1} + \tfrac12 T^2 a_k, \quad
     v^-_k = v_{k-1} + T a_k .
 
-The points of the feet that touch the ground stand still. A point that was at :math:`r_{k-1}` from the base and is at
-:math:`r_k` says that the base has come by :math:`r_{k-1} - r_k`, which is by :math:`e_i` more than was foretold. Each
-counts by how low it is, now and a sample ago (:math:`c_i`: e times less for each 3 mm over the lowest; with force
-sensors over the lowest of its foot, times the part of ``force`` on that), and by how still, against a speed s:
+The points of the feet that touch the ground do not move. If such a point i was at :math:`r_{k-1}` from the base and is
+now at :math:`r_k`, the base has moved by :math:`r_{k-1} - r_k`, which differs from the prediction by :math:`e_i`. The
+weight :math:`w_i` of a point depends on two things. First, how low the point was, now and at the sample before: its
+share c is e times smaller for each 3 mm above the lowest point (with force sensors, above the lowest point of its foot,
+and times the part of ``force`` that acts on the foot). Second, how still the point is, compared with a speed s:
 
 .. math:: w_i = \frac{c_{i,k}\, c_{i,k-1}}{1 + |e_i|^2 / (s T)^2}, \quad
     e = \min\left(1, \sum w_i\right) \frac{\sum w_i e_i}{\sum w_i}, \quad
     p_k = p^-_k + e, \quad v_k = v^-_k + K e, \quad b_k = b_{k-1} - \frac{K}{\tau_b} \bar R^\top e
 
-with :math:`K = (1 - e^{-T/\tau})/T`: a foot that slips, swings or lands counts little, and the accelerometer's bias b
-is learnt with :math:`\tau_b` = 1 s. Balls roll: the point is that which was lowest. On level ground the height is
-brought to that at which the lowest points are at z = 0, with a time constant of 1 s.
+with :math:`K = (1 - e^{-T/\tau})/T`. So a foot that slips, swings or lands counts little, and the accelerometer's bias
+b is learnt with the time constant :math:`\tau_b` = 1 s. A foot that is a ball rolls: its point is the one that was
+lowest at the sample before. On level ground, the height approaches the one at which the lowest points are at z = 0,
+with a time constant of 1 s.
 
-The orientation is the IMU's, which is the true one: nothing drifts in yaw, as it would if the gyroscope were summed up.
+The orientation is that of the IMU, which is the true one, so the yaw does not drift. It would if the angular velocities
+of a gyroscope were integrated.
 """
 
 import math
@@ -44,41 +48,64 @@ from simrob_drake.parts.site import Site
 from simrob_drake.parts.soles import shares_by_height
 from simrob_drake.parts.station_plant import StationRobot
 
-_BIAS = 1.0  # time constant of the bias of the accelerometer [s]
-_LEVELS = 1.0  # time constant of the height over level ground [s]
+# Time constant with which the accelerometer's bias is learnt [s].
+_BIAS_TIME = 1.0
+# Time constant with which the height approaches level ground [s].
+_LEVEL_TIME = 1.0
+# Inputs of the estimator, and the purpose (key of `reads`) of the sensor that gives each.
 _READS = {"position": "encoders", "orientation": "imu", "angular_velocity": "imu", "specific_force": "imu"}
+# Columns, their units, and the plotted quantity of the outputs.
 _PARTS = {"base_pose": POSE, "base_velocity": VELOCITY}
 
 
 class LegOdometry(SampledSensor):
     """Pose and velocity of a robot's base, estimated from an IMU at its root link and encoders: `base_pose.<sensor>`.
 
-    It begins where the station's file has the base, at rest. It tells of the moment of its sensors' samples: it is as
-    late as they are, and one sample more.
+    The estimate begins at the base's pose in the station file, at rest. It is as late as the samples of its sensors,
+    and one sample more.
     """
 
     kind: Literal["leg_odometry"]
     robot: str | None = None
-    """Whose base; the only robot's unless given."""
+    """Robot whose base is estimated; the only robot if it is left out."""
     reads: dict[str, str] = Field(default_factory=dict)
-    """The sensors that it reads: `imu` and `encoders`, the only ones of these kinds unless given, and by the links of
-    all feet, if given, force sensors: `{imu: chest, left_foot: left, right_foot: right}`."""
+    """Sensors that it reads: `imu` and `encoders` (the only ones of these kinds if they are left out), and optionally
+    force sensors of all feet, by the feet's links: `{imu: chest, left_foot: left, right_foot: right}`."""
     force: Positive | None = None
-    """Force from which a foot counts in full [N]; the robot's weight by the number of its feet unless given."""
+    """Force from which a foot counts in full [N]; if left out, the robot's weight over the count of its feet."""
     slip: Positive = 0.07
     """Speed over the ground at which a point of the feet counts half as much as at rest [m/s]."""
     velocity_time: Positive = 0.1
     """Time constant τ with which the velocity follows the feet [s]."""
     level: Boolean | None = None
-    """Whether the ground is level, at z = 0, which keeps the height from drifting; as the floor is unless given."""
+    """Whether the ground is level, at z = 0, which keeps the height from drifting; left out, whether the floor is."""
 
     def read(self, sensors: Mapping[str, Any]) -> dict[str, str]:
-        """Return the sensors that it reads, by what it reads them for: `imu`, `encoders`, links of feet."""
-        of_kind = {kind: _of_kind(sensors, kind) for kind in ("imu", "encoders")}
-        return {kind: names[0] for kind, names in of_kind.items() if len(names) == 1} | self.reads
+        """Find the sensors that it reads.
+
+        Args:
+            sensors: sections of the station's sensors, by name.
+
+        Returns:
+            The names of the sensors by their purpose: `imu`, `encoders` and links of feet.
+        """
+        found = dict[str, str]()
+        for kind in ("imu", "encoders"):
+            names = _names_of_kind(sensors, kind)
+            if len(names) == 1:
+                found[kind] = names[0]
+        return found | self.reads
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check that the robot has feet, and its sensors sample as often; raises SimrobError: what does not fit."""
+        """Check that the robot stands on feet of its own, and that the sensors exist and fit.
+
+        Args:
+            key: key of the sensor in the station.
+            station: contents of the station.
+
+        Raises:
+            SimrobError: something does not fit; the message says what.
+        """
         robot = station.robot(self.robot, key)
         if not robot.floats or robot.feet is None:
             raise InvalidParameter(
@@ -86,16 +113,14 @@ class LegOdometry(SampledSensor):
                 message("parts.of_model", "of {model}", model=robot.model.name),
                 message("parts.robot_on_own_feet", "of a robot that stands on feet of its own"),
             )
-        kinds = {"imu": "imu", "encoders": "encoders", **dict.fromkeys(robot.feet.links, "force")}
-        for what in dict.fromkeys(["imu", "encoders", *self.reads]):
-            kind, where = (
-                kinds[one_of(message("parts.input_for", "input for {key}.reads", key=key), what, kinds)],
-                f"{key}.reads.{what}",
-            )
-            known = _of_kind(station.sensors, kind)
+        kind_of_purpose = {"imu": "imu", "encoders": "encoders", **dict.fromkeys(robot.feet.links, "force")}
+        for purpose in dict.fromkeys(["imu", "encoders", *self.reads]):
+            one_of(message("parts.input_for", "input for {key}.reads", key=key), purpose, kind_of_purpose)
+            kind = kind_of_purpose[purpose]
+            where = f"{key}.reads.{purpose}"
             named(
-                self.reads.get(what),
-                known,
+                self.reads.get(purpose),
+                _names_of_kind(station.sensors, kind),
                 kind=message("parts.sensor_of_kind", "sensor of kind {kind} for {where}", kind=kind, where=where),
                 key=where,
             )
@@ -109,8 +134,20 @@ class LegOdometry(SampledSensor):
         self._check_sensors(key, station, robot)
 
     def _check_sensors(self, key: str, station: Surroundings, robot: ResolvedRobot) -> None:
-        read, root = self.read(station.sensors), f"{robot.prefix}{robot.model.root}"
-        imu, encoders = (station.sensors[read[kind]] for kind in ("imu", "encoders"))
+        """Check that IMU and encoders are at the robot, and sample as often as the estimator.
+
+        Args:
+            key: key of the sensor in the station.
+            station: contents of the station.
+            robot: the robot.
+
+        Raises:
+            InvalidParameter: something does not fit.
+        """
+        read = self.read(station.sensors)
+        root = f"{robot.prefix}{robot.model.root}"
+        imu = station.sensors[read["imu"]]
+        encoders = station.sensors[read["encoders"]]
         if imu.frame not in (None, root):
             raise InvalidParameter(
                 f"sensors.{read['imu']}.frame",
@@ -138,27 +175,33 @@ class LegOdometry(SampledSensor):
 
         The velocity is the linear one of the root link, then the angular one, in the world's axes.
         """
-        robot, read = site.robot(self.robot), self.read(site.station.sensors)
+        robot = site.robot(self.robot)
+        read = self.read(site.station.sensors)
         soles = Soles(robot)
-        weight = robot.plant.CalcTotalMass(soles.scratch, [robot.instance]) * float(np.linalg.norm(soles.gravity))
-        outputs = {what: f"{what}.{read[sensor]}" for what, sensor in _READS.items()}
-        outputs |= {foot: f"force.{read[foot]}" for foot in soles.feet if foot in read}
-        known = {**site.outputs.later, **site.outputs}
+        force = None
+        if any(foot in read for foot in soles.feet):
+            weight = robot.plant.CalcTotalMass(soles.scratch, [robot.instance]) * float(np.linalg.norm(soles.gravity))
+            force = self.force or weight / len(soles.feet)
         block = BaseEstimator(
             self,
             soles,
             start=xyz_quaternion_from_transform(robot.base),
-            force=(self.force or weight / len(soles.feet)) if len(read) > 2 else None,
+            force=force,
             level=not site.station.ground.incline if self.level is None else self.level,
         )
         signals = {}
-        for output, (columns, units, label) in _PARTS.items():
-            names = axis_names(output, name, columns)
-            heading = message("parts.leg_odometry_of", "leg odometry '{name}'", name=name)
-            panel = Panel(f"odometry_{name}", heading, QUANTITY_WORDS[output], label, names[:3])
-            signals[output] = Signal(names, units, "estimate", part=name, panel=panel)
-        inputs = {what: known[output] for what, output in outputs.items()}
-        self._give(
+        heading = message("parts.leg_odometry_of", "leg odometry '{name}'", name=name)
+        for output, (components, units, quantity) in _PARTS.items():
+            columns = axis_names(output, name, components)
+            panel = Panel(f"odometry_{name}", heading, QUANTITY_WORDS[output], quantity, columns[:3])
+            signals[output] = Signal(columns, units, "estimate", part=name, panel=panel)
+
+        # Outputs of the sensors that it reads, by the names of the block's input ports.
+        source_names = {port: f"{port}.{read[purpose]}" for port, purpose in _READS.items()}
+        source_names |= {foot: f"force.{read[foot]}" for foot in soles.feet if foot in read}
+        sources = {**site.outputs.after_run, **site.outputs}
+        inputs = {port: sources[output] for port, output in source_names.items()}
+        self._add_block(
             builder,
             site,
             name,
@@ -170,60 +213,81 @@ class LegOdometry(SampledSensor):
         )
 
 
-def _of_kind(sensors: Mapping[str, Any], kind: str) -> list[str]:
+def _names_of_kind(sensors: Mapping[str, Any], kind: str) -> list[str]:
+    """Names of the sensors of a kind."""
     return [name for name, sensor in sensors.items() if sensor.kind == kind]
 
 
 class Soles:
-    """The points of a robot's feet that touch the ground, of the joints' positions alone.
+    """The k points of a robot's feet that touch the ground, and their positions for postures of the robot.
+
+    A point is the corner of a sole, or the middle of a ball foot.
 
     Attributes:
-        scratch: a context of the plant.
-        gravity: g, in the world, shape (3,) [m/s²].
-        size: how many axes the robot has.
-        feet: by the link of each foot the places of its points among all k.
-        radius: of the balls that they are the middles of [m]; 0 for corners of a box.
+        scratch: a context of the plant, as work space.
+        gravity: gravity g in the world, shape (3,) [m/s²].
+        size: count n of the robot's axes.
+        feet: slice of the points of each foot among all points, by the foot's link.
+        radius: radius of the ball feet [m]; 0 for corners.
+        arms: positions of the points in the frames of their links, with a 1 as fourth entry, shape (k, 4) [m].
     """
 
     def __init__(self, robot: StationRobot) -> None:
-        assert robot.feet is not None  # the section has checked
-        plant, self._axes, self.size = robot.plant, robot.axis_map, len(robot.axes)
+        assert robot.feet is not None  # the sensor's section has checked it
+        plant = robot.plant
+        self._plant = weakref.proxy(plant)
+        self._axes = robot.axis_map
+        self.size = len(robot.axes)
         self.gravity = plant.gravity_field().gravity_vector()
-        self._plant, self.scratch = weakref.proxy(plant), plant.CreateDefaultContext()
-        self._positions, self._root = plant.GetPositions(self.scratch), robot.root.index()
+        self.scratch = plant.CreateDefaultContext()
+        self._positions = plant.GetPositions(self.scratch)
+        self._root = robot.root.index()
         self._links = [plant.GetFrameByName(link, robot.instance).index() for link in robot.feet.links]
-        self.radius = robot.feet.radius if robot.feet.points else 0.0
-        points = [
-            np.array(robot.feet.points[link]) if robot.feet.points else robot.feet.support_points(link)
+
+        has_balls = bool(robot.feet.points)
+        self.radius = robot.feet.radius if has_balls else 0.0
+        points_of_feet = [
+            np.array(robot.feet.points[link]) if has_balls else robot.feet.support_points(link)
             for link in robot.feet.links
         ]
-        ends = np.cumsum([0, *map(len, points)])
-        self.feet = {link: slice(*part) for link, part in zip(robot.feet.links, pairwise(ends.tolist()), strict=True)}
-        self._foot, arms = np.repeat(range(len(points)), np.diff(ends)), np.concatenate(points)
+        counts = [len(points) for points in points_of_feet]
+        ends = np.cumsum([0, *counts]).tolist()
+        self.feet = {
+            link: slice(begin, end) for link, (begin, end) in zip(robot.feet.links, pairwise(ends), strict=True)
+        }
+        self._foot_of_point = np.repeat(range(len(counts)), counts)
+        arms = np.concatenate(points_of_feet)
         self.arms = np.column_stack([arms, np.ones(len(arms))])
 
-    def poses(self, position: Vector, turned: Vector) -> Vector:
-        """Return the pose of each point's foot, from the root link, in the world's axes, shape (k, 3, 4).
+    def poses(self, position: Vector, root_rotation: Vector) -> Vector:
+        """Compute the pose of each point's link from the root link, in the world's axes.
 
-        The axes' position (n,) [rad or m] is finite, ``turned`` the rotation of the root link, shape (3, 3).
+        Args:
+            position: finite positions of the axes, shape (n,) [rad or m].
+            root_rotation: rotation of the root link to the world, shape (3, 3).
+
+        Returns:
+            The poses as matrices, shape (k, 3, 4). Their product with `arms` gives the points.
         """
-        plant, scratch = self._plant, self.scratch
+        plant = self._plant
         self._positions[self._axes.position_places] = self._axes.signs * position
-        plant.SetPositions(scratch, self._positions)
+        plant.SetPositions(self.scratch, self._positions)
         root = plant.get_frame(self._root)
-        poses = [plant.CalcRelativeTransform(scratch, root, plant.get_frame(link)) for link in self._links]
-        return np.asarray((turned @ np.array([pose.GetAsMatrix34() for pose in poses]))[self._foot])
+        poses = [plant.CalcRelativeTransform(self.scratch, root, plant.get_frame(link)) for link in self._links]
+        link_poses = root_rotation @ np.array([pose.GetAsMatrix34() for pose in poses])
+        return np.asarray(link_poses[self._foot_of_point])
 
 
 class BaseEstimator(SampledBlock):
-    """Estimate where a base is, and how it moves, by the equations of this module.
+    """Estimate the pose and the velocity of a base, by the equations of this module.
 
-    A sample that reads something that is not finite is skipped: the base goes on as it did, and the feet count again
-    from the second one after it.
+    A sample with an input that is not finite is skipped: the base continues at its velocity, and the feet count again
+    from the second sample after it.
 
     Ports:
-        in  ``position`` (n) [rad or m]; ``orientation`` (4): of the root link, qw qx qy qz; ``angular_velocity`` (3)
-        [rad/s] and ``specific_force`` (3) [m/s²], in its axes; by each foot's name the force on it (3) [N], if asked.
+        in  ``position`` (n) [rad or m]; ``orientation`` (4) of the root link, qw qx qy qz; ``angular_velocity`` (3)
+        [rad/s] and ``specific_force`` (3) [m/s²] in its axes; if forces are used, the force on each foot (3) [N], by
+        the name of its link.
         out ``base_pose`` (7): x y z [m] qw qx qy qz; ``base_velocity`` (6): linear, then angular, in the world's axes
         [m/s, rad/s].
     """
@@ -231,10 +295,14 @@ class BaseEstimator(SampledBlock):
     def __init__(
         self, section: LegOdometry, soles: Soles, *, start: Vector, force: float | None = None, level: bool = False
     ) -> None:
-        """Make the block of a section, for the points that touch the ground, from a pose (7,) on.
+        """Create the block.
 
-        A foot counts in full from ``force`` [N] on, None where no forces are read; ``level``: the ground is the plane z
-        = 0.
+        Args:
+            section: section of the sensor.
+            soles: points of the feet.
+            start: pose of the base at the start, shape (7,).
+            force: force from which a foot counts in full [N]. If it is None, forces are not used.
+            level: whether the ground is the plane z = 0.
         """
         period = 1 / section.rate
         feet = {} if force is None else dict.fromkeys(soles.feet, 3)
@@ -247,47 +315,73 @@ class BaseEstimator(SampledBlock):
                 "base_pose": start,
                 "base_velocity": np.zeros(6),
                 "bias": np.zeros(3),  # of the accelerometer
-                "lowest": np.zeros(4 * points),  # what of each foot's link was lowest; 1 behind
-                "places": np.zeros(3 * points),  # where that was, from the base, in the world's axes
-                "shares": np.zeros(points),
+                # The lowest points of the feet: in their links, with a 1 as fourth entry; ...
+                "lowest": np.zeros(4 * points),
+                # ... and from the base, in the world's axes.
+                "places": np.zeros(3 * points),
+                "shares": np.zeros(points),  # c of each point; zero before the first sample
             },
             gives=("base_pose", "base_velocity"),
-            delay=section.late_samples,
+            delay=section.delay_samples,
         )
-        self._soles, self._force, self._slips = soles, force, (section.slip * period) ** 2
-        self._follow = (1 - math.exp(-period / section.velocity_time)) / period
-        self._learn = self._follow / _BIAS
-        self.level, self._settle = level, 1 - math.exp(-period / _LEVELS) if level else 0.0
+        self._soles = soles
+        self._force = force
+        self._squared_slip = (section.slip * period) ** 2
+        self._velocity_gain = (1 - math.exp(-period / section.velocity_time)) / period  # K
+        self._bias_gain = self._velocity_gain / _BIAS_TIME
+        self.level = level
+        self._height_share = 1 - math.exp(-period / _LEVEL_TIME) if level else 0.0
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Return where the base is now."""
-        pose, motion, period, soles = memory["base_pose"], memory["base_velocity"], self.period, self._soles
+        """Compute the estimate at this sample."""
+        pose = memory["base_pose"]
+        velocity = memory["base_velocity"][:3]
+        soles = self._soles
+        period = self.period
         measured = {name: read[name] for name in self._reads}
         if not math.isfinite(np.concatenate([*measured.values()]).sum()):
-            place = pose[:3] + period * motion[:3]
-            return {"base_pose": np.concatenate([place, pose[3:]]), "shares": np.zeros(len(soles.arms))}
-        turn, before = measured["orientation"], pose[3:]
-        middle = rotation_of(before + math.copysign(1.0, before @ turn) * turn).matrix()
-        turned = rotation_of(turn).matrix()
-        change = period * (middle @ (measured["specific_force"] - memory["bias"]) + soles.gravity)
-        step, speed = period * (motion[:3] + change / 2), motion[:3] + change
-        poses = soles.poses(measured["position"], turned)
-        lowest, places = soles.arms.copy(), (poses @ soles.arms[:, :, np.newaxis])[:, :, 0]
+            position = pose[:3] + period * velocity
+            return {"base_pose": np.concatenate([position, pose[3:]]), "shares": np.zeros(len(soles.arms))}
+
+        # The sum of two quaternions of the same sign is the rotation midway between them.
+        orientation = measured["orientation"]
+        last_orientation = pose[3:]
+        same_sign = math.copysign(1.0, last_orientation @ orientation)
+        middle_rotation = rotation_of(last_orientation + same_sign * orientation).matrix()
+        rotation = rotation_of(orientation).matrix()
+
+        # The prediction: the change of the velocity, T a, and the step of the position, T (v + T a / 2).
+        bias = memory["bias"]
+        velocity_change = period * (middle_rotation @ (measured["specific_force"] - bias) + soles.gravity)
+        step = period * (velocity + velocity_change / 2)
+        new_velocity = velocity + velocity_change
+
+        # The lowest points now. That of a ball is below its middle, along the world's z axis.
+        poses = soles.poses(measured["position"], rotation)
+        lowest = soles.arms.copy()
         lowest[:, :3] -= soles.radius * poses[:, 2, :3]
+        places = _transform_points(poses, soles.arms)
         places[:, 2] -= soles.radius
         shares = self._shares(places[:, 2], measured)
-        moved = (poses @ memory["lowest"].reshape(lowest.shape)[:, :, np.newaxis])[:, :, 0]
-        errors = memory["places"].reshape(places.shape) - moved - step
-        weights = shares * memory["shares"] / (1.0 + (errors * errors).sum(axis=1) / self._slips)
-        total, bias = float(weights.sum()), memory["bias"]
+
+        # The errors e_i: the base moves opposite to the points that were lowest at the sample before.
+        last_places = memory["places"].reshape(places.shape)
+        last_lowest = memory["lowest"].reshape(lowest.shape)
+        errors = last_places - _transform_points(poses, last_lowest) - step
+        weights = shares * memory["shares"] / (1.0 + (errors * errors).sum(axis=1) / self._squared_slip)
+        total = float(weights.sum())
         if total > 0:
             trust = min(total, 1.0)
             error = trust / total * (weights @ errors)
-            step, speed, bias = step + error, speed + self._follow * error, bias - self._learn * (error @ middle)
-            step[2] -= trust * self._settle * (pose[2] + step[2] + weights @ places[:, 2] / total)
+            step = step + error
+            new_velocity = new_velocity + self._velocity_gain * error
+            bias = bias - self._bias_gain * (error @ middle_rotation)
+            # On level ground, the mean height of the points approaches zero.
+            mean_height = pose[2] + step[2] + weights @ places[:, 2] / total
+            step[2] -= trust * self._height_share * mean_height
         return {
-            "base_pose": np.concatenate([pose[:3] + step, turn]),
-            "base_velocity": np.concatenate([speed, turned @ measured["angular_velocity"]]),
+            "base_pose": np.concatenate([pose[:3] + step, orientation]),
+            "base_velocity": np.concatenate([new_velocity, rotation @ measured["angular_velocity"]]),
             "bias": bias,
             "lowest": lowest.ravel(),
             "places": places.ravel(),
@@ -295,11 +389,23 @@ class BaseEstimator(SampledBlock):
         }
 
     def _shares(self, heights: Vector, read: Named) -> Vector:
-        """Return how much each point counts by how low it is, and by the force on its foot, shape (k,)."""
+        """Compute the share c of each point from its height and the force on its foot, shape (k,).
+
+        Args:
+            heights: heights of the points, shape (k,) [m].
+            read: measured values, with the force on each foot if forces are used.
+        """
         if self._force is None:
             return shares_by_height(heights, heights.min())
         shares = np.empty(len(heights))
-        for foot, part in self._soles.feet.items():
-            own, force = heights[part], read[foot]
-            shares[part] = min(math.sqrt(force @ force) / self._force, 1.0) * shares_by_height(own, own.min())
+        for foot, own_points in self._soles.feet.items():
+            own_heights = heights[own_points]
+            force = read[foot]
+            load = min(math.sqrt(force @ force) / self._force, 1.0)
+            shares[own_points] = load * shares_by_height(own_heights, own_heights.min())
         return shares
+
+
+def _transform_points(poses: Vector, points: Vector) -> Vector:
+    """Transform points (k, 4), with a 1 as fourth entry, by poses (k, 3, 4). The result has the shape (k, 3)."""
+    return np.asarray((poses @ points[:, :, np.newaxis])[:, :, 0])

@@ -1,10 +1,15 @@
-"""What the kinds of sensor share; samples are taken while stepping where something reads them, else afterwards."""
+"""Base classes of sensors, and the replay of sensors after a run.
+
+A sensor that something in the station reads is a block of the diagram, and takes its samples while the station is
+stepped. Any other sensor would only cost the solver time, so its samples are computed after the run from the recorded
+states: its block is replayed outside of the diagram.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
@@ -14,6 +19,7 @@ from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.lifetime import release_with
 from simrob_drake.base.messages import compound, message
+from simrob_drake.base.renaming import former_names_of, keep_former_attributes
 from simrob_drake.base.sections import Boolean, NotNegative, Positive, Strict
 from simrob_drake.base.signals import Compute, Recorded, Signal
 from simrob_drake.blocks.block import add_and_connect
@@ -24,17 +30,25 @@ from simrob_drake.parts.targets import check_frame
 
 
 class Sensor(Strict, ABC):
-    """A section of ``sensors``."""
+    """Base class of the sections under ``sensors`` of a station."""
 
     takes_images: ClassVar[bool] = False
-    """Whether it is a camera, whose images a result can save."""
+    """Whether the sensor is a camera, whose images a result can save."""
     measures_shapes: ClassVar[bool] = False
-    """Whether it measures the collision shapes of robots and pieces, which a kinematic station then has."""
+    """Whether the sensor measures collision shapes of robots and pieces. A kinematic station then gets these shapes."""
 
     kind: str
 
     def check(self, key: str, station: Surroundings) -> None:
-        """Check before anything is built, that its robot and its frame exist; raises SimrobError: what is wrong."""
+        """Check before anything is built that the sensor's robot and frame exist.
+
+        Args:
+            key: key of the sensor in the station, such as ``sensors.foot``.
+            station: robots, pieces and other contents of the station.
+
+        Raises:
+            SimrobError: something does not exist; the message says what.
+        """
         if hasattr(self, "robot"):
             station.robot(self.robot, key)
         if hasattr(self, "frame"):
@@ -42,32 +56,46 @@ class Sensor(Strict, ABC):
 
     @abstractmethod
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
-        """Add its systems, and declare its outputs."""
+        """Add the sensor's blocks to the diagram, and declare its outputs.
+
+        Args:
+            builder: builder of the diagram.
+            site: the station under construction.
+            name: name of the sensor.
+        """
 
     @property
     def stepped(self) -> bool:
-        """Whether it takes samples while the station is stepped; others are wired after the run unless something reads.
+        """Whether the sensor takes samples while the station is stepped.
 
-        A block that nothing reads still costs a solver time at every look at the diagram.
+        Other sensors are added to the diagram only if something reads them: a block that nothing reads still costs a
+        solver time at every evaluation of the diagram.
         """
         return False
 
     def read(self, sensors: Mapping[str, Any]) -> dict[str, str]:
-        """Return which of a station's other sensors it reads, if they are there, by what it reads them for."""
+        """Find the other sensors that this sensor reads.
+
+        Args:
+            sensors: sections of the station's sensors, by name.
+
+        Returns:
+            The names of the sensors, by the purpose for which they are read.
+        """
         return {}
 
 
 class ShapeSensor(Sensor):
-    """What sensors at the collision shapes of a body share."""
+    """Base class of sensors at the collision shapes of a body."""
 
     body: str
     """What it is at: a robot, a link, a piece, or a shape of a piece (`<piece>.<shape>`)."""
     rate: Positive | None = None
-    """Samples a second that a loop or a monitor gets [Hz]; it may always look unless given."""
+    """Samples a second that a loop or a monitor gets [Hz]; if it is left out, they get the present value."""
 
     @property
     def stepped(self) -> bool:
-        """Whether it takes samples."""
+        """Whether the sensor takes samples."""
         return self.rate is not None
 
 
@@ -76,11 +104,11 @@ def check_contact(key: str, sensor: str, station: Surroundings) -> None:
 
     Args:
         key: key of the sensor in the station, such as ``sensors.foot``.
-        sensor: what it is, in words.
-        station: what the station has.
+        sensor: the kind of the sensor, in words.
+        station: contents of the station.
 
     Raises:
-        InvalidParameter: it has none.
+        InvalidParameter: the station has no contact section.
     """
     if not station.has_contact:
         raise InvalidParameter(
@@ -90,23 +118,32 @@ def check_contact(key: str, sensor: str, station: Surroundings) -> None:
         )
 
 
-def sampled(builder: DiagramBuilder, name: str, port: OutputPort, rate: float | None) -> OutputPort:
-    """Hold a port's value between samples, ``rate`` a second [Hz]; as it is where that is None."""
-    return port if rate is None else add_and_connect(builder, name, ZeroOrderHold(1 / rate, port.size()), port)
+def add_sample_and_hold(builder: DiagramBuilder, name: str, port: OutputPort, rate: float | None) -> OutputPort:
+    """Add a block that samples a port and holds its value between samples.
+
+    Args:
+        builder: builder of the diagram.
+        name: name of the block.
+        port: the port.
+        rate: sampling rate [Hz]. If it is None, the port is returned itself, without a block.
+    """
+    if rate is None:
+        return port
+    return add_and_connect(builder, name, ZeroOrderHold(1 / rate, port.size()), port)
 
 
 def axis_names(signal: str, sensor: str, axes: Sequence[str] = "xyz") -> tuple[str, ...]:
-    """Return the columns of a sensor's signal: ``<signal>.<sensor>.<axis>``."""
+    """Names of the result columns of a sensor's signal: ``<signal>.<sensor>.<axis>``."""
     return tuple(f"{signal}.{sensor}.{axis}" for axis in axes)
 
 
 def sensor_label(kind: str, name: str, rate: float | None = None) -> str:
-    """Label of a sensor's block in the picture.
+    """Make the label of a sensor's block in the block picture.
 
     Args:
         kind: words for the kind of the sensor.
         name: name of the sensor.
-        rate: rate of its samples [Hz]. None if it is not sampled, or if its kind always is.
+        rate: sampling rate [Hz], or None if the sensor is not sampled, or if its kind always is.
     """
     if rate is None:
         return compound("{kind}\n{name}", kind=kind, name=name)
@@ -114,7 +151,7 @@ def sensor_label(kind: str, name: str, rate: float | None = None) -> str:
 
 
 class SampledSensor(Sensor):
-    """What sensors whose block has one periodic discrete update share."""
+    """Base class of sensors whose block is a `LeafSystem` with one periodic discrete update."""
 
     rate: Positive = 200.0
     """Samples a second [Hz]."""
@@ -122,19 +159,19 @@ class SampledSensor(Sensor):
     """Sample while stepping, so that blocks can read it; otherwise it is computed after the run and costs nothing."""
 
     delay: NotNegative = 0.0
-    """How late its figures are told [s], to the nearest sample."""
+    """Delay of its values [s], rounded to whole samples."""
 
     @property
-    def late_samples(self) -> int:
-        """By how many samples its figures are late."""
+    def delay_samples(self) -> int:
+        """Delay of the sensor, in samples."""
         return round(self.delay * self.rate)
 
     @property
     def stepped(self) -> bool:
-        """Whether it samples while stepping."""
+        """Whether the sensor takes samples while the station is stepped."""
         return self.in_loop
 
-    def _give(
+    def _add_block(
         self,
         builder: DiagramBuilder,
         site: Site,
@@ -146,73 +183,133 @@ class SampledSensor(Sensor):
         signals: Mapping[str, Signal],
         robot: StationRobot | None = None,
     ) -> None:
-        """Add the outputs ``<port>.<sensor>`` of a block, or what computes them after the run.
+        """Add the sensor's block to the diagram, or arrange that it is replayed after the run; declare its outputs.
 
-        ``inputs`` tells, by the names of the block's ports, what they read: ports, or after the run what gives it
-        then; ``signals`` what its outputs are.
+        Each output port of the block becomes the station's output ``<port>.<sensor>``.
+
+        Args:
+            builder: builder of the diagram.
+            site: the station under construction.
+            name: name of the sensor.
+            block: the block.
+            title: words for the kind of the sensor, in the block picture.
+            inputs: source of each input port of the block, by the port's name: a port, or a function that computes
+                the input after the run (only for a sensor that is not in a loop).
+            signals: declaration of each output port of the block, by the port's name.
+            robot: robot in whose part of the block picture the block is drawn, or None.
         """
-        if self.in_loop:
-            builder.AddNamedSystem(f"sensor.{name}", block)
-            site.picture.draw(f"sensor.{name}", "sensor", sensor_label(title, name), robot)
-            for port, source in inputs.items():
-                assert isinstance(source, OutputPort)  # what is read while stepping samples then, too
-                builder.Connect(source, block.GetInputPort(port))
-        else:
+        if not self.in_loop:
             release_with(site.plant.plant, block)
-        for port, signal in signals.items():
-            if self.in_loop:
-                output = f"{port}.{name}"
-                site.outputs.add(output, block.GetOutputPort(port), replace(signal, output=output))
-            else:
-                compute = partial(_after_the_run, block=block, inputs=inputs, output=port)
-                site.outputs.later[f"{port}.{name}"] = compute
+            for port, signal in signals.items():
+                compute = partial(_compute_after_run, block=block, inputs=inputs, output=port)
+                site.outputs.after_run[f"{port}.{name}"] = compute
                 site.outputs.signals.append(replace(signal, compute=compute))
+            return
+
+        builder.AddNamedSystem(f"sensor.{name}", block)
+        site.picture.draw(f"sensor.{name}", "sensor", sensor_label(title, name), robot)
+        for port, source in inputs.items():
+            assert isinstance(source, OutputPort)  # sensors that a sensor in a loop reads are in the loop, too
+            builder.Connect(source, block.GetInputPort(port))
+        for port, signal in signals.items():
+            output = f"{port}.{name}"
+            site.outputs.add(output, block.GetOutputPort(port), replace(signal, output=output))
 
 
-@lru_cache(maxsize=16)  # the bias of a sensor is drawn at each of its samples
-def normal(seed: int, number: int, size: int) -> Vector:
-    """Return figures (size,) of the standard normal distribution; a generator each, so that nothing remembers one."""
+keep_former_attributes(SampledSensor, late_samples="delay_samples")
+
+
+@lru_cache(maxsize=16)  # the constant bias of a sensor is drawn again at each of its samples
+def normal_noise(seed: int, number: int, size: int) -> Vector:
+    """Draw values (size,) of the standard normal distribution.
+
+    Each number of a seed has a random generator of its own, so that no block has to keep the state of a generator.
+    """
     return np.random.default_rng([seed, number]).standard_normal(size)
 
 
-def _after_the_run(
+# A time that is earlier than a sample by less than this part of a period is the time of the sample [1].
+_SAME_SAMPLE = 1e-9
+
+
+class Replay(NamedTuple):
+    """Samples of a block that was replayed after a run.
+
+    Attributes:
+        period: time between two samples [s].
+        outputs: values of each output port at the samples, shape (k, size), by the port's name.
+    """
+
+    period: float
+    outputs: dict[str, Vector]
+
+
+def _compute_after_run(
     recorded: Recorded, times: Vector, *, block: LeafSystem, inputs: Mapping[str, OutputPort | Compute], output: str
 ) -> Vector:
-    """Return an output of a block at the last sample before each of the times (m,) [s], shape (m, size)."""
+    """Compute an output of a sampled block at times of a run that is over.
+
+    Args:
+        recorded: the run. The replay of the block is kept in its memo.
+        times: the times, shape (m,) [s].
+        block: the block.
+        inputs: source of each input port of the block, by the port's name.
+        output: name of the output port.
+
+    Returns:
+        The values at the last sample before each of the times, shape (m, size).
+    """
     if block not in recorded.memo:
-        recorded.memo[block] = replayed(recorded, block=block, inputs=inputs)
-    period, rows = recorded.memo[block]
-    first_tick = _first_tick(recorded, period)
-    return np.asarray(rows[output][np.clip((times / period + 1e-9).astype(int) - first_tick, 0, len(rows[output]) - 1)])
+        recorded.memo[block] = replay(recorded, block=block, inputs=inputs)
+    replayed: Replay = recorded.memo[block]
+    values = replayed.outputs[output]
+    samples = (times / replayed.period + _SAME_SAMPLE).astype(int)
+    rows = samples - _first_sample(recorded, replayed.period)
+    return np.asarray(values[np.clip(rows, 0, len(values) - 1)])
 
 
-def _first_tick(recorded: Recorded, period: float) -> int:
+def _first_sample(recorded: Recorded, period: float) -> int:
     """Number of the first sample within a run, at the time number * ``period``: 0 for a run that begins at 0."""
-    return int(np.ceil(recorded.step_times[0] / period - 1e-9))
+    return int(np.ceil(recorded.step_times[0] / period - _SAME_SAMPLE))
 
 
-def replayed(
-    recorded: Recorded, *, block: LeafSystem, inputs: Mapping[str, OutputPort | Compute]
-) -> tuple[float, dict[str, Vector]]:
-    """Let a sampled block go through a past run; return its period [s], and its outputs at each sample, (k, size)."""
+def replay(recorded: Recorded, *, block: LeafSystem, inputs: Mapping[str, OutputPort | Compute]) -> Replay:
+    """Update a sampled block, outside of the diagram, at all its samples of a run that is over.
+
+    Args:
+        recorded: the run.
+        block: the block.
+        inputs: source of each input port of the block, by the port's name: a port of the diagram, or a function that
+            computes the input.
+    """
     period = block.GetUniquePeriodicDiscreteUpdateAttribute().period_sec()
-    end_tick = int(np.floor(recorded.step_times[-1] / period + 1e-9)) + 1
-    ticks = period * np.arange(_first_tick(recorded, period), end_tick)
+    end_sample = int(np.floor(recorded.step_times[-1] / period + _SAME_SAMPLE)) + 1
+    sample_times = period * np.arange(_first_sample(recorded, period), end_sample)
+
+    # Values of the inputs at all samples, shape (k, size), by port.
     ports = {name: source for name, source in inputs.items() if isinstance(source, OutputPort)}
-    values = dict(zip(ports, recorded.sample(list(ports.values()), ticks), strict=True))
-    before = np.maximum(
-        ticks - period, recorded.step_times[0]
-    )  # while stepping, sensors that sample together see each other's last
-    values |= {name: source(recorded, before) for name, source in inputs.items() if not isinstance(source, OutputPort)}
+    values = dict(zip(ports, recorded.sample(list(ports.values()), sample_times), strict=True))
+    # While stepping, sensors that sample at the same time read each other's last sample. So does the replay.
+    times_before = np.maximum(sample_times - period, recorded.step_times[0])
+    for name, source in inputs.items():
+        if not isinstance(source, OutputPort):
+            values[name] = source(recorded, times_before)
+
     context = block.CreateDefaultContext()
-    outputs = [block.get_output_port(index) for index in range(block.num_output_ports())]
-    rows = {port.get_name(): np.empty((len(ticks), port.size())) for port in outputs}
-    for tick, time in enumerate(ticks):
+    output_ports = [block.get_output_port(index) for index in range(block.num_output_ports())]
+    outputs = {port.get_name(): np.empty((len(sample_times), port.size())) for port in output_ports}
+    for row, time in enumerate(sample_times):
         context.SetTime(time)
-        for name, row in values.items():
-            block.GetInputPort(name).FixValue(context, row[tick])
+        for name, input_values in values.items():
+            block.GetInputPort(name).FixValue(context, input_values[row])
         update = block.EvalUniquePeriodicDiscreteUpdate(context)
         context.get_mutable_discrete_state().SetFrom(update)
-        for port in outputs:
-            rows[port.get_name()][tick] = port.Eval(context)
-    return period, rows
+        for port in output_ports:
+            outputs[port.get_name()][row] = port.Eval(context)
+    return Replay(period=period, outputs=outputs)
+
+
+if not TYPE_CHECKING:
+    __getattr__ = former_names_of(
+        __name__, {"sampled": "add_sample_and_hold", "normal": "normal_noise", "replayed": "replay"}
+    )

@@ -1,7 +1,11 @@
-"""What collision shapes feel: how near another thing is, and the force with which it presses."""
+"""Sensors at collision shapes: the distance to another thing, and the contact force.
+
+A class with the key ``kind`` is a section of ``sensors`` in a station file. The blocks are in
+:mod:`simrob_drake.blocks.contacts`.
+"""
 
 from collections.abc import Collection, Sequence
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -21,13 +25,20 @@ from simrob_drake.blocks.command_bus import round_to_resolution
 from simrob_drake.blocks.contacts import ContactReader, Contacts, DistanceSensor, ForceSensor
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.resolved import Surroundings
-from simrob_drake.parts.sensors.sensor import ShapeSensor, axis_names, check_contact, normal, sampled, sensor_label
+from simrob_drake.parts.sensors.sensor import (
+    ShapeSensor,
+    add_sample_and_hold,
+    axis_names,
+    check_contact,
+    normal_noise,
+    sensor_label,
+)
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.targets import check_body, check_frame, frame_of, shapes_of
 
 
 class Distance(ShapeSensor):
-    """Signed distance between two things [m]; negative: how deep they are in each other."""
+    """Signed distance between two things [m]; negative if they overlap."""
 
     measures_shapes: ClassVar[bool] = True
 
@@ -44,26 +55,29 @@ class Distance(ShapeSensor):
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
         """Add ``distance.<sensor>`` (1) [m]."""
-        body, other = (shapes_of(site.plant, site.station, target) for target in (self.body, self.other))
+        body = shapes_of(site.plant, site.station, self.body)
+        other = shapes_of(site.plant, site.station, self.other)
         scene_graph = site.plant.scene_graph
         block = DistanceSensor(body=body, other=other, inspector=scene_graph.model_inspector())
         distance = add_and_connect(builder, f"sensor.{name}", block, scene_graph.get_query_output_port())
-        site.picture.draw(
-            f"sensor.{name}",
-            "sensor",
-            sensor_label(message("parts.block_distance_sensor", "Distance sensor"), name, self.rate),
-        )
-        port, output = sampled(builder, f"sensor.{name}.hold", distance, self.rate), f"distance.{name}"
+        label = sensor_label(message("parts.block_distance_sensor", "Distance sensor"), name, self.rate)
+        site.picture.draw(f"sensor.{name}", "sensor", label)
+        port = add_sample_and_hold(builder, f"sensor.{name}.hold", distance, self.rate)
+        output = f"distance.{name}"
         panel = sensor_panel(message("parts.distance_of", "distance '{name}'", name=name), "distance", [output])
         site.outputs.add(output, port, Signal((output,), ("m",), "distance", output, part=name, panel=panel))
 
 
+# Name of the block that reads the plant's contacts for all sensors.
 _CONTACTS = "contacts"
 
 Tangential = Literal["contact", "momentum balance", "left out"]
-"""Where a force along the surfaces comes from. The scheme ``cenic`` gives it wrongly: there it is found after the run
-from the momentum of the model that the sensor sits on, if that stands free; of an arm, whose base holds it, and in a
-loop it cannot be told."""
+"""Source of the part of a contact force along the surfaces.
+
+It is the contact results, except with the scheme ``cenic``, which computes this part wrongly. There, it is computed
+after the run from the momentum of the model that the sensor is at, if the model is free. It is left out for an arm,
+whose base is held by an unknown force, and in a loop.
+"""
 
 
 class Force(ShapeSensor):
@@ -71,30 +85,32 @@ class Force(ShapeSensor):
 
     kind: Literal["force"]
     other: str | None = None
-    """What presses on the body: a robot, a link, a piece, a shape of a piece, or `floor`; everything unless given."""
+    """What presses on the body: a robot, a link, a piece, a shape of a piece, or `floor`; if left out, everything."""
     frame: str = "world"
-    """In whose axes force and moment are given, and about whose origin the moment: `world`, a tool, link or piece."""
+    """Frame of the force and the moment, and of the point for the moment: `world`, a tool, a link or a piece."""
     resolution: NotNegative = 0.0
-    """Step from one force that it tells to the next [N]; 0 for none."""
+    """Step between two forces that can be measured [N]; 0 rounds nothing."""
     moment_resolution: NotNegative = 0.0
-    """Likewise [N·m]."""
+    """Step between two moments that can be measured [N·m]; 0 rounds nothing."""
     noise: NotNegative = 0.0
     """Standard deviation of a sample of each axis of the force [N]."""
     moment_noise: NotNegative = 0.0
-    """Likewise [N·m]."""
+    """Standard deviation of a sample of each axis of the moment [N·m]."""
     delay: NotNegative = 0.0
-    """How late it tells them [s], to the nearest sample."""
+    """Delay of its values [s], rounded to whole samples."""
     seed: Integer = Field(default=0, ge=0)
-    """Of the noise: the same seed, the same figures."""
+    """Seed of the noise: the same seed gives the same values."""
 
     @property
-    def _errs(self) -> bool:
-        errors = self.resolution, self.moment_resolution, self.noise, self.moment_noise, self.delay
+    def _has_errors(self) -> bool:
+        """Whether the sensor rounds, adds noise or delays."""
+        errors = (self.resolution, self.moment_resolution, self.noise, self.moment_noise, self.delay)
         return any(errors)
 
     @model_validator(mode="after")
-    def _samples_to_err(self) -> "Force":
-        if self._errs and self.rate is None:
+    def _check_rate(self) -> "Force":
+        """Check that a sensor with errors has a rate: its errors are those of samples."""
+        if self._has_errors and self.rate is None:
             raise ValueError(
                 message(
                     "parts.force_sensor_needs_rate",
@@ -123,83 +139,100 @@ class Force(ShapeSensor):
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
         """Add ``force.<sensor>`` (3) [N] and ``moment.<sensor>`` (3) [N·m]."""
-        plant, frame = site.plant.plant, frame_of(site.plant, self.frame)
+        frame = frame_of(site.plant, self.frame)
         body = shapes_of(site.plant, site.station, self.body)
         other = None if self.other is None else shapes_of(site.plant, site.station, self.other)
-        normal_only = not site.station.engine.reports_friction_of_contacts
-        block = ForceSensor(plant=plant, body=body, other=other, frame=frame, normal_only=normal_only)
-        poses = site.plant.stepped.get_body_poses_output_port()
-        wrench = add_and_connect(builder, f"sensor.{name}", block, _contacts(builder, site), poses)
-        site.picture.draw(
-            f"sensor.{name}",
-            "sensor",
-            sensor_label(message("parts.block_force_sensor", "Force sensor"), name, self.rate),
+        block = ForceSensor(
+            plant=site.plant.plant,
+            body=body,
+            other=other,
+            frame=frame,
+            normal_only=not site.station.engine.reports_friction_of_contacts,
         )
+        contacts = _contacts_port(builder, site)
+        poses = site.plant.stepped.get_body_poses_output_port()
+        wrench = add_and_connect(builder, f"sensor.{name}", block, contacts, poses)
+        label = sensor_label(message("parts.block_force_sensor", "Force sensor"), name, self.rate)
+        site.picture.draw(f"sensor.{name}", "sensor", label)
+        reported = self._add_samples(builder, f"sensor.{name}.hold", wrench)
         split = Demultiplexer([3, 3])
-        add_and_connect(builder, f"sensor.{name}.split", split, self._reported(builder, f"sensor.{name}.hold", wrench))
-        tangential = self._tangential(site, body[0])
-        balance = MomentumBalance(site, frame, body, other) if tangential == "momentum balance" else None
+        add_and_connect(builder, f"sensor.{name}.split", split, reported)
+
+        tangential = self._tangential_source(site, body[0])
         site.outputs.notes[name]["tangential"] = tangential
         title = message("parts.contact_force_of", "contact force '{name}'", name=name)
         if tangential != "contact":
             title += message("parts.along_the_surface", " (along the surface: {source})", source=tangential)
-        names, moments = axis_names("force", name), axis_names("moment", name)
-        felt = Signal(
-            names,
+        balance = MomentumBalance(site, frame, body, other) if tangential == "momentum balance" else None
+        columns = axis_names("force", name)
+        force = Signal(
+            columns,
             ("N",) * 3,
             "force",
             f"force.{name}",
             part=name,
-            panel=sensor_panel(title, "force", names),
+            panel=sensor_panel(title, "force", columns),
             adjust=None if balance is None else balance.with_friction,
         )
-        site.outputs.add(f"force.{name}", split.get_output_port(0), felt)
-        moment = Signal(moments, ("N·m",) * 3, "moment", f"moment.{name}", part=name)
+        site.outputs.add(f"force.{name}", split.get_output_port(0), force)
+        moment = Signal(axis_names("moment", name), ("N·m",) * 3, "moment", f"moment.{name}", part=name)
         site.outputs.add(f"moment.{name}", split.get_output_port(1), moment)
 
-    def _reported(self, builder: DiagramBuilder, name: str, wrench: OutputPort) -> OutputPort:
-        if self.rate is None or not self._errs:
-            return sampled(builder, name, wrench, self.rate)
+    def _add_samples(self, builder: DiagramBuilder, name: str, wrench: OutputPort) -> OutputPort:
+        """Add the block that samples a wrench (6), if the sensor has a rate, and return the port of its result.
+
+        Args:
+            builder: builder of the diagram.
+            name: name of the block.
+            wrench: the true wrench.
+        """
+        if self.rate is None or not self._has_errors:
+            return add_sample_and_hold(builder, name, wrench, self.rate)
         return add_and_connect(builder, name, MeasuredWrench(self, self.rate), wrench)
 
-    def _tangential(self, site: Site, shape: GeometryId) -> Tangential:
+    def _tangential_source(self, site: Site, shape: GeometryId) -> Tangential:
+        """Choose the source of the force along the surfaces, for a sensor at a shape."""
         if site.station.engine.reports_friction_of_contacts:
             return "contact"
-        plant, inspector = site.plant.plant, site.plant.scene_graph.model_inspector()
+        plant = site.plant.plant
+        inspector = site.plant.scene_graph.model_inspector()
         instance = plant.GetBodyFromFrameId(inspector.GetFrameId(shape)).model_instance()
-        free = any(plant.get_body(index).is_floating_base_body() for index in plant.GetBodyIndices(instance))
-        return "momentum balance" if free and self.rate is None else "left out"
+        bodies = [plant.get_body(index) for index in plant.GetBodyIndices(instance)]
+        is_free = any(body.is_floating_base_body() for body in bodies)
+        return "momentum balance" if is_free and self.rate is None else "left out"
 
 
 class MeasuredWrench(SampledBlock):
-    r"""Sample a force and a moment as a sensor tells them: rounded, noisy, and as many samples late as it says.
+    r"""Sample a force and a moment with the errors of a sensor: noise, rounding and a delay.
 
     .. math:: \hat f_k = \mathrm{round}(f_k + n_k)
 
     Ports:
         in  ``wrench`` (6): force [N], then moment [N·m].
-        out ``wrench`` (6), likewise.
+        out ``wrench`` (6): the same, measured.
     """
 
     def __init__(self, section: Force, rate: float) -> None:
-        """Make the block of a section that takes so many samples a second [Hz]."""
+        """Create the block of a section, with a sampling rate [Hz]."""
         memory = {"wrench": np.zeros(6), "count": np.zeros(1)}
         delay = round(section.delay * rate)
         super().__init__(
             period=1 / rate, reads={"wrench": 6}, memory=memory, gives=("wrench",), delay=delay, at_once=True
         )
         self._resolution = np.repeat([section.resolution, section.moment_resolution], 3)
-        self._noise, self.seed = np.repeat([section.noise, section.moment_noise], 3), section.seed
+        self._noise = np.repeat([section.noise, section.moment_noise], 3)
+        self.seed = section.seed
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Return what the sensor tells now."""
+        """Compute the measured wrench at this sample."""
         count = int(memory["count"].item())
-        measured = round_to_resolution(read["wrench"] + self._noise * normal(self.seed, count, 6), self._resolution)
+        noise = self._noise * normal_noise(self.seed, count, 6)
+        measured = round_to_resolution(read["wrench"] + noise, self._resolution)
         return {"wrench": measured, "count": count + 1}
 
 
-def _contacts(builder: DiagramBuilder, site: Site) -> OutputPort:
-    """Return the port of the block that reads the plant's contacts for all sensors; the first one adds it."""
+def _contacts_port(builder: DiagramBuilder, site: Site) -> OutputPort:
+    """Port of the plant's contacts. The first call adds the block that reads them for all sensors."""
     if site.plant.stand_in is not None:
         return site.plant.stand_in.get_contact_results_output_port()
     if not builder.HasSubsystemNamed(_CONTACTS):
@@ -208,91 +241,157 @@ def _contacts(builder: DiagramBuilder, site: Site) -> OutputPort:
     return builder.GetSubsystemByName(_CONTACTS).get_output_port()
 
 
-_NO_LOAD = 1e-9  # N
+# Contacts with a smaller sum of forces carry no load, and have no normal [N].
+_NO_LOAD = 1e-9
+
+
+class _TimedContacts(NamedTuple):
+    """Contacts at many times of a run.
+
+    Attributes:
+        contacts: all k contacts, one time after the other.
+        rows: index of the time of each contact, shape (k,).
+    """
+
+    contacts: Contacts
+    rows: npt.NDArray[np.intp]
 
 
 class MomentumBalance:
-    r"""What one sensor has of the friction on its model under the scheme ``cenic``, from its balance of momentum.
+    r"""Estimate a sensor's part of the friction on its model, from the model's balance of momentum.
 
-    The mean force of all contacts on a model over a step is :math:`\bar f = (P_1 - P_0)/h - m g` with its momentum P at
-    the ends of the step. Drake's contact results give the parts along the normals; what is left across them goes to a
-    sensor in proportion to its share of all that is pressed on the model: one foot of two cannot be told otherwise.
-    What sensors have in common, contacts and momenta, is worked out once a run: it lies in the run's memo.
+    It is for the scheme ``cenic``, whose contact results only have right forces along the normals. The mean force of
+    all contacts on a model over a step of length h is :math:`\bar f = (P_1 - P_0)/h - m g`, with its momentum P at the
+    ends of the step. The part of this force that is perpendicular to the normal forces is the friction. A sensor gets
+    it in proportion to its share of the normal forces on the model, as the parts of, say, two feet cannot be told
+    apart.
+
+    Contacts and momenta, which all sensors need, are computed once and kept in the memo of the run.
     """
 
     def __init__(
         self, site: Site, frame: Frame, body: Collection[GeometryId], other: Collection[GeometryId] | None
     ) -> None:
-        """Look at the forces of ``other`` shapes, all unless given, on those of ``body``, in the axes of a frame."""
-        self._plant, self._state = site.plant.plant, site.state
-        self._contacts = site.plant.plant.get_contact_results_output_port()
-        self._frame, self._body, self._other = frame, set(body), None if other is None else set(other)
-        plant, inspector = self._plant, site.plant.scene_graph.model_inspector()
-        self._instance = plant.GetBodyFromFrameId(inspector.GetFrameId(next(iter(self._body)))).model_instance()
+        """Prepare the estimate.
+
+        Args:
+            site: the station under construction.
+            frame: frame in whose axes the sensor gives forces.
+            body: shapes of the sensor's body.
+            other: shapes that exert the measured force. If it is None, all shapes count but those of the body.
+        """
+        plant = site.plant.plant
+        self._plant = plant
+        self._state = site.state
+        self._contacts = plant.get_contact_results_output_port()
+        self._frame = frame
+        self._body = set(body)
+        self._other = None if other is None else set(other)
+
+        # All shapes of the model to which the body belongs.
+        inspector = site.plant.scene_graph.model_inspector()
+        any_shape = next(iter(self._body))
+        self._instance = plant.GetBodyFromFrameId(inspector.GetFrameId(any_shape)).model_instance()
         bodies = [plant.get_body(index) for index in plant.GetBodyIndices(self._instance)]
-        self._shapes = {shape for part in bodies for shape in plant.GetCollisionGeometriesForBody(part)}
+        self._model_shapes = {shape for part in bodies for shape in plant.GetCollisionGeometriesForBody(part)}
 
     def with_friction(self, recorded: Recorded, times: Vector, forces: Vector) -> Vector:
-        """Return forces along the normals at times (m,) [s] with the sensor's share of those across, (m, 3) [N]."""
+        """Add the estimated friction to the sensor's forces along the normals.
+
+        Args:
+            recorded: the run.
+            times: the times, shape (m,) [s].
+            forces: forces along the normals at these times, shape (m, 3) [N], in the sensor's frame.
+
+        Returns:
+            The whole forces, shape (m, 3) [N], in the sensor's frame.
+        """
         if len(recorded.step_times) < 2:
-            return forces
-        contacts, rows = self._all_contacts(recorded, times)
+            return forces  # without a step there is no change of momentum
+        timed_contacts = self._contacts_at(recorded, times)
         key = ("contact force", int(self._instance), times.tobytes())
         if key not in recorded.memo:
             recorded.memo[key] = self._mean_contact_forces(recorded, times)
-        totals: Vector = recorded.memo[key]
-        across = self._across(totals, contacts, rows)
-        turns = np.empty((len(times), 3, 3))
+        model_forces: Vector = recorded.memo[key]
+        friction = self._friction(model_forces, timed_contacts)
+
+        rotations = np.empty((len(times), 3, 3))  # from the sensor's frame to the world
         context = self._plant.CreateDefaultContext()
         for row, state in enumerate(recorded.sample([self._state], times)[0]):
             self._plant.SetPositionsAndVelocities(context, state)
-            turns[row] = self._frame.CalcPoseInWorld(context).rotation().matrix()
-        return np.asarray(forces + np.einsum("mji,mj->mi", turns, across))
+            rotations[row] = self._frame.CalcPoseInWorld(context).rotation().matrix()
+        # R' f for each time.
+        return np.asarray(forces + np.einsum("mji,mj->mi", rotations, friction))
 
-    def _all_contacts(self, recorded: Recorded, times: Vector) -> tuple[Contacts, npt.NDArray[np.intp]]:
-        """Return the contacts of all times, and to which time each of them belongs, shape (k,)."""
+    def _contacts_at(self, recorded: Recorded, times: Vector) -> _TimedContacts:
+        """Read the contacts at times (m,) [s] of a run."""
         key = ("contacts", times.tobytes())
         if key not in recorded.memo:
-            moments: Sequence[Contacts] = [Contacts.of(found) for found in recorded.sample([self._contacts], times)[0]]
-            rows = np.repeat(range(len(times)), [len(each.pairs) for each in moments])
-            recorded.memo[key] = Contacts.concatenate(moments), rows
-        contacts: tuple[Contacts, npt.NDArray[np.intp]] = recorded.memo[key]
-        return contacts
+            instants: Sequence[Contacts] = [
+                Contacts.of(results) for results in recorded.sample([self._contacts], times)[0]
+            ]
+            counts = [len(contacts.pairs) for contacts in instants]
+            rows = np.repeat(range(len(times)), counts)
+            recorded.memo[key] = _TimedContacts(contacts=Contacts.concatenate(instants), rows=rows)
+        timed_contacts: _TimedContacts = recorded.memo[key]
+        return timed_contacts
 
-    def _across(self, totals: Vector, contacts: Contacts, rows: npt.NDArray[np.intp]) -> Vector:
-        """Return the sensor's share of what is across the normals, shape (m, 3) [N], in the world's axes.
+    def _friction(self, model_forces: Vector, timed_contacts: _TimedContacts) -> Vector:
+        """Compute the sensor's part of the friction at m times, shape (m, 3) [N], in the world's axes.
 
-        ``totals`` are of all forces on the sensor's model, shape (m, 3) [N]; ``rows`` (k,) tells to which time each
-        contact belongs.
+        Args:
+            model_forces: forces of all contacts on the sensor's model, shape (m, 3) [N], in the world's axes.
+            timed_contacts: contacts at these times.
         """
+        contacts = timed_contacts.contacts
 
-        def summed(values: Vector) -> Vector:
-            return np.asarray(np.bincount(rows, values, len(totals)), dtype=float)
+        def sum_by_time(values: Vector) -> Vector:
+            """Add up values of contacts (k,) for each time, shape (m,)."""
+            return np.asarray(np.bincount(timed_contacts.rows, values, len(model_forces)), dtype=float)
 
-        senses = contacts.force_signs(self._shapes)
-        normals = senses[:, np.newaxis] * contacts.normal_forces
-        sizes = np.linalg.norm(normals, axis=1)
-        pressed, here = summed(sizes), summed(sizes * np.abs(contacts.force_signs(self._body, self._other)))
-        normal = np.column_stack([summed(column) for column in normals.T])
-        loaded = (pressed > _NO_LOAD)[:, np.newaxis]
-        along = np.divide(
-            normal, np.linalg.norm(normal, axis=1, keepdims=True), out=np.zeros_like(normal), where=loaded
-        )
-        across = totals - (totals * along).sum(axis=1, keepdims=True) * along
-        share = np.divide(here, pressed, out=np.zeros_like(here), where=loaded[:, 0])
+        # Normal forces on the model, and their sizes.
+        signs = contacts.force_signs(self._model_shapes)
+        normal_forces = signs[:, np.newaxis] * contacts.normal_forces
+        sizes = np.linalg.norm(normal_forces, axis=1)
+        model_load = sum_by_time(sizes)
+        sensor_load = sum_by_time(sizes * np.abs(contacts.force_signs(self._body, self._other)))
+
+        # The mean normal n of the contacts of a time, and the force across it: f - (f n) n.
+        sums = np.column_stack([sum_by_time(column) for column in normal_forces.T])
+        is_loaded = model_load > _NO_LOAD
+        lengths = np.linalg.norm(sums, axis=1, keepdims=True)
+        normals = np.divide(sums, lengths, out=np.zeros_like(sums), where=is_loaded[:, np.newaxis])
+        along = (model_forces * normals).sum(axis=1, keepdims=True)
+        across = model_forces - along * normals
+        share = np.divide(sensor_load, model_load, out=np.zeros_like(sensor_load), where=is_loaded)
         return np.asarray(share[:, np.newaxis] * across)
 
     def _mean_contact_forces(self, recorded: Recorded, times: Vector) -> Vector:
-        plant, knots = self._plant, recorded.step_times
+        """Compute the mean force of all contacts on the model over the step that contains each time.
+
+        Args:
+            recorded: the run.
+            times: the times, shape (m,) [s].
+
+        Returns:
+            The forces, shape (m, 3) [N], in the world's axes.
+        """
+        plant = self._plant
+        step_times = recorded.step_times
+        # Each time is within the step that ends at the index `ends`. The first step has no step before it.
+        ends = np.clip(np.searchsorted(step_times, times, side="left"), 1, len(step_times) - 1)
+        needed = np.unique(np.append(ends, ends - 1))
+        (states,) = recorded.sample([self._state], step_times[needed])
+
         context = plant.CreateDefaultContext()
-        ends = np.clip(np.searchsorted(knots, times, side="left"), 1, len(knots) - 1)
-        steps = np.unique(np.append(ends, ends - 1))
-        (states,) = recorded.sample([self._state], knots[steps])
-        momenta = np.empty((len(knots), 3))
-        for step, state in zip(steps, states, strict=True):
+        momenta = np.empty((len(step_times), 3))
+        for index, state in zip(needed, states, strict=True):
             plant.SetPositionsAndVelocities(context, state)
             momentum = plant.CalcSpatialMomentumInWorldAboutPoint(context, [self._instance], np.zeros(3))
-            momenta[step] = momentum.translational()
-        rates = (momenta[ends] - momenta[ends - 1]) / (knots[ends] - knots[ends - 1])[:, np.newaxis]
+            momenta[index] = momentum.translational()
+
+        # f = (P1 - P0) / h - m g
+        durations = (step_times[ends] - step_times[ends - 1])[:, np.newaxis]
+        rates = (momenta[ends] - momenta[ends - 1]) / durations
         weight = plant.CalcTotalMass(context, [self._instance]) * plant.gravity_field().gravity_vector()
         return np.asarray(rates - weight)
