@@ -458,11 +458,11 @@ def _values(
                 raise InvalidParameter(f"{key}[{name!r}]", own, expected)
             values[place] = own
     else:
-        given = numbers(value)
-        if given.shape not in ((), (len(names),)):
+        entries = numbers(value)
+        if entries.shape not in ((), (len(names),)):
             expected = message("parts.values_of_joints", "one number, or {count}, one for each joint", count=len(names))
             raise InvalidParameter(key, quoted(value), expected)
-        values = np.array(np.broadcast_to(given, len(names)))
+        values = np.array(np.broadcast_to(entries, len(names)))
     if not np.isfinite(values[~passive]).all() and key != "torque_limit":
         raise InvalidParameter(key, quoted(value), message("parts.finite_numbers", "finite numbers"))
     return np.where(passive, 0.0, values)
