@@ -20,7 +20,7 @@ from simrob_drake.base.arguments import drake_asserts, instance
 from simrob_drake.base.errors import InvalidParameter, SimrobError, one_of, quoted
 from simrob_drake.base.frames import Flags, Vector, numbers
 from simrob_drake.base.messages import message
-from simrob_drake.blocks.block import fed, mapped
+from simrob_drake.blocks.block import add_and_connect, add_matrix_gain
 from simrob_drake.blocks.contacts import ContactReader, ForceSensor
 from simrob_drake.blocks.monitor import Condition, Monitor
 from simrob_drake.blocks.servo import MotorLine, ServoGains, ServoSignals
@@ -129,7 +129,7 @@ def add_joint_servos(
     reference = add_input("reference")
     velocity = add_input("reference_velocity") if with_reference_velocity else None
     feedforward = add_input("feedforward") if with_feedforward else None
-    state = mapped(builder, f"{name}.state", axes.state_matrix, plant.get_state_output_port())
+    state = add_matrix_gain(builder, f"{name}.state", axes.state_matrix, plant.get_state_output_port())
     signals = ServoSignals(
         reference=reference.get_output_port(),
         state=state,
@@ -139,7 +139,7 @@ def add_joint_servos(
     torque = add_servo_blocks(builder, signals, gains, names=names, prefix=f"{name}.")
     actuation_matrix = axes.actuation_matrix(plant, owner, passive)
     if not passive.all():
-        builder.Connect(mapped(builder, f"{name}.actuation", actuation_matrix, torque), actuation_port)
+        builder.Connect(add_matrix_gain(builder, f"{name}.actuation", actuation_matrix, torque), actuation_port)
     return JointServos(
         joints=names,
         passive=[joint for joint, is_passive in zip(names, passive, strict=True) if is_passive],
@@ -179,7 +179,7 @@ def add_monitor(
     instance(builder, "builder", DiagramBuilder, _a_builder())
     sizes = {signal: port.size() for signal, port in watched.items()}
     monitor = Monitor(Condition(watched=sizes, excess=excess, why=why), hold=hold, after=after)
-    fed(builder, name, monitor, *watched.values())
+    add_and_connect(builder, name, monitor, *watched.values())
     return monitor
 
 
@@ -280,7 +280,7 @@ def add_contact_sensor(
         frame=felt_at,
     )
     contacts = _contacts_of(builder, plant)
-    return fed(builder, name or f"contact.{body}", sensor, contacts, plant.get_body_poses_output_port())
+    return add_and_connect(builder, name or f"contact.{body}", sensor, contacts, plant.get_body_poses_output_port())
 
 
 @drake_asserts()
@@ -336,7 +336,7 @@ def add_imu(
         gyroscope_bias=gyroscope_bias,
     )
     block = InertialUnit(section, plant, plant.get_frame(_frame_index(plant, frame, model_instance)))
-    fed(builder, name or f"imu.{frame}", block, plant.get_state_output_port())
+    add_and_connect(builder, name or f"imu.{frame}", block, plant.get_state_output_port())
     return block
 
 
@@ -599,4 +599,4 @@ def _contacts_of(builder: DiagramBuilder, plant: MultibodyPlant) -> OutputPort:
     name = f"{plant.get_name()}.contacts"
     if builder.HasSubsystemNamed(name):
         return builder.GetSubsystemByName(name).get_output_port()
-    return fed(builder, name, ContactReader(), plant.get_contact_results_output_port())
+    return add_and_connect(builder, name, ContactReader(), plant.get_contact_results_output_port())

@@ -5,19 +5,20 @@ from dataclasses import replace
 
 import numpy as np
 from pydrake.systems.controllers import InverseDynamics
-from pydrake.systems.framework import Context, DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, PassThrough
 
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.signals import Role, Signal, applied_signal
-from simrob_drake.blocks.block import fed, joined, mapped, summed
+from simrob_drake.blocks.block import add_and_connect, add_matrix_gain, add_multiplexer, add_sum
 from simrob_drake.blocks.command_bus import CommandBus
 from simrob_drake.blocks.model_torque import add_admittance, add_computed_torque, add_feedforward, add_model_torque
 from simrob_drake.blocks.monitor import SteadySteps
 from simrob_drake.blocks.passive_joints import add_external_force, add_joint_stops
 from simrob_drake.blocks.servo import ServoSignals, add_actuator_servos, add_motor, add_servos
+from simrob_drake.parts.inputs import InputPorts
 from simrob_drake.parts.outputs import FromState
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationPlant, StationRobot
@@ -147,7 +148,7 @@ def add_motion(
 
 def _add_signals(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot) -> ServoSignals:
     prefix, count, listed = robot.prefix, len(robot.joints), ports.config.inputs
-    state = mapped(builder, f"{prefix}axes", robot.axis_map.state_matrix, ports.state)
+    state = add_matrix_gain(builder, f"{prefix}axes", robot.axis_map.state_matrix, ports.state)
     split = Demultiplexer([count, count])
     ports.outputs.add_report(builder, f"{prefix}state", split, state, f"{prefix}position", f"{prefix}velocity")
     reference = ports.add_input(builder, robot, "reference")
@@ -216,8 +217,8 @@ def _with_feedforward(
         if damping.any() and servo_of(name).feedforward == "inverse_dynamics":  # dampers of motors need no torque
             assert own.reference_velocity is not None
             matrix = -np.diag(damping)
-            parts.append(mapped(builder, f"{prefix}motors.feedforward", matrix, own.reference_velocity))
-        read[name] = replace(own, feedforward=summed(builder, f"{prefix}whole_feedforward", torque, *parts))
+            parts.append(add_matrix_gain(builder, f"{prefix}motors.feedforward", matrix, own.reference_velocity))
+        read[name] = replace(own, feedforward=add_sum(builder, f"{prefix}whole_feedforward", torque, *parts))
     draw_feedforward(ports, list(fed_forward))
     return read
 
@@ -246,7 +247,13 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
         declare_torque(ports, robot, torque)
         draw_actuator_servos(ports, robot)
         if (robot.gains.ki > 0).any():
-            draw_integral(ports, robot, "servo", list(range(len(robot.axes))), f"{len(robot.axes)} joints")
+            draw_integral(
+                ports,
+                robot,
+                "servo",
+                list(range(len(robot.axes))),
+                message("stations.block_joints", "{count} joints", count=len(robot.axes)),
+            )
     elif servo.admittance_gain > 0:
         _add_admittance_servos(builder, ports, robot, signals)
     else:
@@ -291,11 +298,11 @@ def _add_servo_blocks(
     matrix = robot.axis_map.actuation_matrix(plant, robot.instance, robot.gains.passive)
     driven = command
     if robot.gains.damping.any():
-        bus = joined(builder, f"{prefix}motors.commands", command, signals.state)
+        bus = add_multiplexer(builder, f"{prefix}motors.commands", command, signals.state)
         dampers = np.hstack([np.eye(count), np.diag(robot.gains.damping) @ speed])
-        driven = mapped(builder, f"{prefix}motors.driven", dampers, bus)
+        driven = add_matrix_gain(builder, f"{prefix}motors.driven", dampers, bus)
     if len(matrix) > 0:  # a robot without any motor has no actuators to connect
-        actuation = mapped(builder, f"{prefix}actuators", matrix, driven)
+        actuation = add_matrix_gain(builder, f"{prefix}actuators", matrix, driven)
         builder.Connect(actuation, ports.plant.stepped.get_actuation_input_port(robot.instance))
     return limited(command) if in_actuators else command
 
@@ -319,12 +326,12 @@ def _add_admittance_servos(
 ) -> None:
     prefix, gain = robot.prefix, ports.config.servo_of(robot.name).admittance_gain
     plant, name = ports.plant.plant, f"{prefix}model_torque"
-    steady = fed(builder, f"{name}.acceleration", ConstantVectorSource(np.zeros(plant.num_velocities())))
+    steady = add_and_connect(builder, f"{name}.acceleration", ConstantVectorSource(np.zeros(plant.num_velocities())))
     force = add_model_torque(builder, plant, ports.state, steady, name=name)
-    model = mapped(builder, f"{name}.axes", robot.axis_map.velocity_matrix, force)
+    model = add_matrix_gain(builder, f"{name}.axes", robot.axis_map.velocity_matrix, force)
     extra = add_admittance(builder, signals, robot.gains, model, gain=gain, prefix=prefix)
     feedforward = [port for port in (signals.feedforward,) if port is not None]
-    total = summed(builder, f"{prefix}feedforward_sum", *feedforward, extra)
+    total = add_sum(builder, f"{prefix}feedforward_sum", *feedforward, extra)
     torque = _add_servo_blocks(builder, ports, robot, replace(signals, feedforward=total))
     declare_torque(ports, robot, torque)
     ports.picture.draw(
@@ -340,9 +347,9 @@ def _add_admittance_servos(
         robot,
     )
     ports.picture.draw_nothing(f"{prefix}felt_torque", f"{prefix}model_torque.axes", f"{prefix}admittance.bus")
-    felt = joined(builder, f"{prefix}felt_torque.bus", model, torque)
+    felt = add_multiplexer(builder, f"{prefix}felt_torque.bus", model, torque)
     difference = np.hstack([np.eye(len(robot.joints)), -np.eye(len(robot.joints))])
-    output, port = f"{prefix}felt_torque", mapped(builder, f"{prefix}felt_torque", difference, felt)
+    output, port = f"{prefix}felt_torque", add_matrix_gain(builder, f"{prefix}felt_torque", difference, felt)
     ports.outputs.add(output, port, axis_signal(robot, "felt", "felt_torque", "effort"))
 
 
@@ -351,12 +358,12 @@ STEP = 0.01  # how often monitors look [s]: nothing is integrated here, so a sim
 _MOTION = ("reference", "reference_velocity", "reference_acceleration")
 
 
-def add_motion_inputs(builder: DiagramBuilder, plant: StationPlant) -> tuple[dict[str, InputPort], OutputPort]:
+def add_motion_inputs(builder: DiagramBuilder, plant: StationPlant) -> tuple[InputPorts, OutputPort]:
     """Add inputs of position, velocity and acceleration for every robot.
 
     Returns them, each handed on by its block, and the state of the whole plant that they make.
     """
-    inputs: dict[str, InputPort] = {}
+    inputs = InputPorts()
     motions: list[OutputPort] = []
     for robot in plant.robots.values():
         for signal in _MOTION:
@@ -364,7 +371,7 @@ def add_motion_inputs(builder: DiagramBuilder, plant: StationPlant) -> tuple[dic
             inputs[f"{robot.prefix}{signal}"] = block.get_input_port()
             motions += [] if signal == _MOTION[-1] else [block.get_output_port()]
     spread = np.hstack([robot.axis_map.state_matrix.T for robot in plant.robots.values()])
-    return inputs, mapped(builder, "multibody_state", spread, joined(builder, "motions", *motions))
+    return inputs, add_matrix_gain(builder, "multibody_state", spread, add_multiplexer(builder, "motions", *motions))
 
 
 def add_kinematic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
@@ -379,11 +386,13 @@ def add_kinematic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
     builder.Connect(ports.state, dynamics.get_input_port_estimated_state())
     accelerations = [ports.inputs[f"{robot.prefix}{_MOTION[-1]}"].get_system().get_output_port() for robot in robots]
     spread = np.hstack([robot.axis_map.velocity_matrix.T for robot in robots])
-    desired = mapped(builder, "accelerations", spread, joined(builder, "robot_accelerations", *accelerations))
+    desired = add_matrix_gain(
+        builder, "accelerations", spread, add_multiplexer(builder, "robot_accelerations", *accelerations)
+    )
     builder.Connect(desired, dynamics.get_input_port_desired_acceleration())
     force = dynamics.get_output_port_generalized_force()
     for robot in ports.plant.robots.values():
-        torque = mapped(builder, f"{robot.prefix}torque", robot.axis_map.velocity_matrix, force)
+        torque = add_matrix_gain(builder, f"{robot.prefix}torque", robot.axis_map.velocity_matrix, force)
         declare_torque(ports, robot, with_friction(builder, ports, robot, torque))
     builder.Connect(ports.state, ports.plant.add_geometry_poses(builder, of_state=True))
     builder.AddNamedSystem("steady_steps", SteadySteps(STEP))

@@ -278,7 +278,7 @@ def _add_standing_pieces(plant: MultibodyPlant, station: ResolvedStation, collis
 
 
 def _add_floor(plant: MultibodyPlant, station: ResolvedStation, collision: bool) -> None:
-    config, tilt = station.config, station.ground.tilt
+    config, tilt = station.config, station.ground.floor_pose
     if config.floor is None:
         return
     if config.floor.terrain is None:  # else all of it is boxes: copying a half-space among many ends in Drake's crash

@@ -253,7 +253,7 @@ def _check_same_solver(config: StationConfig, other: StationConfig) -> None:
     Raises:
         SimrobError: they differ; the message names the key.
     """
-    shared = {"solver": (config.engine, other.engine)}
+    shared: dict[str, tuple[object, object]] = {"solver": (config.engine, other.engine)}
     if config.contact is not None and other.contact is not None:
         shared["contact.model"] = (config.contact.model, other.contact.model)
         shared["contact.stiction_speed"] = (config.contact.stiction_speed, other.contact.stiction_speed)

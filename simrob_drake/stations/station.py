@@ -16,7 +16,7 @@ from simrob_drake.base.errors import InvalidParameter, SimrobError, quoted
 from simrob_drake.base.lifetime import release
 from simrob_drake.base.messages import message
 from simrob_drake.base.renaming import former_argument
-from simrob_drake.blocks.block import fed, summed
+from simrob_drake.blocks.block import add_and_connect, add_sum
 from simrob_drake.blocks.monitor import EventTimes, Trigger
 from simrob_drake.parts.controllers import flows_of, loops_of, own_blocks
 from simrob_drake.parts.controllers.loop import add_loops
@@ -431,22 +431,24 @@ def gather_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
     """Connect what acts on a station's plant from outside."""
     found = ports.spatial_forces
     if found:
-        forces = fed(builder, "external_forces", ExternallyAppliedSpatialForceMultiplexer(len(found)), *found)
+        forces = add_and_connect(
+            builder, "external_forces", ExternallyAppliedSpatialForceMultiplexer(len(found)), *found
+        )
         ports.picture.draw_nothing("external_forces")
         port = ports.plant.stepped.get_applied_spatial_force_input_port()
         before = _disconnected(builder, port)
         if before is not None:
             both = ExternallyAppliedSpatialForceMultiplexer(2)
-            forces = fed(builder, "all_external_forces", both, before, forces)
+            forces = add_and_connect(builder, "all_external_forces", both, before, forces)
             ports.picture.draw_nothing("all_external_forces")
         builder.Connect(forces, port)
     if ports.generalized_forces:
-        joints = summed(builder, "joint_forces", *ports.generalized_forces)
+        joints = add_sum(builder, "joint_forces", *ports.generalized_forces)
         ports.picture.draw_nothing("joint_forces")
         port = ports.plant.stepped.get_applied_generalized_force_input_port()
         before = _disconnected(builder, port)
         if before is not None:
-            joints = summed(builder, "all_joint_forces", before, joints)
+            joints = add_sum(builder, "all_joint_forces", before, joints)
             ports.picture.draw_nothing("all_joint_forces")
         builder.Connect(joints, port)
 

@@ -58,7 +58,7 @@ def _page(result: RecordedRun, times: Vector, frames_per_second: float) -> str:
     points = scene.extents_of_run(result, way)
     look(meshcat, camera_on(points, aspect=WINDOW_ASPECT, azimuth=side(scene.station)))
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    tilt = scene.station.ground.tilt.rotation().matrix()
+    tilt = scene.station.ground.floor_pose.rotation().matrix()
     lines = floor_lines(gone @ tilt, size=config.floor.size) if config.floor else np.zeros((0, 2, 3))
     run = {
         "way": [] if way is None else np.round(gone, 4).tolist(),
@@ -128,7 +128,7 @@ def draw_contact_forces(meshcat: Meshcat, result: RecordedRun, times: Vector, sh
     if result.contacts_at is None:
         return
     moments = [Contacts.of(results) for results in result.contacts_at(times)]
-    contacts = Contacts.together(moments)
+    contacts = Contacts.concatenate(moments)
     sizes = np.linalg.norm(contacts.forces, axis=1)
     if not sizes.size:
         return

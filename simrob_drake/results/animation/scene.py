@@ -69,7 +69,7 @@ class ViewedStation(PosedStation):
             if engine is not None:
                 station.scene_graph.AddRenderer(RENDERER, engine)
             if way is not None and config.floor is not None:
-                add_floor_grid(station.scene_graph, way, size=config.floor.size, tilt=station.ground.tilt)
+                add_floor_grid(station.scene_graph, way, size=config.floor.size, tilt=station.ground.floor_pose)
             if meshcat is not None:
                 params = MeshcatVisualizerParams(prefix="station", enable_alpha_slider=False)
                 self.visualizer = MeshcatVisualizer.AddToBuilder(builder, station.scene_graph, meshcat, params)
@@ -155,7 +155,7 @@ def add_floor_grid(scene_graph: SceneGraph, way: Vector, *, size: float, tilt: R
 
 def floor_under(scene: ViewedStation, place: Vector) -> list[dict[str, Any]]:
     """Return what brings a floor and lines below a place [m] in the page, by whole meshes, so that they stay."""
-    tilt, mesh = scene.station.ground.tilt, SPACING * _BOLD
+    tilt, mesh = scene.station.ground.floor_pose, SPACING * _BOLD
     inspector = scene.query().inspector()
     drawn = inspector.GetGeometries(inspector.world_frame_id(), Role.kIllustration)
     if (slab := next((one for one in drawn if inspector.GetName(one) == FLOOR), None)) is None:
@@ -170,6 +170,6 @@ def floor_under(scene: ViewedStation, place: Vector) -> list[dict[str, Any]]:
 def draw_floor_lines(meshcat: Meshcat, scene: ViewedStation, *, size: float) -> None:
     """Draw lines on the floor of a scene, of a size [m], about the world's origin, by which a way can be told."""
     far = np.array([[-_SEEN, -_SEEN, 0.0], [_SEEN, _SEEN, 0.0]])
-    tilt = scene.station.ground.tilt @ RigidTransform([0.0, 0.0, _WIDTH / 2])
+    tilt = scene.station.ground.floor_pose @ RigidTransform([0.0, 0.0, _WIDTH / 2])
     lines = floor_lines(far, size=size)
     meshcat.SetLineSegments(LINES, tilt @ lines[:, 0].T, tilt @ lines[:, 1].T, 1.0, _COLOUR)

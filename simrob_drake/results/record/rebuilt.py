@@ -97,7 +97,25 @@ class RebuiltRun:
         return self._contacts_at if self._has_contacts else None
 
     def context(self) -> Context:
-        """A context of the diagram with the plant and its shapes."""
+        """A new context at the end of the run, of the diagram that was built again.
+
+        Raises:
+            SimrobError: the run was one in a diagram of the user's own, which cannot be built again.
+        """
+        if self._run.in_own_diagram:
+            raise SimrobError(
+                message(
+                    "results.context_lost_by_pickle",
+                    "{station}: a result that was pickled has no context of a diagram of your own; build the diagram "
+                    "again, and continue with "
+                    'simulate_diagram(diagram, ports, start=result.final_state, start_time="keep")',
+                    station=self._run.config.name,
+                )
+            )
+        return self._run.final_state.context_of(self._closed.diagram, self._closed.ports)
+
+    def context_of_plant(self) -> Context:
+        """A new default context of the diagram with the plant and its shapes."""
         return self._closed.diagram.CreateDefaultContext()
 
     def positions_at(self, times: Vector) -> Vector:

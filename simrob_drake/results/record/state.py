@@ -278,6 +278,18 @@ class State:
             plant.SetPositions(own, q)
             plant.SetVelocities(own, v)
 
+    def context_of(self, diagram: Diagram, ports: StationPorts) -> Context:
+        """Make a context of a diagram in this state, at its time.
+
+        Args:
+            diagram: a diagram that contains a station.
+            ports: ports of the station.
+        """
+        context = diagram.CreateDefaultContext()
+        self.put(diagram, ports, context)
+        context.SetTime(self.time)
+        return context
+
     def of_plant(self, station: StationPlant) -> tuple[Vector, Vector]:
         """Return positions (nq,) and velocities (nv,) of a station's plant; what is not known stays at its default.
 
