@@ -17,7 +17,7 @@ from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.lifetime import release
 from simrob_drake.base.messages import message
-from simrob_drake.blocks.block import joined, mapped
+from simrob_drake.blocks.block import add_matrix_gain, add_multiplexer
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations.plant import BuilderHook, ParserHook, PlantHooks, check_steps_plant
 from simrob_drake.stations.ports import StationPorts
@@ -160,7 +160,7 @@ def _export_robot(builder: DiagramBuilder, ports: StationPorts, robot: StationRo
 
     def export(name: str, rows: Vector, source: OutputPort) -> None:
         """Export a product of a matrix and a port of the station."""
-        port = mapped(builder, f"hardware.{name}", rows, source)
+        port = add_matrix_gain(builder, f"hardware.{name}", rows, source)
         if port is source:  # a port of the station may be exported under several names
             block = builder.AddNamedSystem(f"hardware.{name}", PassThrough(source.size()))
             builder.Connect(source, block.get_input_port())
@@ -173,7 +173,7 @@ def _export_robot(builder: DiagramBuilder, ports: StationPorts, robot: StationRo
     export(f"{robot.name}.velocity_estimated", arm_rows, outputs["velocity"])
     export(f"{robot.name}.torque_commanded", arm_rows, outputs["torque"])
     export(f"{robot.name}.torque_measured", arm_rows, outputs["torque"])
-    state = joined(builder, f"hardware.{robot.name}.state", outputs["position"], outputs["velocity"])
+    state = add_multiplexer(builder, f"hardware.{robot.name}.state", outputs["position"], outputs["velocity"])
     nothing = np.zeros_like(arm_rows)
     export(f"{robot.name}.state_estimated", np.block([[arm_rows, nothing], [nothing, arm_rows]]), state)
 
@@ -189,18 +189,18 @@ def _export_robot(builder: DiagramBuilder, ports: StationPorts, robot: StationRo
         both = np.ones((1, len(fingers)))
         # Each finger moves by half of the opening.
         spread = np.hstack([spread, finger_rows.T @ both.T / _FINGERS])
-        reference = joined(builder, f"hardware.{robot.name}.reference", reference, opening.get_output_port())
+        reference = add_multiplexer(builder, f"hardware.{robot.name}.reference", reference, opening.get_output_port())
         widths = both @ finger_rows
         no_width = np.zeros_like(widths)
         export(f"{gripper}.state_measured", np.block([[widths, no_width], [no_width, widths]]), state)
         # Positive where the fingers press what is between them.
         export(f"{gripper}.force_measured", -widths / _FINGERS, outputs["torque"])
     builder.Connect(
-        mapped(builder, f"hardware.{robot.name}.whole_reference", spread, reference),
+        add_matrix_gain(builder, f"hardware.{robot.name}.whole_reference", spread, reference),
         ports.inputs[f"{robot.prefix}reference"],
     )
     builder.Connect(
-        mapped(builder, f"hardware.{robot.name}.feedforward", arm_rows.T, torque.get_output_port()),
+        add_matrix_gain(builder, f"hardware.{robot.name}.feedforward", arm_rows.T, torque.get_output_port()),
         ports.inputs[f"{robot.prefix}feedforward"],
     )
 
