@@ -53,9 +53,17 @@ logging.getLogger("drake").addFilter(lambda record: not _NEEDLESS.search(record.
 
 _FLOOR_COLOUR = np.array([0.82, 0.84, 0.86, 1.0])
 _SOFT_COLOUR = np.array([0.62, 0.48, 0.36, 1.0])
-_SHADE = 0.2  # how much lighter the highest boxes of a terrain are, and darker the lowest
+
+_SHADE = 0.2
+"""The highest boxes of a terrain are lighter by this fraction, the lowest ones have the floor's colour."""
+
 _FLOOR_THICKNESS = 0.02
-_FLOOR_STIFFNESS = 1e9  # N/m: of two in a row the softer counts, which is that of what stands on the floor
+"""Thickness of the slab that is drawn [m]. Contact is with a half-space."""
+
+_FLOOR_STIFFNESS = 1e9
+"""Stiffness of the floor in point contact [N/m]. Two surfaces are springs in series: the softer one, that of the body
+on the floor, determines the contact."""
+
 _FLOOR_FRICTION = CoulombFriction(FRICTION["mu_static"], FRICTION["mu_dynamic"])
 
 
@@ -257,9 +265,14 @@ def complete_plant(models: StationModels) -> StationPlant:
 
 
 def _add_standing_pieces(plant: MultibodyPlant, station: ResolvedStation, collision: bool) -> dict[str, RigidBody]:
-    """Add the pieces that no robot carries; return the free ones among them."""
+    """Add the pieces that no robot carries.
+
+    Returns:
+        the bodies of the free pieces among them, by name.
+    """
     instances: dict[str, ModelInstanceIndex] = {}
     free: dict[str, RigidBody] = {}
+    # Each piece comes after its parent, so that the parent's frame exists.
     for name, piece in station.pieces.items():
         if piece.carrier == WORLD:
             robot = piece_robot(name, piece.model)
@@ -278,20 +291,36 @@ def _add_standing_pieces(plant: MultibodyPlant, station: ResolvedStation, collis
 
 
 def _add_floor(plant: MultibodyPlant, station: ResolvedStation, collision: bool) -> None:
-    config, tilt = station.config, station.ground.floor_pose
+    """Add the floor of a station, if it has one: a half-space, or the boxes of its terrain.
+
+    Args:
+        plant: the plant, which is not finalized.
+        station: the station.
+        collision: whether the floor takes part in contact.
+    """
+    config = station.config
+    floor_pose = station.ground.floor_pose
     if config.floor is None:
         return
-    if config.floor.terrain is None:  # else all of it is boxes: copying a half-space among many ends in Drake's crash
+    terrain = config.floor.terrain
+    if terrain is None:
         slab = Box(config.floor.size, config.floor.size, _FLOOR_THICKNESS)
         below = RigidTransform(np.array([0.0, 0.0, -_FLOOR_THICKNESS / 2]))
-        plant.RegisterVisualGeometry(plant.world_body(), tilt @ below, slab, FLOOR, _FLOOR_COLOUR)
+        plant.RegisterVisualGeometry(plant.world_body(), floor_pose @ below, slab, FLOOR, _FLOOR_COLOUR)
         if collision:
-            plant.RegisterCollisionGeometry(plant.world_body(), tilt, HalfSpace(), FLOOR, _floor_surface(config, None))
+            surface = _floor_surface(config, None)
+            plant.RegisterCollisionGeometry(plant.world_body(), floor_pose, HalfSpace(), FLOOR, surface)
         return
-    for number, block in enumerate(config.floor.terrain.blocks(config.floor.size)):
-        box, name, pose = Box(*(2 * block.half)), f"{FLOOR}.{number}", tilt @ block.pose
-        level = (block.pose.translation()[2] + block.half[2]) / config.floor.terrain.height
-        colour = _SOFT_COLOUR if block.modulus else _FLOOR_COLOUR * ([1 + _SHADE * level] * 3 + [1.0])
+    # With a terrain there is no half-space, though there may be level ground: Drake crashes when it copies a
+    # half-space among many boxes.
+    for number, block in enumerate(terrain.blocks(config.floor.size)):
+        name = f"{FLOOR}.{number}"
+        box = Box(*(2 * block.half))
+        pose = floor_pose @ block.pose
+        top = block.pose.translation()[2] + block.half[2]
+        relative_height = top / terrain.height
+        brightness = 1 + _SHADE * relative_height
+        colour = _SOFT_COLOUR if block.modulus else _FLOOR_COLOUR * ([brightness] * 3 + [1.0])
         plant.RegisterVisualGeometry(plant.world_body(), pose, box, name, np.clip(colour, 0.0, 1.0))
         if collision:
             surface = _floor_surface(config, block.modulus)
@@ -299,7 +328,12 @@ def _add_floor(plant: MultibodyPlant, station: ResolvedStation, collision: bool)
 
 
 def _floor_surface(config: StationConfig, modulus: float | None) -> ProximityProperties:
-    """Return what a floor is made of: rigid, or soft where it has a hydroelastic modulus [Pa]."""
+    """Create the contact properties of a floor.
+
+    Args:
+        config: the station.
+        modulus: hydroelastic modulus of a soft floor [Pa], or None for a rigid floor.
+    """
     surface = ProximityProperties()
     if config.contact is not None and config.contact.model != "point":
         if modulus is None:
@@ -312,9 +346,9 @@ def _floor_surface(config: StationConfig, modulus: float | None) -> ProximityPro
 
 
 def _filter_collisions(station: StationPlant, contact: ContactConfig | None) -> None:
-    """Let the links and pieces of one robot pass through each other; with self-collision, its feet alone.
+    """Exclude contact among the links and carried pieces of each robot or, with self-collision, among its feet.
 
-    Contact spheres may reach further than the feet that they stand for, even over the other foot.
+    Feet are excluded because their contact spheres may reach beyond the foot, even into the other foot.
     """
     if contact is None:
         return
@@ -330,7 +364,18 @@ def _filter_collisions(station: StationPlant, contact: ContactConfig | None) -> 
 def add_robot(
     plant: MultibodyPlant, station: ResolvedStation, robot: ResolvedRobot, *, collision: bool
 ) -> StationRobot:
-    """Add a robot and what it carries to an unfinished plant; raises InvalidModel: one not for the station's mode."""
+    """Add a robot and the pieces that it carries to a plant that is not finalized.
+
+    Args:
+        plant: the plant.
+        station: the station.
+        robot: the robot.
+        collision: whether its shapes take part in contact.
+
+    Raises:
+        InvalidModel: links that move have no inertia, though the station is dynamic.
+        InvalidParameter: an axis has backlash, but its motor has no rotor inertia.
+    """
     model = robot.model
     if station.engine.moves_by_forces and model.links_without_inertia:
         listed = ", ".join(model.links_without_inertia)
@@ -391,7 +436,7 @@ def add_robot(
 
 
 def urdf_with_pieces(station: ResolvedStation, robot: ResolvedRobot) -> Element:
-    """Return a robot's URDF with the feet that it wears and the pieces that it carries, mesh names absolute."""
+    """URDF of a robot with its contact feet and the pieces that it carries. Its mesh names are absolute."""
     element = with_absolute_meshes(robot.model.element, robot.model.folder)
     if robot.feet is not None:
         put_on_feet(element, robot.feet)

@@ -107,7 +107,10 @@ def draw_plant(ports: StationPorts) -> None:
 
 
 def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) -> None:
-    """Draw servos as they are made: a row for each joint, or one for all; of many the middle ones share a block."""
+    """Draw servos that are made of blocks: a row for each joint, or one row for all joints.
+
+    Of many joints, only the first and the last have a row. Those between share a single block.
+    """
     axes, prefix = robot.axes, robot.prefix
     if ports.config.engine.limits_torques_in_actuators:  # one block shows the limits of all
         _draw_saturation(ports, f"{prefix}torque", list(range(len(axes))), robot)
@@ -138,7 +141,7 @@ def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) ->
 
 
 def draw_actuator_servos(ports: StationPorts, robot: StationRobot) -> None:
-    """Draw servos inside the plant's actuators: a block of their own beside the plant."""
+    """Draw the servos in the plant's actuators as a separate block next to the plant."""
     driven = _axes_with_motor(robot, list(range(len(robot.axes))))
     label = compound(
         "{joints}{passive}",
@@ -210,7 +213,7 @@ def _passive_text(robot: StationRobot) -> str:
 
 
 def _draw_servo(ports: StationPorts, robot: StationRobot, row: str, group: list[int], who: str) -> None:
-    """Draw the servo of a group of joints. Passive joints have none: a block says that they have no motor."""
+    """Draw the servo of a group of joints. Passive joints have no servo: their block is labelled "no motor"."""
     gains = robot.gains
     name = f"{robot.prefix}{row}"
     driven = _axes_with_motor(robot, group)
