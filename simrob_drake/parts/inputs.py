@@ -1,5 +1,6 @@
 """The input ports of a station by name, with errors that name the remedy."""
 
+from collections.abc import Iterable
 from typing import NoReturn
 
 from pydrake.systems.framework import InputPort
@@ -18,6 +19,15 @@ class InputPorts(dict[str, InputPort]):
     ``<robot>.``.
     """
 
+    def __init__(self, prefixes: Iterable[str] = ()) -> None:
+        """Create the mapping, without inputs.
+
+        Args:
+            prefixes: prefixes of the names of the dynamic robots, which may have the inputs `LISTABLE`.
+        """
+        super().__init__()
+        self._listable = {f"{prefix}{key}": key for prefix in prefixes for key in LISTABLE}
+
     def __missing__(self, name: object) -> NoReturn:
         """Raise the error of a name that is not in the mapping.
 
@@ -25,11 +35,7 @@ class InputPorts(dict[str, InputPort]):
             UnknownKey: always. It is a KeyError, too.
         """
         what = message("parts.input", "input")
-        # The inputs that this station could have: those of each robot of a dynamic station, with its prefix.
-        references = [key for key in self if key.rpartition(".")[2] == "reference"]
-        is_kinematic = any(key.rpartition(".")[2] == "reference_acceleration" for key in self)
-        prefixes = [] if is_kinematic else [key.removesuffix("reference") for key in references]
-        listable = {f"{prefix}{key}": key for prefix in prefixes for key in LISTABLE}
+        listable = {full_name: key for full_name, key in self._listable.items() if full_name not in self}
         close = nearest_name(name, [*self, *listable])
         if close not in listable:
             raise UnknownKey(what, name, self)

@@ -24,7 +24,7 @@ from simrob_drake.base.progress import note, progress_bar
 from simrob_drake.blocks.references import Reference, ReferenceSignal, Samples
 from simrob_drake.parts.forces import Push
 from simrob_drake.results.record.history import Recorder, StateHistory
-from simrob_drake.results.record.run import FAILED, INTERRUPTED
+from simrob_drake.results.record.run import FAILED, INTERRUPTED, stop_message
 from simrob_drake.results.record.signals import Sampler, Stop, Watch, cut_at_stop, sample_signals
 from simrob_drake.results.record.state import MotionOrigin, State, Trace
 from simrob_drake.results.result import SimulationResult
@@ -174,10 +174,7 @@ class Run:
         self.forget()
         end = sampler.history.end
         if outcome.ending == "monitor":
-            outcome = replace(
-                outcome,
-                message=message("simulation.ending_at", "{ending}, at {end:.4g} s", ending=outcome.message, end=end),
-            )
+            outcome = replace(outcome, message=stop_message(outcome.message, end))
         config = self.config
         if outcome.ending == "completed" and end < self.end:
             # The callback of a tick has ended the run: that is its duration now.
@@ -284,7 +281,13 @@ class Run:
         if stepped is None:
             return sampler.final_context
         sampler.history.last().put(0, stepped)
-        return stepped.Clone().Clone  # the caller may advance the stepped context further
+        at_end: Context = stepped.Clone()  # the caller may advance the stepped context further
+
+        def copied_context() -> Context:
+            """Copy the context at the end of the run."""
+            return at_end.Clone()
+
+        return copied_context
 
     def _cut_history(self, history: StateHistory, watch: Watch, stop: Stop) -> StateHistory:
         """Shorten the history of a run: it ends when the condition of its monitor has been met for the time ``hold``.

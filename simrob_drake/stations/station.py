@@ -24,6 +24,7 @@ from simrob_drake.parts.controllers import flows_of, loops_of, own_blocks
 from simrob_drake.parts.controllers.loop import add_loops
 from simrob_drake.parts.controllers.own import add_own_blocks, wire_own_blocks, with_driven
 from simrob_drake.parts.forces import add_force
+from simrob_drake.parts.inputs import InputPorts
 from simrob_drake.parts.monitors.monitor import add_monitor
 from simrob_drake.parts.outputs import OutputRegistry
 from simrob_drake.parts.station_plant import StationPlant
@@ -390,7 +391,15 @@ def compose(
         state = plant.stepped.get_state_output_port()
         driven = sources or {}
         outputs = OutputRegistry(state, plant.plant, lean=lean)
-        ports = StationPorts(station=station, plant=plant, state=state, outputs=outputs, config=config, sources=driven)
+        ports = StationPorts(
+            station=station,
+            plant=plant,
+            state=state,
+            outputs=outputs,
+            inputs=InputPorts(robot.prefix for robot in plant.robots.values()),
+            config=config,
+            sources=driven,
+        )
         add_dynamic_robots(builder, ports)
     draw_plant(ports)
     add_poses(builder, ports)

@@ -243,6 +243,27 @@ def test_a_lag_in_a_program_is_answered_with_time():
     assert texts == {"the servos lag behind: give the motion more time, or raise kp and kd"}
 
 
+AWAY = {"reference": {"kind": "hold", "target_deg": 0}, "robot.initial_deg": {"joint_5": 90}, "duration": 1}
+"""An arm that begins away from its reference: joint 5 jumps by 90 deg."""
+
+
+def test_a_start_away_from_the_reference_is_answered_with_the_start():
+    away = run("irb120_dynamic", AWAY)
+    error = remark_about(away, "joint_5 was 90 deg off what was asked at 0.00 s")
+    assert "joint_5 begins at 90 deg, its reference at 0 deg" in error.remedy.text
+    for remark in away.remarks[1:]:
+        assert remark.remedy is None or "more time" not in remark.remedy.text
+    assert run("irb120_dynamic", with_remedy(AWAY, error)).warnings == []
+
+
+def test_a_run_that_began_in_a_state_has_no_key_for_its_start():
+    first = run("irb120_dynamic", AWAY, duration=0.002)
+    again = simulate("irb120_dynamic", start=first.final_state, reference=(np.array([0.0, 1.0]), np.zeros((2, 6))))
+    error = remark_about(again, "joint_5 was")
+    assert "begin the reference where the robot begins" in error.remedy.text
+    assert error.remedy.settings == []
+
+
 def test_contact_as_a_remedy_copes_with_an_arm_that_hits_the_floor_at_full_speed():
     """Under radau3 with contact this motion would take hours: its steps become 2 µs long."""
     sinks = remark_about(run("irb120_dynamic", INTO_THE_FLOOR), "below the floor")

@@ -42,6 +42,19 @@ def test_too_fast_a_reference_is_foretold():
     assert told["joint_1"] == "joint_1 is asked for 300 deg/s, its limit is 250 deg/s; give it more time"
 
 
+def test_a_reference_that_begins_away_from_the_robot_is_foretold():
+    away = {"reference": {"kind": "hold", "target_deg": 0}, "robot.initial_deg": {"joint_5": 90, "joint_1": -20}}
+    (jump,) = [finding for finding in findings(away) if "start of" in finding.subject]
+    assert jump.level == "warning"
+    assert jump.text.startswith("joint_5 begins at 90 deg, its reference at 0 deg, and 1 other axis jumps too;")
+    assert "set robot.initial_deg, or begin the reference where the robot begins" in jump.text
+
+
+def test_a_reference_that_begins_where_the_robot_does_is_in_order():
+    near = {"reference": {"kind": "hold", "target_deg": 0}, "robot.initial_deg": {"joint_5": 0.5}}
+    assert not [finding for finding in findings(near) if "start of" in finding.subject]
+
+
 def test_too_heavy_a_load_is_foretold():
     finding = text_of(findings({"pieces.load.mass": 60}), "torque of joint_2")
     assert finding.level == "warning"

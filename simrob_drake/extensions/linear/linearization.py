@@ -1,7 +1,7 @@
 """From a station to its linear model about a rest."""
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -30,6 +30,9 @@ from simrob_drake.stations.station import Station, StationLike, config_of, gathe
 Posture = npt.ArrayLike | Mapping[str, npt.ArrayLike]
 """Positions (n,) [rad or m] of the only robot, or of several by name."""
 
+LinearizedStation: TypeAlias = "StationLike | StationPorts"
+"""A station, or the ports of one in a diagram of the user's own."""
+
 _OUTPUTS = {"position": "q", "velocity": "v", "torque": "tau"}
 _TOOL = ("x", "y", "z", "rx", "ry", "rz")
 _SHIFT_DEG = 1.0
@@ -46,7 +49,7 @@ class NoRest(SimrobError):
 
 
 def linearize(
-    station: StationLike | StationPorts, at: Posture | None = None, *, overrides: Mapping[str, Any] | None = None
+    station: LinearizedStation, at: Posture | None = None, *, overrides: Mapping[str, Any] | None = None
 ) -> LinearModel:
     """Return how a station moves near a rest, by Drake's first-order Taylor expansion of its equations.
 
@@ -95,7 +98,7 @@ def linearize(
     return rest.model(tuple(notes))
 
 
-def _config_of(station: StationLike | StationPorts, overrides: Mapping[str, Any] | None) -> StationConfig:
+def _config_of(station: LinearizedStation, overrides: Mapping[str, Any] | None) -> StationConfig:
     """Find the configuration of what a user means by a station, which may be the ports of one in a diagram.
 
     Args:

@@ -105,6 +105,11 @@ def test_it_is_the_same_model_however_the_station_is_solved(arm: LinearModel, ch
     assert ("steps of 0.001 s" in notes) == ("contact:" in notes) == ("contact" in changes)
 
 
+def test_the_note_on_controllers_says_what_the_input_of_the_model_is() -> None:
+    (note,) = [note for note in linearize("irb120_force_control").notes if note.startswith("controllers")]
+    assert note == "controllers: they are not part of the model, whose input is the reference that they would drive"
+
+
 @pytest.mark.long
 def test_it_is_what_runs_do_that_differ_a_little(arm: LinearModel) -> None:
     """Where runs are after 50 ms, by central differences of start and reference, to 1e-5 of the largest.
