@@ -25,6 +25,8 @@ from .simulation import Runner as Runner
 from .simulation import simulate as simulate
 from .simulation import simulate_diagram as simulate_diagram
 from .stations.config import StationConfig as StationConfig
+from .stations.hardware_view import HardwareStation as HardwareStation
+from .stations.hardware_view import build_hardware_station as build_hardware_station
 from .stations.load import load_station as load_station
 from .stations.load import station_names as station_names
 from .stations.ports import StationPorts as StationPorts

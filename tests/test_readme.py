@@ -93,10 +93,10 @@ SHOWN = {
     "FindLog(context)": r" 31 .* 0\.3 s\n.*-2\.92",
     '"controllers.height.target": 0.38': r"0\.3(79\d|80\d) m",
     "class KeepHeight(SampledBlock)": r" -?0\.(0\d|1\d) mm",
-    "ServoGains(np.full": r"off by 0\.00[01]\d* rad",
+    'motor={"joint_2": motor}': r"off by 0\.00[01]\d* rad",
     "MomentumObserver(plant=": r"\[ ?-?0\. +-?0\. +2\. ",
-    "ContactReader()": r"up to 14\d N, at rest 9\.[78]\d N",
-    "Monitor(too_far, hold=0.2)": r"kReachedTerminationCondition at 0\.[67]\d s: the pendulum is at 1\.",
+    "add_contact_sensor(": r"up to 14\d N, at rest 9\.[78]\d N and 9\.8\d m/s",
+    "add_monitor(": r"kReachedTerminationCondition at 0\.[67]\d s: the pendulum is at 1\.",
     "plan = walk(": r"it went \[-?0\.0\d +0\.[56]\d? ",
     "class Nod(LeafSystem)": r"(nods by|se mueve) (29\.9|30).* rad\n",
 }

@@ -17,6 +17,10 @@ GROUPS = {
                  "StationPorts", "apply_solver"],
     "Runs": ["simulate", "simulate_diagram", "Runner", "RunBranch", "SimulationResult", "State"],
     "Programs": ["Arm", "Workcell", "LeggedRobot", "Program"],
+    "A plant of your own": [
+        "add_world", "place_station", "PlacedStation", "add_joint_servos", "JointServos", "Motor", "add_monitor",
+        "add_joint_limit_monitor", "add_contact_sensor", "add_imu", "build_hardware_station", "HardwareStation",
+    ],
     "Models": ["Dynamics", "LinearModel", "linearize"],
     "Frames and errors": ["as_transform", "three_point_frame", "SimrobError"],
     "Extensions": ["Extension"],

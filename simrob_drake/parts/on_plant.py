@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import FrameIndex, Joint, JointActuatorIndex, ModelInstanceIndex, RigidBody
+from pydrake.multibody.tree import BodyIndex, FrameIndex, Joint, JointActuatorIndex, ModelInstanceIndex, RigidBody
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import PassThrough
 
@@ -422,9 +422,10 @@ def _without_actuator(plant: MultibodyPlant, joints: Sequence[Joint]) -> Flags:
 
 
 def _effort_limits(plant: MultibodyPlant, joints: Sequence[Joint]) -> Vector:
-    """Effort limit of each joint's first actuator, shape (n,) [N·m]; 0 of a joint without one."""
+    """Effort limit of each joint's first actuator, shape (n,) [N·m]. It is 0 if a joint has no actuator."""
     limits = np.zeros(len(joints))
     places = {int(joint.index()): place for place, joint in enumerate(joints)}
+    # From the last to the first: a joint's first actuator is its motor, and further ones may be its friction.
     for index in reversed(range(plant.num_actuators())):
         actuator = plant.get_joint_actuator(JointActuatorIndex(index))
         place = places.get(int(actuator.joint().index()))
@@ -458,11 +459,11 @@ def _values(
                 raise InvalidParameter(f"{key}[{name!r}]", own, expected)
             values[place] = own
     else:
-        given = numbers(value)
-        if given.shape not in ((), (len(names),)):
+        entries = numbers(value)
+        if entries.shape not in ((), (len(names),)):
             expected = message("parts.values_of_joints", "one number, or {count}, one for each joint", count=len(names))
             raise InvalidParameter(key, quoted(value), expected)
-        values = np.array(np.broadcast_to(given, len(names)))
+        values = np.array(np.broadcast_to(entries, len(names)))
     if not np.isfinite(values[~passive]).all() and key != "torque_limit":
         raise InvalidParameter(key, quoted(value), message("parts.finite_numbers", "finite numbers"))
     return np.where(passive, 0.0, values)
@@ -504,7 +505,7 @@ def _gains(
 
 
 def _motors(choice: MotorChoice, names: Sequence[str], passive: Flags) -> list[Motor | None]:
-    """Find the motor of each joint, with torques behind its gear; None for passive joints and those without one.
+    """Find the motor of each joint, with the torques behind its gear. Joints without a motor get None.
 
     Raises:
         UnknownName: there is no such motor or joint.
@@ -527,6 +528,7 @@ def _motors(choice: MotorChoice, names: Sequence[str], passive: Flags) -> list[M
 
 def _line(motors: Sequence[Motor | None]) -> MotorLine:
     """Describe how the torques of n motors fall with their speeds; joints without a motor have no such line."""
+    # A joint whose motor is not described is limited by its torque limit alone.
     stall = np.full(len(motors), np.inf)
     slope = np.zeros(len(motors))
     for place, motor in enumerate(motors):
@@ -562,31 +564,37 @@ def _check_damping(plant: MultibodyPlant, joints: Sequence[Joint], gains: ServoG
 
 
 def _body_of(plant: MultibodyPlant, name: str, model_instance: ModelInstanceIndex | None) -> RigidBody:
-    """Find a body by its name; raises UnknownName: there is none of it, InvalidParameter: there are several."""
-    bodies = [plant.get_body(index) for index in plant.GetBodyIndices(plant.world_body().model_instance())]
-    for place in range(plant.num_model_instances()):
-        owner = ModelInstanceIndex(place)
-        if owner != plant.world_body().model_instance():
-            bodies += [plant.get_body(index) for index in plant.GetBodyIndices(owner)]
+    """Find a body by its name.
+
+    Args:
+        plant: the plant.
+        name: name of the body.
+        model_instance: model instance of the body; if it is None, any body of this name is meant.
+
+    Raises:
+        UnknownName: there is no such body.
+        InvalidParameter: there are several bodies of this name.
+    """
+    bodies = [plant.get_body(BodyIndex(place)) for place in range(plant.num_bodies())]
     if model_instance is not None:
         bodies = [body for body in bodies if body.model_instance() == model_instance]
-    one_of(message("parts.body", "body"), name, [body.name() for body in bodies])
-    found = [body for body in bodies if body.name() == name]
-    if len(found) > 1:
+    names = [body.name() for body in bodies]
+    one_of(message("parts.body", "body"), name, names)
+    if names.count(name) > 1:
         raise InvalidParameter("body", quoted(name), _unique())
-    return found[0]
+    return bodies[names.index(name)]
 
 
 def _frame_index(plant: MultibodyPlant, name: str, model_instance: ModelInstanceIndex | None) -> FrameIndex:
-    """Find a frame by its name; raises UnknownName: there is none of it, InvalidParameter: there are several."""
+    """Find a frame by its name; arguments and errors are those of :func:`_body_of`, for frames."""
     frames = [plant.get_frame(FrameIndex(place)) for place in range(plant.num_frames())]
     if model_instance is not None:
         frames = [frame for frame in frames if frame.model_instance() == model_instance]
-    one_of(message("parts.frame", "frame"), name, [frame.name() for frame in frames])
-    found = [frame for frame in frames if frame.name() == name]
-    if len(found) > 1:
+    names = [frame.name() for frame in frames]
+    one_of(message("parts.frame", "frame"), name, names)
+    if names.count(name) > 1:
         raise InvalidParameter("frame", quoted(name), _unique())
-    return found[0].index()
+    return frames[names.index(name)].index()
 
 
 def _unique() -> str:

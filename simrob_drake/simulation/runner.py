@@ -1,8 +1,8 @@
 """Run a station: reference in, result out, however the run ends."""
 
 import warnings
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any, Literal, Self, get_args
@@ -173,6 +173,7 @@ class Runner:
         is_same = inputs == self.config.inputs
         self._station = resolve(self.config if is_same else self.config.model_copy(update={"inputs": inputs}))
         self._diagrams: dict[Any, StationDiagrams] = {}
+        self._is_running = False
 
     def __repr__(self) -> str:
         return f"<Runner of {self.config!r}>"
@@ -189,6 +190,26 @@ class Runner:
         own = config.model_copy(update={"inputs": self._station.config.inputs})
         other._station = replace(self._station, config=own)
         return other
+
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Refuse a second run while one is under way: both would use the same diagrams.
+
+        Raises:
+            SimrobError: a run is under way, in another thread or in a callback of this one.
+        """
+        if self._is_running:
+            raise SimrobError(
+                message(
+                    "simulation.one_run_at_a_time",
+                    "a Runner serves one run at a time; make a Runner for each thread",
+                )
+            )
+        self._is_running = True
+        try:
+            yield
+        finally:
+            self._is_running = False
 
     @drake_asserts()
     def run(
@@ -340,7 +361,12 @@ class Runner:
         return None
 
     def _run(self, plan: "RunPlan", callbacks: "Callbacks") -> SimulationResult:
-        """Run a plan once."""
+        """Run a plan once; raises SimrobError: another run is under way."""
+        with self._alone():
+            return self._run_alone(plan, callbacks)
+
+    def _run_alone(self, plan: "RunPlan", callbacks: "Callbacks") -> SimulationResult:
+        """Run a plan once, while no other run uses the diagrams."""
         config = plan.config
         restart = plan.restart
         # The run itself is the first one of its motion, unless it repeats an earlier run from its origin.

@@ -37,7 +37,7 @@ _APPROXIMATIONS = {"sap": "kSap", "lagged": "kLagged", "similar": "kSimilar"}
 
 @dataclass
 class SharedPlant:
-    """The stations that stand in a plant of the user's own.
+    """Record of the stations in a plant that the user makes.
 
     Attributes:
         stations: the stations by their names in the plant; the name may be empty.

@@ -1,5 +1,7 @@
 """Compose a station: plant, servos, poses, sensors, forces, controllers, monitors."""
 
+from __future__ import annotations
+
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
@@ -44,9 +46,6 @@ from simrob_drake.stations.ports import StationPorts, draw_plant
 from simrob_drake.stations.poses import add_free_pieces, add_poses
 from simrob_drake.stations.resolve import ResolvedStation, resolve
 from simrob_drake.stations.shared_plant import check_builder, check_plant, scene_graph_in, shared_plant
-
-StationLike: TypeAlias = "str | Path | StationConfig | Station"
-"""What users mean a station by: a name, a YAML file, a configuration, or a built station."""
 
 
 def config_of(station: StationLike, overrides: Mapping[str, Any] | None = None) -> StationConfig:
@@ -144,7 +143,7 @@ def place_station(
     scene_graph: SceneGraph,
     name: str = "",
     overrides: Mapping[str, Any] | None = None,
-) -> "PlacedStation":
+) -> PlacedStation:
     """Put a station's robots, pieces and floor into a plant of your own, so that several stations share one world.
 
     Add everything that shall stand in the world, call ``plant.Finalize()``, and then :meth:`PlacedStation.wire` of each
@@ -179,7 +178,7 @@ def place_station(
 
 
 class PlacedStation:
-    """A station whose robots and pieces stand in a plant of the user's own; :func:`place_station` makes it.
+    """A station whose robots and pieces are in a plant that the user makes; :func:`place_station` returns it.
 
     Attributes:
         name: name of the station in the plant and in the diagram; it may be empty.
@@ -445,7 +444,7 @@ def gather_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
         )
         ports.picture.draw_nothing("external_forces")
         port = ports.plant.stepped.get_applied_spatial_force_input_port()
-        before = _disconnected(builder, port)
+        before = _disconnect(builder, port)
         if before is not None:
             both = ExternallyAppliedSpatialForceMultiplexer(2)
             forces = add_and_connect(builder, "all_external_forces", both, before, forces)
@@ -455,14 +454,14 @@ def gather_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
         joints = add_sum(builder, "joint_forces", *ports.generalized_forces)
         ports.picture.draw_nothing("joint_forces")
         port = ports.plant.stepped.get_applied_generalized_force_input_port()
-        before = _disconnected(builder, port)
+        before = _disconnect(builder, port)
         if before is not None:
             joints = add_sum(builder, "all_joint_forces", before, joints)
             ports.picture.draw_nothing("all_joint_forces")
         builder.Connect(joints, port)
 
 
-def _disconnected(builder: DiagramBuilder, port: InputPort) -> OutputPort | None:
+def _disconnect(builder: DiagramBuilder, port: InputPort) -> OutputPort | None:
     """Disconnect an input of a plant that others may feed already, such as another station in the plant.
 
     Args:
@@ -530,6 +529,10 @@ class Station(Diagram):
     def __repr__(self) -> str:
         """Describe the station in one line."""
         return f"<Station of {self.config!r}>"
+
+
+StationLike: TypeAlias = str | Path | StationConfig | Station
+"""Ways in which users name a station: its name, its YAML file, its configuration, or a built station."""
 
 
 @former_argument("config", "station")
