@@ -12,8 +12,9 @@ Far from the upright posture, the motors accelerate the driven axes by
 An acceleration of the driven axes changes the energy of the passive axis by :math:`-\dot q_p M_{pa} \ddot q_a`, so
 the first term makes its error fade; the others keep the driven axes near their posture. E is the energy of the whole
 robot, as for Spong's acrobot, or that of the passive axis as seen from the driven ones,
-:math:`\tfrac12 M_{pp} \dot q_p^2 + U`, as the textbook has it for a pole on a cart. The torques that give this acceleration follow from the
-equations of motion, solved for the passive axis first (collocated partial feedback linearisation):
+:math:`\tfrac12 M_{pp} \dot q_p^2 + U`, as the textbook has it for a pole on a cart. The torques that give this
+acceleration follow from the equations of motion, solved for the passive axis first (collocated partial feedback
+linearisation):
 
 .. math:: u = (M_{aa} - M_{ap} M_{pp}^{-1} M_{pa})\,\ddot q_a + h_a - M_{ap} M_{pp}^{-1} h_p .
 
