@@ -378,7 +378,7 @@ def _below_floor(run: RecordedRun) -> Measured | None:
     for signal in signals.values():
         position = np.column_stack([run[f"{signal}.{axis}"] for axis in "xyz"])
         height = position[:, 2]
-        is_level = ground.plain  # the ground is the plane z = 0
+        is_level = ground.is_level_plane  # the ground is the plane z = 0
         depths.append(-height if is_level else ground.beneath(position) - height)
     worst = largest(np.column_stack(depths), run.times)
     return Measured(list(signals), worst.values, worst.times)
