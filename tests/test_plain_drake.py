@@ -343,7 +343,7 @@ def swing_positions(plant: MultibodyPlant, builder: DiagramBuilder, block: LeafS
 
 
 def test_cart_pole() -> None:
-    """From hanging to balanced, with the closed form of the cart and its pole in the controller."""
+    """The pole swings up and is balanced, by a controller with the closed form of the cart and its pole."""
     result = run("cart_pole", {"solver": SAP, "duration": 3.0})
     assert result["swing_up.balancing"][-1] == 1.0
 
