@@ -17,13 +17,13 @@ from simrob_drake.base.drake_versions import (
     OLDEST,
     SEARCH_FOR_DERIVATIVES,
     TENDONS,
-    Difference,
+    DrakeChange,
 )
 from simrob_drake.blocks.block import Block
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-DIFFERENCES = {name: value for name, value in vars(drake_versions).items() if isinstance(value, Difference)}
+DIFFERENCES = {name: value for name, value in vars(drake_versions).items() if isinstance(value, DrakeChange)}
 
 
 @pytest.mark.parametrize("name", DIFFERENCES)

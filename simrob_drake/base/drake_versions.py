@@ -15,7 +15,7 @@ INSTALLED = tuple(int(number) for number in version("drake").split(".")[:2])
 """Version of Drake that is installed, major and minor number."""
 
 
-class Difference(NamedTuple):
+class DrakeChange(NamedTuple):
     """Something that newer versions of Drake do, and older ones do not.
 
     Attributes:
@@ -32,8 +32,8 @@ class Difference(NamedTuple):
         return self.since <= INSTALLED
 
 
-TENDONS = Difference((1, 56), "constraints on the sum of more than two joints, AddTendonConstraint")
-SEARCH_FOR_DERIVATIVES = Difference(
+TENDONS = DrakeChange((1, 56), "constraints on the sum of more than two joints, AddTendonConstraint")
+SEARCH_FOR_DERIVATIVES = DrakeChange(
     (1, 56), "it looks for DoCalcTimeDerivatives in a block's Python class, and finding none costs a C++ exception"
 )
 
