@@ -24,6 +24,7 @@ test: $(TOOLS)  ## run all tests, or those of TESTS=...
 
 test-long: $(TOOLS)  ## run those tests that take long or repeat themselves
 	$(PYTEST) --timeout 1200 -m long $(TESTS)
+	@[ -n "$(TESTS)" ] || VENV=$(VENV) .ci/oldest_drake  # the newest is the installed one
 
 lint: $(TOOLS)
 	$(BIN)/ruff check .

@@ -55,8 +55,6 @@ NOTES = {
 }
 """What a picture does not say."""
 CLIPS = (
-    "acrobot",
-    "cart_pole",
     "irb120_chess",
     "two_arms",
     "belt_pick",

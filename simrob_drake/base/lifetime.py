@@ -3,23 +3,24 @@
 Drake's diagrams hold their Python blocks in C++, where Python's garbage collector does not see it. What a block holds
 in turn can therefore keep its diagram for ever, in three ways, and each has its remedy here or in the block:
 
-* Drake 1.51, on Python 3.11, lets each block hold its builder, which holds the diagram: :func:`release`.
+* Drake for Python 3.11 lets each block hold its builder, which holds the diagram: :func:`release`.
 * A callback of an output port is held in C++, and with it its block: :func:`weakly`.
 * A block that keeps its plant, or one of its frames, bodies and joints, keeps the plant's diagram: blocks keep indices,
   and the plant by ``weakref.proxy``. The diagram keeps the plant; one that is in no diagram is its owner's to keep.
 
-Drake 1.51 also hides from the collector what an object of a Python class derived from one of its own holds: a block
-must be emptied to go, and a diagram of such a class, as a station in a box is, stays.
+Drake for Python 3.11 also hides from the collector what an object of a Python class derived from one of its own holds:
+a block must be emptied to go, and a diagram of such a class, as a station in a box is, stays.
 """
 
 import gc
-import sys
 import weakref
 from collections.abc import Callable, Iterable
 from time import monotonic
 from typing import Any, ParamSpec, TypeVar
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort, System
+
+from simrob_drake.base.drake_versions import KEEPS_PYTHON_BLOCKS
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -39,7 +40,7 @@ def release(builder: DiagramBuilder, diagram: Diagram) -> None:
     of its plants or other C++ blocks; a Python block alone no longer keeps it.
     """
     _COLLECTOR.watch(diagram)
-    if sys.version_info >= (3, 12):  # there Drake is 1.58 or newer, and does it by itself
+    if not KEEPS_PYTHON_BLOCKS:
         return
     blocks = [block for block in diagram.GetSystems() if not type(block).__module__.startswith("pydrake.")]
     for block in blocks:
@@ -49,7 +50,7 @@ def release(builder: DiagramBuilder, diagram: Diagram) -> None:
 
 def release_with(owner: object, block: System) -> None:
     """Let a Python block that stands in no diagram go with its owner, such as the plant that it looks at."""
-    if sys.version_info < (3, 12):
+    if KEEPS_PYTHON_BLOCKS:
         weakref.finalize(owner, _empty, [block]).atexit = False
 
 

@@ -1,12 +1,12 @@
 """Base class of blocks that are written in Python, and functions that wire small Drake blocks into a diagram."""
 
-import sys
 from typing import TYPE_CHECKING
 
 import numpy as np
 from pydrake.systems.framework import Context, ContinuousState, DiagramBuilder, LeafSystem, OutputPort, System
 from pydrake.systems.primitives import Adder, MatrixGain, Multiplexer
 
+from simrob_drake.base.drake_versions import SEARCH_FOR_DERIVATIVES
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.renaming import former_names_of
 
@@ -14,16 +14,16 @@ from simrob_drake.base.renaming import former_names_of
 class Block(LeafSystem):
     """Base class of blocks in Python without continuous state: it spares a continuous solver time.
 
-    A solver asks every block for its time derivatives at each evaluation. Drake 1.58 first looks for the method in the
-    block's Python class. A missing method costs a C++ exception, 3.4 µs; a method that is there costs 0.5 µs. In
-    Drake 1.51 a missing method costs 0.2 µs.
+    A solver asks every block for its time derivatives at each evaluation. Since version 1.56, Drake first looks for the
+    method in the block's Python class. A missing method costs a C++ exception, 3.4 µs; a method that is there costs
+    0.5 µs. In Drake 1.51 a missing method costs 0.2 µs.
     """
 
     def _no_derivatives(self, context: Context, derivatives: ContinuousState) -> None:
         """Do nothing: the block has no continuous state, and so no derivatives."""
         assert derivatives.size() == 0, f"{type(self).__name__} has continuous state, but no method for its derivatives"
 
-    if sys.version_info >= (3, 12):  # with these versions of Python, Drake is 1.58 or newer
+    if SEARCH_FOR_DERIVATIVES.is_there:
         DoCalcTimeDerivatives = _no_derivatives
 
 

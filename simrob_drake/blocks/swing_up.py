@@ -12,8 +12,9 @@ Far from the upright posture, the motors accelerate the driven axes by
 An acceleration of the driven axes changes the energy of the passive axis by :math:`-\dot q_p M_{pa} \ddot q_a`, so
 the first term makes its error fade; the others keep the driven axes near their posture. E is the energy of the whole
 robot, as for Spong's acrobot, or that of the passive axis as seen from the driven ones,
-:math:`\tfrac12 M_{pp} \dot q_p^2 + U`, as the textbook has it for a pole on a cart. The torques that give this acceleration follow from the
-equations of motion, solved for the passive axis first (collocated partial feedback linearisation):
+:math:`\tfrac12 M_{pp} \dot q_p^2 + U`, as the textbook has it for a pole on a cart. The torques that give this
+acceleration follow from the equations of motion, solved for the passive axis first (collocated partial feedback
+linearisation):
 
 .. math:: u = (M_{aa} - M_{ap} M_{pp}^{-1} M_{pa})\,\ddot q_a + h_a - M_{ap} M_{pp}^{-1} h_p .
 
@@ -119,7 +120,9 @@ class AxisDynamics:
         self._set_state(positions, velocities)
         places = self._axes.velocity_places
         signs = self._axes.signs
-        mass = self._plant.CalcMassMatrix(self._context)[np.ix_(places, places)] * np.outer(signs, signs)
+        plant_mass = self._plant.CalcMassMatrix(self._context)
+        mass = plant_mass[np.ix_(places, places)] * np.outer(signs, signs)
+
         # Inverse dynamics without acceleration: Coriolis terms, less the forces of weight, springs and damping.
         forces = MultibodyForces(self._plant.num_bodies(), self._plant.num_velocities())
         self._plant.CalcForceElementsContribution(self._context, forces)
@@ -196,6 +199,7 @@ def balance_regulator(
     Raises:
         InvalidParameter: the robot is not in equilibrium there, or its motors cannot balance it.
     """
+    # A passive axis rests only if nothing turns it there.
     holding = dynamics.weights(upright)
     stiffness = dynamics.stiffness(upright)
     most = max(float(np.abs(stiffness).max()), float(np.abs(holding).max()))
@@ -207,6 +211,7 @@ def balance_regulator(
         )
         raise InvalidParameter(key, quoted(upright), expected)
 
+    # The linear model x' = A x + B (u - u*): M q'' = -K q - D q' + u, with the derivatives K of the weights.
     count = len(upright)
     mass = dynamics.terms(upright, np.zeros(count)).mass
     accelerations = np.linalg.solve(mass, np.hstack([-stiffness, -np.diag(dynamics.damping)]))
@@ -308,6 +313,9 @@ class SwingUp(SampledBlock):
         """Compute the torques: those of the regulator near the upright posture, else those of the swing-up."""
         position = read["position"]
         velocity = read["velocity"]
+
+        # The regulator acts where the cost of its way is small. It gives up later than it takes over, so that the two
+        # laws do not alternate.
         error = nearest_error(position - self._upright, self._turns)
         state = np.concatenate([error, velocity])
         cost = float(state @ self.regulator.cost @ state)
@@ -341,14 +349,20 @@ class SwingUp(SampledBlock):
         """
         driven = self._driven
         passive = ~driven
+        passive_inertia = terms.mass[np.ix_(passive, passive)]
         coupling = terms.mass[np.ix_(driven, passive)]
+
+        # A robot that hangs still would not move by the law, since its speed is 0.
         speed = velocity[passive]
-        speed = np.where(np.abs(speed) < _LEAST_SPEED, np.copysign(_LEAST_SPEED, speed), speed)
+        least_speed = np.copysign(_LEAST_SPEED, speed)
+        speed = np.where(np.abs(speed) < _LEAST_SPEED, least_speed, speed)
+
+        # The acceleration of the driven axes: the first equation of the module.
         acceleration = self._gains.energy * energy * (coupling @ speed)
         acceleration -= self._gains.position * error[driven]
         acceleration -= self._gains.velocity * velocity[driven]
 
         # Partial feedback linearisation: eliminate the acceleration of the passive axis.
-        share = np.linalg.solve(terms.mass[np.ix_(passive, passive)], coupling.T).T
+        share = np.linalg.solve(passive_inertia, coupling.T).T
         inertia = terms.mass[np.ix_(driven, driven)] - share @ coupling.T
         return np.asarray(inertia @ acceleration + terms.bias[driven] - share @ terms.bias[passive])

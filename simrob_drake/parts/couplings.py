@@ -31,6 +31,7 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
+from simrob_drake.base.drake_versions import TENDONS
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.frames import Vector, transform_from_pose
 from simrob_drake.base.messages import compound, join_texts, message
@@ -381,7 +382,7 @@ class Gear(CouplingSection):
                 message("parts.radau_or_discrete", "radau3, or kind: discrete: {others}", others=others),
             )
         # The constraint by which `add` couples more than two joints in a discrete plant.
-        if engine.has_discrete_states and not hasattr(MultibodyPlant, "AddTendonConstraint"):
+        if engine.has_discrete_states and not TENDONS.is_there:
             older = message("parts.older_drake", "of two: older Drake couples no more")
             raise InvalidParameter(
                 f"{key}.ratios", message("parts.count_of_axes", "of {count} axes", count=len(self.ratios)), older

@@ -156,7 +156,7 @@ def test_the_energy_of_a_pole_is_the_closed_form() -> None:
 
 
 def test_the_energy_error_of_a_pole_fades_as_the_law_says() -> None:
-    r"""Without gains of the position, dE/dt = -k E (M_ap q_p')², from Drake's own accelerations."""
+    r"""The equation dE/dt = -k E (M_ap q_p')², from Drake's own accelerations."""
     robot = cart_pole()
     gain = 0.7
     block = robot.block(gains=SwingUpGains(gain, 0.0, 0.0, of_passive_axis=True))

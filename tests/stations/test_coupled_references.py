@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 import yaml
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.trajectories import PiecewisePolynomial
 
 from simrob_drake import Arm, load_station, simulate
+from simrob_drake.base.drake_versions import TENDONS
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.blocks.combined_references import combine_references
 from simrob_drake.blocks.references import SineReference, hold, move, ramp, reference_values
@@ -81,7 +81,7 @@ def test_two_leaders_move_independently(tmp_path):
     np.testing.assert_allclose(np.rad2deg(end), [20, 20, 10, -20], atol=1e-9)
 
 
-@pytest.mark.skipif(not hasattr(MultibodyPlant, "AddTendonConstraint"), reason="older Drake couples two axes at most")
+@pytest.mark.skipif(not TENDONS.is_there, reason="older Drake couples two axes at most")
 def test_a_planetary_gear_needs_two_of_three(tmp_path):
     couplings = {"planets": gear(sun=1, ring=2, carrier=-3)}
     with pytest.raises(SimrobError, match=r"no value for carrier and ring.*couplings.planets moves either"):

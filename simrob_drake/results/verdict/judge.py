@@ -167,7 +167,7 @@ def _errors_at_end(run: RecordedRun, robot: StationRobot) -> Vector | None:
     """
     for controller in run.config.controllers.values():
         if controller.robot_name in (None, robot.name):
-            distances = controller.distances_at_end(robot, run.axes("q", robot.name)[-1])
+            distances: Vector | None = controller.distances_at_end(robot, run.axes("q", robot.name)[-1])
             if distances is not None:
                 return distances
     return None
