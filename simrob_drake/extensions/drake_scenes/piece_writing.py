@@ -10,7 +10,7 @@ from pydrake.math import RigidTransform
 from simrob_drake.base.frames import Vector, pose_from_transform
 from simrob_drake.base.messages import message
 from simrob_drake.extensions.drake_scenes.mesh_copies import MeshCopies
-from simrob_drake.extensions.drake_scenes.plant_parts import BodyShape, Group, Link
+from simrob_drake.extensions.drake_scenes.plant_parts import BodyShape, PlantGroup, GroupLink
 from simrob_drake.robots.imports import ImportReport
 from simrob_drake.robots.urdf import six_moments
 
@@ -25,7 +25,7 @@ class PieceWriter:
         half_space: pose of a half-space among its shapes in the world. None if there is none.
     """
 
-    def __init__(self, group: Group, folder: Path, meshes: MeshCopies, report: ImportReport) -> None:
+    def __init__(self, group: PlantGroup, folder: Path, meshes: MeshCopies, report: ImportReport) -> None:
         """Begin with a group.
 
         Args:
@@ -55,7 +55,7 @@ class PieceWriter:
             content["shapes"] = shapes
         return content
 
-    def _shape_entries(self, link: Link, shape: BodyShape, pose: RigidTransform) -> list[dict[str, Any]]:
+    def _shape_entries(self, link: GroupLink, shape: BodyShape, pose: RigidTransform) -> list[dict[str, Any]]:
         """Describe a shape as entries of ``shapes``. Empty if a piece has no such shape.
 
         Args:
@@ -133,7 +133,7 @@ class PieceWriter:
             self.contact["hydroelastic_modulus"] = modulus
 
 
-def _link_poses(group: Group) -> dict[str, RigidTransform]:
+def _link_poses(group: PlantGroup) -> dict[str, RigidTransform]:
     """Compute the poses of the links in the root link, by name."""
     poses = {group.root.name: RigidTransform()}
     for joint in group.joints:  # in the order of the tree
@@ -141,7 +141,7 @@ def _link_poses(group: Group) -> dict[str, RigidTransform]:
     return poses
 
 
-def _inertia(group: Group, poses: dict[str, RigidTransform]) -> dict[str, Any]:
+def _inertia(group: PlantGroup, poses: dict[str, RigidTransform]) -> dict[str, Any]:
     """Sum up the masses of the links: mass [kg], centre of mass [m], and moments about it [kg m²], in the root link.
 
     Args:

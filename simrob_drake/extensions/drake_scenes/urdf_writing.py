@@ -9,7 +9,7 @@ from pydrake.geometry import Box, Capsule, Convex, Cylinder, Ellipsoid, HalfSpac
 from pydrake.math import RigidTransform
 
 from simrob_drake.extensions.drake_scenes.mesh_copies import MeshCopies
-from simrob_drake.extensions.drake_scenes.plant_parts import BodyShape, Connection, Group, Link
+from simrob_drake.extensions.drake_scenes.plant_parts import BodyShape, Connection, PlantGroup, GroupLink
 from simrob_drake.robots.urdf import (
     DRAKE,
     add_colour,
@@ -23,10 +23,10 @@ from simrob_drake.robots.urdf import (
 )
 
 WORLD = "world"
-"""Link of a URDF file that Drake takes for the world."""
+"""GroupLink of a URDF file that Drake takes for the world."""
 
 
-def group_element(group: Group, meshes: MeshCopies, on_lost: Callable[[str, str], None]) -> ET.Element:
+def group_element(group: PlantGroup, meshes: MeshCopies, on_lost: Callable[[str, str], None]) -> ET.Element:
     """Make the element ``robot`` of a group.
 
     Args:
@@ -40,7 +40,7 @@ def group_element(group: Group, meshes: MeshCopies, on_lost: Callable[[str, str]
 
 
 def stations_element(
-    name: str, groups: list[Group], meshes: MeshCopies, on_lost: Callable[[str, str], None]
+    name: str, groups: list[PlantGroup], meshes: MeshCopies, on_lost: Callable[[str, str], None]
 ) -> ET.Element:
     """Make one element ``robot`` of several groups, with those that are held joined to the world.
 
@@ -67,7 +67,7 @@ def stations_element(
 
 
 def add_group(
-    robot: ET.Element, group: Group, meshes: MeshCopies, on_lost: Callable[[str, str], None], *, prefix: str
+    robot: ET.Element, group: PlantGroup, meshes: MeshCopies, on_lost: Callable[[str, str], None], *, prefix: str
 ) -> None:
     """Add the links, joints and motors of a group to an element ``robot``.
 
@@ -87,7 +87,7 @@ def add_group(
 
 def _add_link(
     robot: ET.Element,
-    link: Link,
+    link: GroupLink,
     meshes: MeshCopies,
     on_lost: Callable[[str, str], None],
     prefix: str,
@@ -175,7 +175,7 @@ def _add_connection(robot: ET.Element, joint: Connection, prefix: str) -> None:
     ET.SubElement(element, "axis", xyz=text(joint.axis))
     limit = ET.SubElement(element, "limit")
     effort = 0.0 if joint.motor is None else joint.motor.effort
-    figures = {
+    values = {
         "lower": joint.limits[0],
         "upper": joint.limits[1],
         "velocity": joint.speed,
@@ -183,7 +183,7 @@ def _add_connection(robot: ET.Element, joint: Connection, prefix: str) -> None:
         "effort": effort,
     }
     # A limit that is left out is infinite for Drake.
-    for key, value in figures.items():
+    for key, value in values.items():
         if np.isfinite(value):
             limit.set(key, written(value))
     if joint.damping > 0:
