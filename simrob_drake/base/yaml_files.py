@@ -106,9 +106,7 @@ def keys_of_lists(path: Path, keys: Collection[str]) -> list[str]:
         return []
     mappings = [root] if isinstance(root, yaml.MappingNode) else []
     mappings += [value for node in mappings for _, value in node.value if isinstance(value, yaml.MappingNode)]
-    found = [
-        str(key.value) for node in mappings for key, value in node.value if isinstance(value, yaml.SequenceNode)
-    ]
+    found = [str(key.value) for node in mappings for key, value in node.value if isinstance(value, yaml.SequenceNode)]
     return [key for key in keys if key in found]
 
 

@@ -199,7 +199,9 @@ class FileImporter(Importer, ABC):
         raise InvalidConfig(
             file,
             "",
-            message("importer.is_no_scene", "is {title}, which simrob import reads, and simrob run cannot", title=self.title),
+            message(
+                "importer.is_no_scene", "is {title}, which simrob import reads, and simrob run cannot", title=self.title
+            ),
         )
 
 

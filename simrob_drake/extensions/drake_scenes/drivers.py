@@ -20,9 +20,7 @@ from simrob_drake.robots.imports import ImportReport
 from simrob_drake.stations.config import StationConfig
 
 
-def driver_entries(
-    config: StationConfig, robots: Mapping[str, ResolvedRobot]
-) -> tuple[dict[str, Tagged], list[str]]:
+def driver_entries(config: StationConfig, robots: Mapping[str, ResolvedRobot]) -> tuple[dict[str, Tagged], list[str]]:
     """Make the section ``model_drivers`` of a scenario from the servos of a station.
 
     Args:
@@ -173,9 +171,7 @@ def _gains_per_inertia(robot: DrivenRobot, axis: str, joint: Connection) -> tupl
     return float(own.kp), float(own.kd)
 
 
-def _computed_torque(
-    robot: DrivenRobot, driven: Mapping[str, Connection], report: ImportReport
-) -> dict[str, Any]:
+def _computed_torque(robot: DrivenRobot, driven: Mapping[str, Connection], report: ImportReport) -> dict[str, Any]:
     """Make the section ``servo`` of a robot of which a model has a driver with inverse dynamics.
 
     All axes of a robot have the same law, so gains of other drivers are divided by the inertia that the axis moves.

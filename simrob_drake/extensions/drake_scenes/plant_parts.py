@@ -503,5 +503,3 @@ def _free_name(name: str, taken: list[str], model: str = "") -> str:
     longer = f"{plain_model_name(model)}_{name}" if model else name
     candidates = [longer, *(f"{longer}_{number}" for number in range(2, len(taken) + 3))]
     return next(candidate for candidate in candidates if candidate not in taken)
-
-

@@ -152,7 +152,9 @@ def _scene_node(path: Path, scenario: str) -> yaml.MappingNode:
         raise InvalidConfig(
             path,
             scenario,
-            message("drake_scenes.no_such_scenario", "is no scenario of the file; it has: {known}", known=listed or "-"),
+            message(
+                "drake_scenes.no_such_scenario", "is no scenario of the file; it has: {known}", known=listed or "-"
+            ),
         )
     raise InvalidConfig(
         path,
@@ -235,9 +237,7 @@ class _Checks:
             name = inner.tag.removeprefix("!")
             # Tags of YAML itself, such as that of a mapping, have a longer form.
             if inner.tag.startswith("!") and name not in known:
-                raise _unknown(
-                    path, inner.start_mark.line + 1, message("drake_scenes.tag", "tag"), f"!{name}", known
-                )
+                raise _unknown(path, inner.start_mark.line + 1, message("drake_scenes.tag", "tag"), f"!{name}", known)
 
     def _check_directives(self, path: Path, node: yaml.Node) -> None:
         """Check the directives of a file, and the files that they name."""
@@ -346,13 +346,12 @@ class _Checks:
             return found
         # An export has its models in a package next to the scene.
         near = self._border.source.parent
-        neighbour = next((folder for folder in near.iterdir() if folder.is_dir() and manifest_name(folder) == name), None)
-        if neighbour is not None:
-            return neighbour
+        folders = [folder for folder in near.iterdir() if folder.is_dir()]
         if name == _DRAKE:
-            return Path(PackageMap().GetPath(_DRAKE))
+            folders.append(Path(PackageMap().GetPath(_DRAKE)))
         downloaded = _DRAKE_CACHE.expanduser()
-        folders = sorted(downloaded.glob("*")) if downloaded.is_dir() else []
+        if downloaded.is_dir():
+            folders += sorted(downloaded.glob("*"))
         return next((folder for folder in folders if manifest_name(folder) == name), None)
 
     def _readable(self, path: Path, where: str, file: Path) -> Path:

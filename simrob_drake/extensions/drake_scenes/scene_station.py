@@ -1,6 +1,7 @@
 """Scenes of Drake as stations: robots, pieces, contact and solver."""
 
 import xml.etree.ElementTree as ET
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -106,7 +107,9 @@ class _Writer:
 
         def on_lost(link: str, shape: str) -> None:
             """Report a shape that a URDF does not have."""
-            self._report.add("lost", name, message("drake_scenes.no_shape", "{link}: a {shape}", link=link, shape=shape))
+            self._report.add(
+                "lost", name, message("drake_scenes.no_shape", "{link}: a {shape}", link=link, shape=shape)
+            )
 
         element = group_element(group, meshes, on_lost)
         ET.indent(element)
@@ -171,8 +174,7 @@ class _Writer:
         model = read_described_robot(file)
         to_user = [1.0 if unit is PRISMATIC else 180.0 / np.pi for unit in model.units]
         starts = {
-            joint.name: float(joint.start * factor)
-            for joint, factor in zip(group.moving_joints, to_user, strict=True)
+            joint.name: float(joint.start * factor) for joint, factor in zip(group.moving_joints, to_user, strict=True)
         }
         section: dict[str, Any] = {
             "model": f"{group.name}/{ROBOT_FILE}",
@@ -236,30 +238,26 @@ class _Writer:
         plant_config = self._scene.scenario.plant_config
         simulator = self._scene.scenario.simulator_config
         if plant_config.time_step > 0:
-            scheme = plant_config.discrete_contact_approximation
-            if scheme not in DISCRETE_SCHEMES:
-                self._report.add(
-                    "approximated",
-                    "plant_config",
-                    message("drake_scenes.other_scheme", "{scheme}: {ours} takes its place", scheme=scheme, ours="lagged"),
-                )
-                scheme = "lagged"
-            return {"kind": "discrete", "time_step": float(plant_config.time_step), "scheme": scheme}
-        scheme = simulator.integration_scheme
-        if scheme not in CONTINUOUS_SCHEMES:
-            self._report.add(
-                "approximated",
-                "simulator_config",
-                message("drake_scenes.other_scheme", "{scheme}: {ours} takes its place", scheme=scheme, ours="radau3"),
-            )
-            scheme = "radau3"
+            return {
+                "kind": "discrete",
+                "time_step": float(plant_config.time_step),
+                "scheme": self._scheme(plant_config.discrete_contact_approximation, DISCRETE_SCHEMES, "lagged"),
+            }
         return {
             "kind": "continuous",
-            "scheme": scheme,
+            "scheme": self._scheme(simulator.integration_scheme, CONTINUOUS_SCHEMES, "radau3"),
             "accuracy": float(simulator.accuracy),
             "max_step": float(simulator.max_step_size),
             "error_control": bool(simulator.use_error_control),
         }
+
+    def _scheme(self, scheme: str, known: Collection[str], default: str) -> str:
+        """Return a scheme of the scene if stations have it, or a default, which is reported."""
+        if scheme in known:
+            return scheme
+        text = message("drake_scenes.other_scheme", "{scheme}: {ours} takes its place", scheme=scheme, ours=default)
+        self._report.add("approximated", "solver", text)
+        return default
 
     def _add_cameras(self, groups: list[PlantGroup]) -> None:
         """Add the cameras as sensors. Images of labels and messages over LCM have no counterpart in a station."""

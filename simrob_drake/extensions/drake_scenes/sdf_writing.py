@@ -7,7 +7,7 @@ from pydrake.geometry import Box, Capsule, Convex, Cylinder, Ellipsoid, HalfSpac
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from simrob_drake.extensions.drake_scenes.mesh_copies import MeshCopies
-from simrob_drake.extensions.drake_scenes.plant_parts import BodyShape, Connection, PlantGroup, GroupLink
+from simrob_drake.extensions.drake_scenes.plant_parts import BodyShape, Connection, GroupLink, PlantGroup
 from simrob_drake.robots.urdf import MOMENTS, six_moments, text, written
 
 VERSION = "1.9"

@@ -5,11 +5,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from pydrake.geometry import Box, Capsule, Convex, Cylinder, Ellipsoid, HalfSpace, Mesh, Shape, Sphere
+from pydrake.geometry import Box, Capsule, Convex, Cylinder, Ellipsoid, Mesh, Shape, Sphere
 from pydrake.math import RigidTransform
 
 from simrob_drake.extensions.drake_scenes.mesh_copies import MeshCopies
-from simrob_drake.extensions.drake_scenes.plant_parts import BodyShape, Connection, PlantGroup, GroupLink
+from simrob_drake.extensions.drake_scenes.plant_parts import BodyShape, Connection, GroupLink, PlantGroup
 from simrob_drake.robots.urdf import (
     DRAKE,
     add_colour,
@@ -135,26 +135,23 @@ def _add_shape(link: ET.Element, shape: BodyShape, geometry: ET.Element, name: s
 
 def shape_element(shape: Shape, meshes: MeshCopies) -> ET.Element | None:
     """Make the element of a shape, and copy its mesh. Returns None for a shape that a URDF does not have."""
+    element: ET.Element | None = None
     match shape:
         case Box():
-            return ET.Element("box", size=text(shape.size()))
+            element = ET.Element("box", size=text(shape.size()))
         case Cylinder():
-            return ET.Element("cylinder", radius=written(shape.radius()), length=written(shape.length()))
+            element = ET.Element("cylinder", radius=written(shape.radius()), length=written(shape.length()))
         case Sphere():
-            return ET.Element("sphere", radius=written(shape.radius()))
+            element = ET.Element("sphere", radius=written(shape.radius()))
         case Capsule():
-            return ET.Element(f"{DRAKE}capsule", radius=written(shape.radius()), length=written(shape.length()))
+            element = ET.Element(f"{DRAKE}capsule", radius=written(shape.radius()), length=written(shape.length()))
         case Ellipsoid():
-            return ET.Element(f"{DRAKE}ellipsoid", a=written(shape.a()), b=written(shape.b()), c=written(shape.c()))
+            element = ET.Element(f"{DRAKE}ellipsoid", a=written(shape.a()), b=written(shape.b()), c=written(shape.c()))
         case Mesh() | Convex():
             element = ET.Element("mesh", filename=str(meshes.copy(shape)), scale=text(shape.scale3()))
             if isinstance(shape, Convex):
                 ET.SubElement(element, f"{DRAKE}declare_convex")
-            return element
-        case HalfSpace():
-            return None
-        case _:
-            return None
+    return element
 
 
 def _add_connection(robot: ET.Element, joint: Connection, prefix: str) -> None:
