@@ -153,9 +153,7 @@ def test_an_imported_folder_can_be_moved(tmp_path: Path) -> None:
     assert moved.free_pieces == ["brick"]
 
 
-@pytest.mark.parametrize(
-    "station", ["irb120_dynamic", "double_pendulum", "two_arms", "humanoid_dynamic", "box_on_floor"]
-)
+@pytest.mark.parametrize("station", STATIONS)
 def test_a_station_comes_back(station: str, tmp_path: Path) -> None:
     file = tmp_path / "scene.dmd.yaml"
     assert run_command(["export", station, "--dmd", str(file)]) == 0
