@@ -100,7 +100,7 @@ def test_add_directives_of_a_station_that_is_no_scene(tmp_path: Path) -> None:
     (tmp_path / "other.yaml").write_text("robot: {model: irb120}\n")
     station = tmp_path / "station.yaml"
     station.write_text("add_directives: [other.yaml]\n")
-    with pytest.raises(InvalidConfig, match="add_directives: .* has no model directives of Drake"):
+    with pytest.raises(InvalidConfig, match=r"add_directives: .* has no model directives of Drake"):
         load_station(station)
 
 
