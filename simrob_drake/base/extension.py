@@ -80,7 +80,7 @@ class Extension:
     core: str
     needs: Sequence[str] = ()
     uses: Sequence[str] = ()
-    title: str = "Commands of extensions"
+    title: str = message("base.title_of_extensions", "Commands of extensions")
     commands: Additions = field(default_factory=dict)
     sensors: Additions = field(default_factory=dict)
     monitors: Additions = field(default_factory=dict)

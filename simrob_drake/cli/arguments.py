@@ -13,8 +13,8 @@ from simrob_drake.cli.other_files import refuse_other
 from simrob_drake.importer.importer import find_station_importer
 from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.file_paths import with_absolute_paths
 from simrob_drake.stations.load import load_station
-from simrob_drake.stations.located import located
 
 
 def station_from(
@@ -59,7 +59,7 @@ def _changes(one: str, option: str) -> Iterator[tuple[str, Any]]:
             yield key, parse_yaml(text, compound("{option} {one}", option=option, one=one))
         return
     file = Path(one).absolute()
-    for name, section in located(read_yaml(file), file.parent, Border(file)).items():
+    for name, section in with_absolute_paths(read_yaml(file), file.parent, Border(file)).items():
         entries = section.items() if isinstance(section, Mapping) else ()
         yield from ((f"{name}.{key}", value) for key, value in entries) if entries else [(name, section)]
 

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import message, translate, with_decimal_sign
 from simrob_drake.robots.axis_map import AxisValues, with_units
 from simrob_drake.robots.catalog import RobotModel
 
@@ -49,8 +50,8 @@ class Drawn:
 
 
 def wrapped(text: str) -> str:
-    """Break a text into lines that fit a block."""
-    return "\n".join(textwrap.wrap(text, _WIDTH, break_long_words=False))
+    """Break a text, in the language of the output, into lines that fit a block."""
+    return "\n".join(textwrap.wrap(translate(text), _WIDTH, break_long_words=False))
 
 
 def short(text: str) -> bool:
@@ -59,11 +60,14 @@ def short(text: str) -> bool:
 
 
 def shown_values(values: Vector) -> str:
-    """Return the common value of ``values`` (n,), all of them where there are few, or their range."""
-    shown = [f"{value:.4g}" for value in values]
+    """Write values (n,) in the language of the output: their common value, each of them if they are few, or a range."""
+    shown = [with_decimal_sign(f"{value:.4g}") for value in values]
     if len(set(shown)) == 1:
         return shown[0]
-    return ", ".join(shown) if len(shown) <= MANY else f"{values.min():.4g} to {values.max():.4g}"
+    if len(shown) <= MANY:
+        # Numbers with a decimal comma are separated by semicolons.
+        return ("; " if any("," in value for value in shown) else ", ").join(shown)
+    return translate(message("parts.range", "{least:.4g} to {most:.4g}", least=values.min(), most=values.max()))
 
 
 def shown_limits(limits: Vector, units: list[str]) -> str:
@@ -75,7 +79,7 @@ def shown_positions(values: AxisValues, model: RobotModel) -> str:
     """Return positions as they are written in a station, with their units."""
     if isinstance(values, dict):
         if len(values) > MANY:
-            return f"given angles of {len(values)} axes"
-        pairs = np.array([f"{axis} {position:g}" for axis, position in values.items()])
+            return message("parts.given_angles", "given angles of {count} axes", count=len(values))
+        pairs = np.array([f"{axis} {with_decimal_sign(f'{position:g}')}" for axis, position in values.items()])
         return with_units(pairs, [model.unit_names[model.axis_index(axis)] for axis in values], ", ".join)
     return with_units(model.axis_vector(values, "reference"), model.unit_names, shown_values)

@@ -15,8 +15,18 @@ from simrob_drake.base.files import read_columns
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Duration, Frequency, Instant, NotNegative, Strict
-from simrob_drake.blocks.cruise import cruising
-from simrob_drake.blocks.references import Reference, Samples, SineReference, hermite, hold, move, ramp, sequence, table
+from simrob_drake.blocks.cruise import cruise_to
+from simrob_drake.blocks.references import (
+    Reference,
+    Samples,
+    SineReference,
+    hermite,
+    hold,
+    interpolate_samples,
+    move,
+    ramp,
+    sequence,
+)
 from simrob_drake.parts.captions import shown_positions
 from simrob_drake.parts.kinds import Kinds
 from simrob_drake.parts.resolved import ResolvedRobot
@@ -38,9 +48,12 @@ class ReferenceSection(Strict, ABC):
         """
 
     def caption(self, model: RobotModel) -> str:
-        """Return it in words."""
+        """Describe the reference of a robot in words, for the block picture."""
         start = getattr(self, "start", 0.0)
-        return f"{self._words(model)}, from {start:g} s" if start else self._words(model)
+        words = self._words(model)
+        if not start:
+            return words
+        return message("parts.reference_from", "{words}, from {start:g} s", words=words, start=start)
 
     @abstractmethod
     def _words(self, model: RobotModel) -> str: ...
@@ -82,7 +95,13 @@ class ToOnePosture(ReferenceSection):
     """When it begins [s]."""
 
     def _words(self, model: RobotModel) -> str:
-        return f"{self.kind} to {shown_positions(self.target_deg, model)} in {self.duration:g} s"
+        return message(
+            "parts.reference_to_posture",
+            "{kind} to {posture} in {duration:g} s",
+            kind=self.kind,
+            posture=shown_positions(self.target_deg, model),
+            duration=self.duration,
+        )
 
 
 class Hold(ReferenceSection):
@@ -97,7 +116,10 @@ class Hold(ReferenceSection):
         return hold(start if self.target_deg is None else si_positions(self.target_deg, robot, start))
 
     def _words(self, model: RobotModel) -> str:
-        return "hold the start" if self.target_deg is None else f"hold {shown_positions(self.target_deg, model)}"
+        if self.target_deg is None:
+            return message("parts.reference_holds_start", "hold the start")
+        posture = shown_positions(self.target_deg, model)
+        return message("parts.reference_holds", "hold {posture}", posture=posture)
 
 
 class SmoothMove(ToOnePosture):
@@ -158,13 +180,18 @@ class Cruise(ReferenceSection):
         speeds = _within("speed_deg", self.speed_deg, robot, robot.speed_limits, target != start)
         limits = robot.model.accelerations
         accelerations = _within("acceleration_deg", self.acceleration_deg, robot, limits, target != start)
-        return cruising(start, target, speeds, accelerations, self._jerks(robot), start_time=self.start)
+        return cruise_to(start, target, speeds, accelerations, self._jerks(robot), start_time=self.start)
 
     def _jerks(self, robot: ResolvedRobot) -> Vector | None:
         return np.full(len(robot.axes), np.inf)
 
     def _words(self, model: RobotModel) -> str:
-        return f"{self.kind.replace('_', '-')} to {shown_positions(self.target_deg, model)}"
+        return message(
+            "parts.reference_cruises",
+            "{kind} to {posture}",
+            kind=self.kind.replace("_", "-"),
+            posture=shown_positions(self.target_deg, model),
+        )
 
 
 class Trapezoid(Cruise):
@@ -254,7 +281,12 @@ class Sequence(ReferenceSection):
         return sequence(start, [waypoint.time for waypoint in self.targets], postures[1:])
 
     def _words(self, model: RobotModel) -> str:
-        return f"sequence of {len(self.targets)} postures in {self.targets[-1].time:g} s"
+        return message(
+            "parts.reference_sequence",
+            "sequence of {count} postures in {duration:g} s",
+            count=len(self.targets),
+            duration=self.targets[-1].time,
+        )
 
 
 class SineWave(ReferenceSection):
@@ -287,7 +319,12 @@ class SineWave(ReferenceSection):
         )
 
     def _words(self, model: RobotModel) -> str:
-        return f"sine ±{shown_positions(self.amplitude_deg, model)}, {self.frequency:g} Hz"
+        return message(
+            "parts.reference_sine",
+            "sine ±{amplitude}, {frequency:g} Hz",
+            amplitude=shown_positions(self.amplitude_deg, model),
+            frequency=self.frequency,
+        )
 
 
 TIME_COLUMN = "time"
@@ -311,7 +348,7 @@ class Table(ReferenceSection):
         times, values = self.rows(robot.axes)
         if self.interpolation == "hermite":
             return hermite(times, *np.hsplit(np.asarray(values), 2))
-        return table(times, values, linear=self.interpolation == "linear")
+        return interpolate_samples(times, values, linear=self.interpolation == "linear")
 
     def firmness(self, model: RobotModel) -> list[Firmness]:
         """Return NAMED for all axes: each has a column in the file."""
@@ -356,7 +393,7 @@ class Table(ReferenceSection):
         return times, values[:, 1:]
 
     def _words(self, model: RobotModel) -> str:
-        return f"table {self.file.name}"
+        return message("parts.reference_table", "table {file}", file=self.file.name)
 
 
 def speed_columns(axes: list[str]) -> list[str]:

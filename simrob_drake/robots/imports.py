@@ -30,7 +30,7 @@ class ImportOptions(Strict):
     estimate_inertia: Boolean = False
     """Estimate missing and impossible inertias from the geometry, at `density`."""
     density: Positive = 1000.0
-    """Of links whose inertia is estimated [kg/m³]."""
+    """Density of links whose inertia is estimated [kg/m³]."""
     base: Literal["auto", "fixed", "floating"] = "auto"
     """Whether the root link is fixed to the world; `auto` decides by the file and the shape of the robot."""
     friction_as_damping: Boolean = False

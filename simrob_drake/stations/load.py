@@ -32,7 +32,7 @@ from simrob_drake.importer.importer import SceneRequest, find_station_importer
 from simrob_drake.importer.robot_files import is_robot_file
 from simrob_drake.stations.change_of_kind import KeyLosses, kind_of
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.located import located, located_program
+from simrob_drake.stations.file_paths import program_with_absolute_paths, with_absolute_paths
 from simrob_drake.stations.resolve import check_parts, resolve
 
 ONLY_ROBOT = "robot"
@@ -168,7 +168,7 @@ def _read_station(
     content = read_yaml(path)
     # The border decides which files the station's file may name.
     border = Border(path, mesh_path, _named_packages(content, overrides, path.parent))
-    content = located(content, path.parent, border)
+    content = with_absolute_paths(content, path.parent, border)
     if "program" in content:
         content["program"] = _program_content(content["program"], path.parent, border)
     content = {"name": path.stem, **content}  # the name of the file, unless the file gives another one
@@ -251,7 +251,7 @@ def _make_config(
     _write_by_axis(content, keys_of_axes, axes)
     for key in keys_of_axes:
         _override(content, paths[key], overrides[key], where, losses)
-    content = located(content, Path.cwd())  # relative paths in overrides start at the current folder
+    content = with_absolute_paths(content, Path.cwd())  # relative paths in overrides start at the current folder
     content = _with_robots_section(content, where)
     packages = _named_packages(content, {}, Path.cwd())
     content.pop("packages", None)
@@ -516,9 +516,9 @@ def _program_content(program: Any, folder: Path, border: Border | None = None) -
     """
     if isinstance(program, str):
         file = folder / program
-        return located_program(read_yaml(file), file.parent, Border(file))
+        return program_with_absolute_paths(read_yaml(file), file.parent, Border(file))
     if isinstance(program, Mapping):
-        return located_program(program, folder, border)
+        return program_with_absolute_paths(program, folder, border)
     return program
 
 
