@@ -1,6 +1,7 @@
 """Scenes of the tests: those of the examples, and what plain Drake says about them."""
 
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from pydrake.multibody.parsing import Parser
@@ -12,6 +13,8 @@ from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.resolve import resolve
+
+Name = TypeVar("Name", str, tuple[str, str])
 
 SCENES = Path(__file__).parents[3] / "examples" / "drake" / "scenes"
 """Folder with the scenes of the examples, which is also a package of ROS."""
@@ -86,7 +89,7 @@ def joint_values(plant: MultibodyPlant) -> dict[str, Vector]:
     return values
 
 
-def largest_difference(first: dict[str, Vector], second: dict[str, Vector]) -> float:
+def largest_difference(first: dict[Name, Vector], second: dict[Name, Vector]) -> float:
     """Largest difference of values with the same name. Infinite limits count as equal."""
     assert first.keys() == second.keys()
     differences = [0.0]
