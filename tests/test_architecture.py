@@ -18,6 +18,7 @@ CORE = structure.CORE
 """Packages of the core, in the order of their imports."""
 EXTENSIONS = [
     "mujoco",
+    "drake_scenes",
     "linear",
     "rapid",
     "simulink",

@@ -31,6 +31,7 @@ CORE_TESTS = (
 QUICK_TESTS = {
     "comparison": "test_comparison_paths.py",
     "course": "test_exercises.py::test_the_command_alone_shows_its_help",
+    "drake_scenes": "test_scene_problems.py::test_a_scenario_is_recognised",
     "learning": "test_registration.py::test_check_says_that_a_task_is_no_station",
     "legged": "test_legged.py::test_limbs_of_a_quadruped_are_told_by_geometry",
     "linear": "test_linearize.py::test_a_rod_is_its_closed_form",

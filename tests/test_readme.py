@@ -7,6 +7,7 @@ in a station of the package: ``# irb120_dynamic.yaml, changed``. The commands of
 
 import re
 import shlex
+import shutil
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -68,12 +69,14 @@ def cache(tmp_path_factory):
 
 @pytest.fixture
 def folder(tmp_path, cache, monkeypatch, one_joint_urdf):
-    """Go to an empty folder, but for a URDF with a defect."""
+    """Go to a folder that is empty but for a URDF with a defect and the scenes of Drake among the examples."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv(CACHE_VARIABLE, str(cache))
     (tmp_path / "downloads").mkdir()
     without_motor = re.sub(r"<transmission.*</transmission>", "", one_joint_urdf, flags=re.DOTALL)
     (tmp_path / "downloads" / "arm.urdf").write_text(without_motor)
+    scenes = Path("examples", "drake", "scenes")
+    shutil.copytree(ROOT / scenes, tmp_path / scenes)
     return tmp_path
 
 

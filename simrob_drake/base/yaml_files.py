@@ -84,14 +84,14 @@ def read_yaml(path: Path | str) -> dict[str, Any]:
     return content
 
 
-def keys_of_lists(path: Path, wanted: Collection[str]) -> list[str]:
+def keys_of_lists(path: Path, keys: Collection[str]) -> list[str]:
     """Find the keys of a YAML file whose values are lists, in its outermost mapping or in a mapping in that.
 
     Tags make no difference, and neither does what else the file contains.
 
     Args:
         path: the file.
-        wanted: keys that are looked for.
+        keys: keys that are looked for.
 
     Returns:
         the keys that were found; none if the file cannot be read, or is not YAML.
@@ -99,7 +99,7 @@ def keys_of_lists(path: Path, wanted: Collection[str]) -> list[str]:
     try:
         text = text_of(path)
         # A text without the word needs no parsing, which is the case for almost all files.
-        if not any(f"{key}:" in text for key in wanted):
+        if not any(f"{key}:" in text for key in keys):
             return []
         root = composed_yaml(text)
     except (NotRead, yaml.YAMLError, ValueError):
@@ -107,7 +107,7 @@ def keys_of_lists(path: Path, wanted: Collection[str]) -> list[str]:
     mappings = [root] if isinstance(root, yaml.MappingNode) else []
     mappings += [value for node in mappings for _, value in node.value if isinstance(value, yaml.MappingNode)]
     found = [str(key.value) for node in mappings for key, value in node.value if isinstance(value, yaml.SequenceNode)]
-    return [key for key in wanted if key in found]
+    return [key for key in keys if key in found]
 
 
 def composed_yaml(text: str) -> yaml.Node | None:

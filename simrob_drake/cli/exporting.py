@@ -88,11 +88,14 @@ def export(
 ) -> None:
     """Write a station or a program in the format of another tool.
 
-    Installed extensions add the formats: MJCF for MuJoCo, RAPID and URScript are those of this project.
+    Installed extensions add the formats: those of this project are MJCF for MuJoCo; model directives, scenarios, URDF
+    and SDF for Drake; RAPID and URScript.
 
     For example:
 
         simrob export irb120_dynamic --mjcf irb120.xml
+
+        simrob export irb120_dynamic --dmd irb120.dmd.yaml
 
         simrob export program.yaml --rapid Module.mod
     """

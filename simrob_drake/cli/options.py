@@ -371,7 +371,8 @@ def _option(name: str, field: FieldInfo, text: str) -> tuple[Any, Any]:
     if field.annotation == tuple[Path, ...]:
         return MeshPath, None
     if field.annotation == tuple[str, ...]:
-        return Annotated[list[str] | None, typer.Option(flag, metavar="NAME:=VALUE", help=several)], None
+        form = "NAME=FOLDER" if name == "packages" else "NAME:=VALUE"
+        return Annotated[list[str] | None, typer.Option(flag, metavar=form, help=several)], None
     if Path in get_args(field.annotation):
         return Annotated[Path | None, typer.Option(flag, metavar="FILE", resolve_path=True, help=text)], None
     if get_args(field.annotation) == get_args(Pose):

@@ -70,6 +70,8 @@ def import_file(
         simrob import station.slx --library subsystems --set q0='[0 0 0]'
 
         simrob import Module.mod --robot irb120
+
+        simrob import scene.dmd.yaml --out stations/scene
     """
     if is_language_file(file):
         refuse_import(message("cli.is_rapid_program", "this is a RAPID program; the option belongs to robots"), options)

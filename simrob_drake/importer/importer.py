@@ -114,6 +114,21 @@ class ImportOutcome:
     problem: SimrobError | None = None
 
 
+@dataclass(frozen=True)
+class SceneRequest:
+    """What a user says about a scene of another tool that is run as a station.
+
+    Attributes:
+        packages: folders of packages that the user names, by the name of the package.
+        mesh_path: further folders from which files, meshes and packages may be read.
+        scenario: name of one scene of a file with several. Empty for a file with one scene.
+    """
+
+    packages: Mapping[str, Path] = field(default_factory=dict)
+    mesh_path: tuple[Path, ...] = ()
+    scenario: str = ""
+
+
 class FileImporter(Importer, ABC):
     """Makes files of this toolbox from a file of another tool: a folder of robots, a station or a program.
 
@@ -122,12 +137,15 @@ class FileImporter(Importer, ABC):
         reading_class: dataclass with those of the options that `examine` takes.
         robot_options: names of the fields of :class:`ImportOptions` that the importer takes.
         takes_settings: whether the importer takes ``--set NAME=VALUE``.
+        has_scenes: whether the files are scenes in YAML: ``simrob run`` runs such a file as it is, and stations can add
+            its robots and pieces with ``add_directives``. The importer then implements `station_sections`.
     """
 
     options_class: ClassVar[type[Any]] = NoOptions
     reading_class: ClassVar[type[Any]] = NoOptions
     robot_options: ClassVar[tuple[str, ...]] = ()
     takes_settings: ClassVar[bool] = False
+    has_scenes: ClassVar[bool] = False
 
     @abstractmethod
     def import_file(self, file: Path, request: ImportRequest) -> ImportOutcome:
@@ -163,34 +181,10 @@ class FileImporter(Importer, ABC):
             ),
         )
 
-
-@dataclass(frozen=True)
-class SceneRequest:
-    """What a user says about a scene of another tool that is run as a station.
-
-    Attributes:
-        packages: folders of packages that the user names, by the name of the package.
-        mesh_path: further folders from which files, meshes and packages may be read.
-        scenario: name of one scene of a file with several. Empty for a file with one scene.
-    """
-
-    packages: Mapping[str, Path] = field(default_factory=dict)
-    mesh_path: tuple[Path, ...] = ()
-    scenario: str = ""
-
-
-class StationImporter(FileImporter, ABC):
-    """Makes a station from a YAML file of another tool.
-
-    Such a file can also be run as it is, and stations can add its robots and pieces with ``add_directives``. It is
-    announced by a key whose value is a list, such as ``directives:``.
-    """
-
-    @abstractmethod
     def station_sections(self, file: Path, request: SceneRequest) -> dict[str, Any]:
-        """Make the sections of a station from a file.
+        """Make the sections of a station from a scene. The files of its robots and pieces are in the cache.
 
-        The files of robots and pieces are in the cache.
+        An importer that does not implement this method always raises InvalidConfig.
 
         Args:
             file: the file.
@@ -202,9 +196,16 @@ class StationImporter(FileImporter, ABC):
         Raises:
             SimrobError: the file cannot be read, or no station can be made of it.
         """
+        raise InvalidConfig(
+            file,
+            "",
+            message(
+                "importer.is_no_scene", "is {title}, which simrob import reads, and simrob run cannot", title=self.title
+            ),
+        )
 
 
-def find_station_importer(file: Path | str) -> StationImporter | None:
+def find_station_importer(file: Path | str) -> FileImporter | None:
     """Find the importer of an extension for a YAML file that is a scene of another tool.
 
     Returns None if the file is no YAML file, cannot be read, or is no such scene.
@@ -216,7 +217,7 @@ def find_station_importer(file: Path | str) -> StationImporter | None:
     if not is_yaml_name(file):
         return None
     importer = find_importer(file)
-    return importer if isinstance(importer, StationImporter) else None
+    return importer if isinstance(importer, FileImporter) and importer.has_scenes else None
 
 
 def find_importer(file: Path | str) -> Importer | None:

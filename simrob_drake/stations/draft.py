@@ -57,7 +57,8 @@ _LEANS_DEG = 10.0  # [deg]
 _SINKS_SHARE = 0.1  # as a share of the height of its root
 _LEAST_HEIGHT = 0.1  # lower roots count as if they were at this height [m]
 
-_REPEATED_OPTIONS = ("mesh_path", "xacro_arg")  # options of the command line that may be given several times
+# Options of the command line that may be given several times.
+_REPEATED_OPTIONS = ("mesh_path", "packages", "xacro_arg")
 _ORIGINS = ("urdf", "model", "import_options")  # keys of a station that say where its robot comes from
 
 # Sections of drafted stations: the solver of an arm, and that of an arm for which it takes too long.

@@ -8,7 +8,7 @@ from typing import Any
 from pydrake.manipulation import IiwaDriver, SchunkWsgDriver
 
 from simrob_drake.base.messages import message
-from simrob_drake.extensions.drake_scenes.plant_parts import Connection, Group
+from simrob_drake.extensions.drake_scenes.plant_parts import Connection, PlantGroup
 from simrob_drake.extensions.drake_scenes.scenario import (
     InverseDynamicsDriver,
     JointPidControllerGains,
@@ -94,7 +94,7 @@ class DrivenRobot:
         is_discrete: whether the scene has a time step.
     """
 
-    group: Group
+    group: PlantGroup
     drivers: Mapping[str, Any]
     first_kp: Mapping[str, float]
     first_kd: Mapping[str, float]
@@ -162,9 +162,9 @@ def _gains_per_inertia(robot: DrivenRobot, axis: str, joint: Connection) -> tupl
     """Find the gains of an axis whose driver has inverse dynamics: kp [1/s²] and kd [1/s]."""
     driver = robot.drivers[axis]
     if isinstance(driver, IiwaDriver):
-        wanted = driver.desired_kp_gains
+        desired = driver.desired_kp_gains
         same = [other.name for other in robot.group.moving_joints if robot.drivers[other.name] is driver]
-        kp = _IIWA_KP if wanted is None else float(wanted[same.index(axis)])
+        kp = _IIWA_KP if desired is None else float(desired[same.index(axis)])
         return kp, 2 * math.sqrt(kp)  # critically damped
     assert joint.motor is not None
     own = driver.gains.get(joint.motor.name, JointPidControllerGains())

@@ -23,9 +23,7 @@ class DirectivesExporter(StationExporter):
 class ScenarioExporter(StationExporter):
     """Writes a station as a scenario of Drake: directives, drivers and settings of the simulation."""
 
-    help: ClassVar[str] = (
-        "Scenario of Drake to write, FILE.yaml: directives, drivers, settings; with a folder of models."
-    )
+    help: ClassVar[str] = "Scenario of Drake to write, FILE.yaml: directives, drivers and settings."
     suffix: ClassVar[str] = ".yaml"
 
     def export_station(self, config: StationConfig, file: Path, options: Any, *, force: bool) -> list[Path]:

@@ -13,7 +13,7 @@ from pydrake.systems.framework import DiagramBuilder
 from simrob_drake.base.folders import filled_at_once, written_at_once
 from simrob_drake.extensions.drake_scenes.drivers import driver_entries
 from simrob_drake.extensions.drake_scenes.mesh_copies import MeshCopies
-from simrob_drake.extensions.drake_scenes.plant_parts import WORLD_SHAPES, Group, plant_groups
+from simrob_drake.extensions.drake_scenes.plant_parts import WORLD_SHAPES, PlantGroup, plant_groups
 from simrob_drake.extensions.drake_scenes.sdf_writing import sdf_element
 from simrob_drake.extensions.drake_scenes.tagged import Tagged, yaml_text
 from simrob_drake.extensions.drake_scenes.urdf_writing import group_element, stations_element
@@ -27,7 +27,7 @@ PACKAGE_FILE = "package.xml"
 """File that makes the folder with the models a package of ROS, and so for Drake."""
 
 
-def station_groups(config: StationConfig) -> list[Group]:
+def station_groups(config: StationConfig) -> list[PlantGroup]:
     """Find the robots, pieces and floor of a station in its plant, under the names that the station has for them."""
     builder = DiagramBuilder()  # owns the plant, so it is kept until the groups are read
     plant = add_plant(builder, resolve(config))
@@ -74,7 +74,7 @@ def save_urdf(config: StationConfig, file: Path, *, force: bool) -> list[Path]:
     errors as `save_directives`.
     """
 
-    def element(groups: list[Group], meshes: MeshCopies) -> ET.Element:
+    def element(groups: list[PlantGroup], meshes: MeshCopies) -> ET.Element:
         """Make the content of the file."""
         return stations_element(config.name, groups, meshes, lambda link, shape: None)
 
@@ -84,7 +84,7 @@ def save_urdf(config: StationConfig, file: Path, *, force: bool) -> list[Path]:
 def save_sdf(config: StationConfig, file: Path, *, force: bool) -> list[Path]:
     """Write a station as one SDF world, with a folder of its meshes. Arguments, result, errors as `save_directives`."""
 
-    def element(groups: list[Group], meshes: MeshCopies) -> ET.Element:
+    def element(groups: list[PlantGroup], meshes: MeshCopies) -> ET.Element:
         """Make the content of the file."""
         return sdf_element(config.name, groups, meshes, is_world=True)
 
@@ -92,7 +92,7 @@ def save_sdf(config: StationConfig, file: Path, *, force: bool) -> list[Path]:
 
 
 def _save_model(
-    config: StationConfig, file: Path, element: Callable[[list[Group], MeshCopies], ET.Element], *, force: bool
+    config: StationConfig, file: Path, element: Callable[[list[PlantGroup], MeshCopies], ET.Element], *, force: bool
 ) -> list[Path]:
     """Write a station as one XML file, with a folder of its meshes if it has any.
 
@@ -114,7 +114,7 @@ def _save_model(
 
 
 def _save_scene(
-    file: Path, groups: list[Group], sections: Mapping[str, Any], remarks: list[str], *, force: bool
+    file: Path, groups: list[PlantGroup], sections: Mapping[str, Any], remarks: list[str], *, force: bool
 ) -> list[Path]:
     """Write a file of directives, with a folder of its models.
 
@@ -138,7 +138,7 @@ def _save_scene(
     return [file, folder]
 
 
-def _write_group(group: Group, folder: Path) -> str:
+def _write_group(group: PlantGroup, folder: Path) -> str:
     """Write a group as a model with a folder of its own. Returns the name of the file in that folder."""
     place = folder / group.name
     place.mkdir()
@@ -152,7 +152,7 @@ def _write_group(group: Group, folder: Path) -> str:
     return name
 
 
-def _directives(group: Group, uri: str) -> list[dict[str, Any]]:
+def _directives(group: PlantGroup, uri: str) -> list[dict[str, Any]]:
     """Make the directives that add a group: the model with its positions, and the weld that holds it.
 
     Args:

@@ -1,5 +1,6 @@
 """The importer of Drake's scene files: model directives and scenarios."""
 
+import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -9,9 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import typer
 
+from simrob_drake.base.files import opened
 from simrob_drake.base.folders import cache_entry, filled_at_once
 from simrob_drake.base.messages import message
-from simrob_drake.importer.importer import ImportOutcome, ImportRequest, SceneRequest, StationImporter
+from simrob_drake.importer.importer import FileImporter, ImportOutcome, ImportRequest, SceneRequest
 from simrob_drake.robots.imports import REPORT_FILE
 
 if TYPE_CHECKING:  # the options are needed for the help, and Drake's loader takes long to import
@@ -30,13 +32,14 @@ class SceneReading:
     ] = None
 
 
-class SceneImporter(StationImporter):
+class SceneImporter(FileImporter):
     """Makes a folder of robots, pieces and a station from model directives or a scenario."""
 
     title: ClassVar[str] = message("drake_scenes.a_scene", "a scene of Drake")
     options_class: ClassVar[type[Any]] = SceneReading
     reading_class: ClassVar[type[Any]] = SceneReading
     robot_options: ClassVar[tuple[str, ...]] = ("mesh_path", "packages")
+    has_scenes: ClassVar[bool] = True
 
     def import_file(self, file: Path, request: ImportRequest) -> ImportOutcome:
         """Write the robots, pieces and station of a scene.
@@ -125,7 +128,8 @@ def _contents(folder: Path, sections: Mapping[str, Any]) -> Iterator[bytes]:
     for path in sorted(folder.rglob("*")):
         if path.is_file():
             yield str(path.relative_to(folder)).encode()
-            yield path.read_bytes()
+            with opened(path) as content:  # meshes may be larger than what is read of texts
+                yield hashlib.file_digest(content, "sha256").digest()
 
 
 def _with_folder(sections: Mapping[str, Any], folder: Path) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from pydrake.math import RigidTransform
 from simrob_drake.base.frames import Vector, pose_from_transform
 from simrob_drake.base.messages import message
 from simrob_drake.extensions.drake_scenes.mesh_copies import MeshCopies
-from simrob_drake.extensions.drake_scenes.plant_parts import BodyShape, Group, Link
+from simrob_drake.extensions.drake_scenes.plant_parts import BodyShape, GroupLink, PlantGroup
 from simrob_drake.robots.imports import ImportReport
 from simrob_drake.robots.urdf import six_moments
 
@@ -25,7 +25,7 @@ class PieceWriter:
         half_space: pose of a half-space among its shapes in the world. None if there is none.
     """
 
-    def __init__(self, group: Group, folder: Path, meshes: MeshCopies, report: ImportReport) -> None:
+    def __init__(self, group: PlantGroup, folder: Path, meshes: MeshCopies, report: ImportReport) -> None:
         """Begin with a group.
 
         Args:
@@ -55,7 +55,7 @@ class PieceWriter:
             content["shapes"] = shapes
         return content
 
-    def _shape_entries(self, link: Link, shape: BodyShape, pose: RigidTransform) -> list[dict[str, Any]]:
+    def _shape_entries(self, link: GroupLink, shape: BodyShape, pose: RigidTransform) -> list[dict[str, Any]]:
         """Describe a shape as entries of ``shapes``. Empty if a piece has no such shape.
 
         Args:
@@ -78,26 +78,27 @@ class PieceWriter:
 
     def _geometry(self, shape: Shape, pose: RigidTransform) -> list[dict[str, Any]]:
         """Describe a shape and its pose. Empty if a piece has no such shape."""
-        at: dict[str, Any] = {"pose": tuple(pose_from_transform(pose).tolist())}
+        entries = list[dict[str, Any]]()
         match shape:
             case Box():
-                return [{"box": tuple(shape.size().tolist()), **at}]
-            case Cylinder():
-                return [{"cylinder": (shape.radius(), shape.length()), **at}]
+                entries = [{"box": tuple(shape.size().tolist())}]
+            case Cylinder() | Capsule():
+                entries = [{"cylinder": (shape.radius(), shape.length())}]
             case Sphere():
-                return [{"sphere": shape.radius(), **at}]
-            case Capsule():
-                # A capsule is a cylinder with two balls at its ends.
-                ends = [pose @ RigidTransform([0.0, 0.0, sign * shape.length() / 2]) for sign in (-1, 1)]
-                balls = [{"sphere": shape.radius(), "pose": tuple(pose_from_transform(end).tolist())} for end in ends]
-                return [{"cylinder": (shape.radius(), shape.length()), **at}, *balls]
+                entries = [{"sphere": shape.radius()}]
             case Mesh() | Convex():
                 scales = np.asarray(shape.scale3())
-                if not np.all(scales == scales[0]) or scales[0] <= 0:
-                    return []
-                return [{"mesh": str(self._meshes.copy(shape)), "scale": float(scales[0]), **at}]
-            case _:
-                return []
+                if np.all(scales == scales[0]) and scales[0] > 0:
+                    entries = [{"mesh": str(self._meshes.copy(shape)), "scale": float(scales[0])}]
+        poses = [pose] * len(entries)
+        if isinstance(shape, Capsule):
+            # A capsule is a cylinder with two balls at its ends.
+            for sign in (-1.0, 1.0):
+                entries.append({"sphere": shape.radius()})
+                poses.append(pose @ RigidTransform(np.array([0.0, 0.0, sign * shape.length() / 2])))
+        return [
+            {**entry, "pose": tuple(pose_from_transform(at).tolist())} for entry, at in zip(entries, poses, strict=True)
+        ]
 
     def _read_half_space(self, pose: RigidTransform) -> None:
         """Note a half-space, if it is the world's ground at z = 0; report any other one as lost."""
@@ -131,7 +132,7 @@ class PieceWriter:
             self.contact["hydroelastic_modulus"] = modulus
 
 
-def _link_poses(group: Group) -> dict[str, RigidTransform]:
+def _link_poses(group: PlantGroup) -> dict[str, RigidTransform]:
     """Compute the poses of the links in the root link, by name."""
     poses = {group.root.name: RigidTransform()}
     for joint in group.joints:  # in the order of the tree
@@ -139,7 +140,7 @@ def _link_poses(group: Group) -> dict[str, RigidTransform]:
     return poses
 
 
-def _inertia(group: Group, poses: dict[str, RigidTransform]) -> dict[str, Any]:
+def _inertia(group: PlantGroup, poses: dict[str, RigidTransform]) -> dict[str, Any]:
     """Sum up the masses of the links: mass [kg], centre of mass [m], and moments about it [kg m²], in the root link.
 
     Args:

@@ -32,7 +32,7 @@ _CONTACT_KEYS = {
     "hydroelastic_modulus": ("hydroelastic", "hydroelastic_modulus"),
     "hydroelastic_margin": ("hydroelastic", "margin"),
 }
-"""Group and name of a property in the scene graph, by the name that URDF and SDF files have for it."""
+"""PlantGroup and name of a property in the scene graph, by the name that URDF and SDF files have for it."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class BodyShape:
 
 
 @dataclass
-class Link:
+class GroupLink:
     """A body in a tree.
 
     Attributes:
@@ -81,7 +81,7 @@ class Link:
 
 
 @dataclass
-class Motor:
+class JointMotor:
     """An actuator of a joint.
 
     Attributes:
@@ -129,7 +129,7 @@ class Connection:
     speed: float = np.inf
     acceleration: float = np.inf
     damping: float = 0.0
-    motor: Motor | None = None
+    motor: JointMotor | None = None
     start: float = 0.0
     inertia: float = 0.0
 
@@ -140,7 +140,7 @@ class Connection:
 
 
 @dataclass
-class Group:
+class PlantGroup:
     """A robot or a piece: bodies that form one tree.
 
     Attributes:
@@ -156,7 +156,7 @@ class Group:
     models: list[str]
     pose: RigidTransform
     is_free: bool
-    links: list[Link] = field(default_factory=list)
+    links: list[GroupLink] = field(default_factory=list)
     joints: list[Connection] = field(default_factory=list)
 
     @property
@@ -170,7 +170,7 @@ class Group:
         return bool(self.moving_joints)
 
     @property
-    def root(self) -> Link:
+    def root(self) -> GroupLink:
         """The link that carries all others."""
         return self.links[0]
 
@@ -179,7 +179,7 @@ class UnknownJoint(SimrobError):
     """Raised when a plant has a joint that stations, URDF and SDF files do not have."""
 
 
-def plant_groups(plant: MultibodyPlant, scene_graph: SceneGraph, *, without: frozenset[GeometryId]) -> list[Group]:
+def plant_groups(plant: MultibodyPlant, scene_graph: SceneGraph, *, without: frozenset[GeometryId]) -> list[PlantGroup]:
     """Find the robots and pieces of a plant.
 
     A body that is welded to the world, or to a body that is, begins a group of its model instance. A body that nothing
@@ -222,11 +222,11 @@ class _Reading:
                 self._joints_of.setdefault(int(body.index()), []).append(joint)
         actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
         self._motors = {int(actuator.joint().index()): actuator for actuator in actuators}
-        self._groups = dict[str, Group]()
+        self._groups = dict[str, PlantGroup]()
         # By index of a body: its group, its link, and the pose of the body's frame in the frame of the link.
-        self._placed = dict[int, tuple[Group, Link, RigidTransform]]()
+        self._placed = dict[int, tuple[PlantGroup, GroupLink, RigidTransform]]()
 
-    def groups(self) -> list[Group]:
+    def groups(self) -> list[PlantGroup]:
         """Walk from the world outwards over all joints, and collect the groups."""
         world = self._plant.world_body()
         self._add_world_shapes(world)
@@ -298,20 +298,20 @@ class _Reading:
             self._add_link(group, further, RigidTransform())
             return
         group = self._new_group(further, pose_of_body, is_free=False)
-        base = Link(name=_free_name("base", [link.name for link in group.links]))
+        base = GroupLink(name=_free_name("base", [link.name for link in group.links]))
         group.links.append(base)
         self._attach((group, base, RigidTransform()), joint, further, is_forward=is_forward)
 
-    def _new_group(self, body: RigidBody, pose: RigidTransform, *, is_free: bool) -> Group:
+    def _new_group(self, body: RigidBody, pose: RigidTransform, *, is_free: bool) -> PlantGroup:
         """Register a group that begins with a body, under a name that is free."""
         model = self._plant.GetModelInstanceName(body.model_instance())
         name = _free_name(plain_model_name(model, body.name()), list(self._groups))
-        group = Group(name=name, models=[model], pose=pose, is_free=is_free)
+        group = PlantGroup(name=name, models=[model], pose=pose, is_free=is_free)
         self._groups[name] = group
         return group
 
     def _attach(
-        self, carrier: tuple[Group, Link, RigidTransform], joint: Joint, body: RigidBody, *, is_forward: bool
+        self, carrier: tuple[PlantGroup, GroupLink, RigidTransform], joint: Joint, body: RigidBody, *, is_forward: bool
     ) -> None:
         """Add a body to the group of the body that carries it, with the joint between them.
 
@@ -364,19 +364,19 @@ class _Reading:
         connection.motor = self._motor(joint)
         group.joints.append(connection)
 
-    def _motor(self, joint: Joint) -> Motor | None:
+    def _motor(self, joint: Joint) -> JointMotor | None:
         """Describe the actuator of a joint. None if it has none."""
         actuator = self._motors.get(int(joint.index()))
         if actuator is None:
             return None
-        return Motor(
+        return JointMotor(
             name=actuator.name(),
             effort=float(actuator.effort_limit()),
             rotor_inertia=float(actuator.default_rotor_inertia()),
             gear_ratio=float(actuator.default_gear_ratio()),
         )
 
-    def _add_link(self, group: Group, body: RigidBody, pose: RigidTransform) -> Link:
+    def _add_link(self, group: PlantGroup, body: RigidBody, pose: RigidTransform) -> GroupLink:
         """Add a body to a group as a link.
 
         Args:
@@ -388,7 +388,7 @@ class _Reading:
         if model not in group.models:
             group.models.append(model)
         name = _free_name(body.name(), [known.name for known in group.links], model)
-        link = Link(
+        link = GroupLink(
             name=name, body=body.name(), index=int(body.index()), body_pose=pose, mass=float(body.default_mass())
         )
         inertia = body.default_spatial_inertia()
@@ -407,8 +407,8 @@ class _Reading:
         """Add the shapes of the world itself as a piece, if there are any."""
         shapes = list(self._shapes(world, RigidTransform()))
         if shapes:
-            link = Link(name=WORLD_SHAPES, body=WORLD_SHAPES, shapes=shapes)
-            group = Group(WORLD_SHAPES, [WORLD_SHAPES], RigidTransform(), is_free=False, links=[link])
+            link = GroupLink(name=WORLD_SHAPES, body=WORLD_SHAPES, shapes=shapes)
+            group = PlantGroup(WORLD_SHAPES, [WORLD_SHAPES], RigidTransform(), is_free=False, links=[link])
             self._groups[group.name] = group
 
     def _shapes(self, body: RigidBody, pose: RigidTransform) -> Iterator[BodyShape]:

@@ -1,4 +1,4 @@
-"""Scene files of Drake: finding their packages, and loading them with Drake's own loader.
+"""DrakeScene files of Drake: finding their packages, and loading them with Drake's own loader.
 
 Drake's loader stops at the first problem with a message of its own, and downloads packages that are not there. So a
 file is checked first: its keys, its tags, and the packages that it and its models name. Nothing is downloaded.
@@ -51,7 +51,7 @@ _MOST_FILES = 500  # files that a scene may consist of, so that files that name 
 
 
 @dataclass
-class Scene:
+class DrakeScene:
     """A scene file, loaded into a plant of Drake.
 
     Attributes:
@@ -77,7 +77,7 @@ class Scene:
     border: Border = field(default_factory=lambda: Border(Path.cwd()))
 
 
-def load_scene(file: Path, request: SceneRequest) -> Scene:
+def load_scene(file: Path, request: SceneRequest) -> DrakeScene:
     """Load a scene file with Drake's loader.
 
     Args:
@@ -110,7 +110,7 @@ def load_scene(file: Path, request: SceneRequest) -> Scene:
         _set_initial_positions(plant, scenario)
         plant.Finalize()
     has_more = any(key != DIRECTIVES for key in _keys(node))
-    return Scene(path, scenario, has_more, builder, plant, scene_graph, models, warnings, border)
+    return DrakeScene(path, scenario, has_more, builder, plant, scene_graph, models, warnings, border)
 
 
 def _set_initial_positions(plant: MultibodyPlant, scenario: Scenario) -> None:
@@ -346,13 +346,12 @@ class _Checks:
             return found
         # An export has its models in a package next to the scene.
         near = self._border.source.parent
-        beside = next((folder for folder in near.iterdir() if folder.is_dir() and manifest_name(folder) == name), None)
-        if beside is not None:
-            return beside
+        folders = [folder for folder in near.iterdir() if folder.is_dir()]
         if name == _DRAKE:
-            return Path(PackageMap().GetPath(_DRAKE))
+            folders.append(Path(PackageMap().GetPath(_DRAKE)))
         downloaded = _DRAKE_CACHE.expanduser()
-        folders = sorted(downloaded.glob("*")) if downloaded.is_dir() else []
+        if downloaded.is_dir():
+            folders += sorted(downloaded.glob("*"))
         return next((folder for folder in folders if manifest_name(folder) == name), None)
 
     def _readable(self, path: Path, where: str, file: Path) -> Path:

@@ -1,6 +1,7 @@
 """Scenes of Drake as stations: robots, pieces, contact and solver."""
 
 import xml.etree.ElementTree as ET
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,8 @@ from simrob_drake.base.messages import join_texts, message
 from simrob_drake.extensions.drake_scenes.drivers import DrivenRobot, servo_section
 from simrob_drake.extensions.drake_scenes.mesh_copies import MeshCopies
 from simrob_drake.extensions.drake_scenes.piece_writing import PieceWriter
-from simrob_drake.extensions.drake_scenes.plant_parts import Connection, Group, plant_groups
-from simrob_drake.extensions.drake_scenes.scene_files import Scene
+from simrob_drake.extensions.drake_scenes.plant_parts import Connection, PlantGroup, plant_groups
+from simrob_drake.extensions.drake_scenes.scene_files import DrakeScene
 from simrob_drake.extensions.drake_scenes.tagged import yaml_text
 from simrob_drake.extensions.drake_scenes.urdf_writing import group_element
 from simrob_drake.importer.importing import gains_of
@@ -47,7 +48,7 @@ class SceneStation:
     report: ImportReport = field(default_factory=lambda: ImportReport(Path()))
 
 
-def write_station(scene: Scene, folder: Path) -> SceneStation:
+def write_station(scene: DrakeScene, folder: Path) -> SceneStation:
     """Write the robots and pieces of a scene, and make the sections of its station.
 
     Args:
@@ -63,7 +64,7 @@ def write_station(scene: Scene, folder: Path) -> SceneStation:
 class _Writer:
     """Makes the station of one scene."""
 
-    def __init__(self, scene: Scene, folder: Path) -> None:
+    def __init__(self, scene: DrakeScene, folder: Path) -> None:
         """Begin with a scene and an empty folder."""
         self._scene = scene
         self._folder = folder
@@ -94,7 +95,7 @@ class _Writer:
         place.mkdir(parents=True)
         return place, MeshCopies(place, lambda mesh: self._scene.border.check(mesh, name))
 
-    def _add_robot(self, group: Group) -> None:
+    def _add_robot(self, group: PlantGroup) -> None:
         """Write the files of a robot, and add its section."""
         name = group.name
         place, meshes = self._copies(name)
@@ -147,7 +148,7 @@ class _Writer:
         drivers = self._scene.scenario.model_drivers
         return next((driver for name, driver in drivers.items() if model in name.split("+")), None)
 
-    def _make_finite(self, group: Group) -> None:
+    def _make_finite(self, group: PlantGroup) -> None:
         """Give motors and strokes without limits large ones, since the checks of a station need numbers."""
         for joint in group.moving_joints:
             if joint.motor is not None and not np.isfinite(joint.motor.effort):
@@ -163,7 +164,7 @@ class _Writer:
                 # A joint that turns without any limit stays without one.
                 joint.limits = (max(lower, -_LONG_STROKE), min(upper, _LONG_STROKE))
 
-    def _robot_section(self, group: Group, file: Path) -> dict[str, Any]:
+    def _robot_section(self, group: PlantGroup, file: Path) -> dict[str, Any]:
         """Make the section of a robot: where it stands, its posture at the start, and its servos.
 
         Args:
@@ -193,7 +194,7 @@ class _Writer:
         section["servo"] = servo_section(robot, self._report)
         return section
 
-    def _add_piece(self, group: Group) -> None:
+    def _add_piece(self, group: PlantGroup) -> None:
         """Write the file of a piece, and add its section."""
         place, meshes = self._copies(group.name)
         writer = PieceWriter(group, place, meshes, self._report)
@@ -237,34 +238,28 @@ class _Writer:
         plant_config = self._scene.scenario.plant_config
         simulator = self._scene.scenario.simulator_config
         if plant_config.time_step > 0:
-            scheme = plant_config.discrete_contact_approximation
-            if scheme not in DISCRETE_SCHEMES:
-                self._report.add(
-                    "approximated",
-                    "plant_config",
-                    message(
-                        "drake_scenes.other_scheme", "{scheme}: {ours} takes its place", scheme=scheme, ours="lagged"
-                    ),
-                )
-                scheme = "lagged"
-            return {"kind": "discrete", "time_step": float(plant_config.time_step), "scheme": scheme}
-        scheme = simulator.integration_scheme
-        if scheme not in CONTINUOUS_SCHEMES:
-            self._report.add(
-                "approximated",
-                "simulator_config",
-                message("drake_scenes.other_scheme", "{scheme}: {ours} takes its place", scheme=scheme, ours="radau3"),
-            )
-            scheme = "radau3"
+            return {
+                "kind": "discrete",
+                "time_step": float(plant_config.time_step),
+                "scheme": self._scheme(plant_config.discrete_contact_approximation, DISCRETE_SCHEMES, "lagged"),
+            }
         return {
             "kind": "continuous",
-            "scheme": scheme,
+            "scheme": self._scheme(simulator.integration_scheme, CONTINUOUS_SCHEMES, "radau3"),
             "accuracy": float(simulator.accuracy),
             "max_step": float(simulator.max_step_size),
             "error_control": bool(simulator.use_error_control),
         }
 
-    def _add_cameras(self, groups: list[Group]) -> None:
+    def _scheme(self, scheme: str, known: Collection[str], default: str) -> str:
+        """Return a scheme of the scene if stations have it, or a default, which is reported."""
+        if scheme in known:
+            return scheme
+        text = message("drake_scenes.other_scheme", "{scheme}: {ours} takes its place", scheme=scheme, ours=default)
+        self._report.add("approximated", "solver", text)
+        return default
+
+    def _add_cameras(self, groups: list[PlantGroup]) -> None:
         """Add the cameras as sensors. Images of labels and messages over LCM have no counterpart in a station."""
         links = {link.index: (group, link) for group in groups for link in group.links}
         for name, camera in self._scene.scenario.cameras.items():

@@ -7,7 +7,7 @@ from pydrake.geometry import Box, Capsule, Convex, Cylinder, Ellipsoid, HalfSpac
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from simrob_drake.extensions.drake_scenes.mesh_copies import MeshCopies
-from simrob_drake.extensions.drake_scenes.plant_parts import BodyShape, Connection, Group, Link
+from simrob_drake.extensions.drake_scenes.plant_parts import BodyShape, Connection, GroupLink, PlantGroup
 from simrob_drake.robots.urdf import MOMENTS, six_moments, text, written
 
 VERSION = "1.9"
@@ -16,7 +16,7 @@ _DRAKE = "drake:"
 """Prefix of Drake's own elements. SDF files declare no XML namespace for it."""
 
 
-def sdf_element(name: str, groups: list[Group], meshes: MeshCopies, *, is_world: bool) -> ET.Element:
+def sdf_element(name: str, groups: list[PlantGroup], meshes: MeshCopies, *, is_world: bool) -> ET.Element:
     """Make the element ``sdf`` of groups.
 
     Args:
@@ -42,7 +42,7 @@ def sdf_element(name: str, groups: list[Group], meshes: MeshCopies, *, is_world:
     return sdf
 
 
-def _model(group: Group, meshes: MeshCopies) -> ET.Element:
+def _model(group: PlantGroup, meshes: MeshCopies) -> ET.Element:
     """Make the element ``model`` of a group.
 
     Each link is posed in the frame of the joint that carries it, and each joint in its parent link: the poses are then
@@ -61,7 +61,7 @@ def _model(group: Group, meshes: MeshCopies) -> ET.Element:
     return model
 
 
-def _link(link: Link, carrier: str, meshes: MeshCopies) -> ET.Element:
+def _link(link: GroupLink, carrier: str, meshes: MeshCopies) -> ET.Element:
     """Make the element of a link.
 
     Args:
@@ -156,7 +156,7 @@ def _joint(joint: Connection, name: str) -> ET.Element:
     if joint.damping > 0:
         _add(ET.SubElement(axis, "dynamics"), "damping", joint.damping)
     limit = ET.SubElement(axis, "limit")
-    figures = {
+    values = {
         "lower": joint.limits[0],
         "upper": joint.limits[1],
         "velocity": joint.speed,
@@ -164,7 +164,7 @@ def _joint(joint: Connection, name: str) -> ET.Element:
         # An effort of 0 means that nothing drives the joint; without an effort its motor has no limit.
         "effort": 0.0 if joint.motor is None else joint.motor.effort,
     }
-    for key, value in figures.items():
+    for key, value in values.items():
         if np.isfinite(value):
             _add(limit, key, value)
     if joint.motor is not None:

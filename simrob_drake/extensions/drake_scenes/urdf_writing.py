@@ -5,11 +5,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from pydrake.geometry import Box, Capsule, Convex, Cylinder, Ellipsoid, HalfSpace, Mesh, Shape, Sphere
+from pydrake.geometry import Box, Capsule, Convex, Cylinder, Ellipsoid, Mesh, Shape, Sphere
 from pydrake.math import RigidTransform
 
 from simrob_drake.extensions.drake_scenes.mesh_copies import MeshCopies
-from simrob_drake.extensions.drake_scenes.plant_parts import BodyShape, Connection, Group, Link
+from simrob_drake.extensions.drake_scenes.plant_parts import BodyShape, Connection, GroupLink, PlantGroup
 from simrob_drake.robots.urdf import (
     DRAKE,
     add_colour,
@@ -23,10 +23,10 @@ from simrob_drake.robots.urdf import (
 )
 
 WORLD = "world"
-"""Link of a URDF file that Drake takes for the world."""
+"""GroupLink of a URDF file that Drake takes for the world."""
 
 
-def group_element(group: Group, meshes: MeshCopies, on_lost: Callable[[str, str], None]) -> ET.Element:
+def group_element(group: PlantGroup, meshes: MeshCopies, on_lost: Callable[[str, str], None]) -> ET.Element:
     """Make the element ``robot`` of a group.
 
     Args:
@@ -40,7 +40,7 @@ def group_element(group: Group, meshes: MeshCopies, on_lost: Callable[[str, str]
 
 
 def stations_element(
-    name: str, groups: list[Group], meshes: MeshCopies, on_lost: Callable[[str, str], None]
+    name: str, groups: list[PlantGroup], meshes: MeshCopies, on_lost: Callable[[str, str], None]
 ) -> ET.Element:
     """Make one element ``robot`` of several groups, with those that are held joined to the world.
 
@@ -67,7 +67,7 @@ def stations_element(
 
 
 def add_group(
-    robot: ET.Element, group: Group, meshes: MeshCopies, on_lost: Callable[[str, str], None], *, prefix: str
+    robot: ET.Element, group: PlantGroup, meshes: MeshCopies, on_lost: Callable[[str, str], None], *, prefix: str
 ) -> None:
     """Add the links, joints and motors of a group to an element ``robot``.
 
@@ -87,7 +87,7 @@ def add_group(
 
 def _add_link(
     robot: ET.Element,
-    link: Link,
+    link: GroupLink,
     meshes: MeshCopies,
     on_lost: Callable[[str, str], None],
     prefix: str,
@@ -135,26 +135,23 @@ def _add_shape(link: ET.Element, shape: BodyShape, geometry: ET.Element, name: s
 
 def shape_element(shape: Shape, meshes: MeshCopies) -> ET.Element | None:
     """Make the element of a shape, and copy its mesh. Returns None for a shape that a URDF does not have."""
+    element: ET.Element | None = None
     match shape:
         case Box():
-            return ET.Element("box", size=text(shape.size()))
+            element = ET.Element("box", size=text(shape.size()))
         case Cylinder():
-            return ET.Element("cylinder", radius=written(shape.radius()), length=written(shape.length()))
+            element = ET.Element("cylinder", radius=written(shape.radius()), length=written(shape.length()))
         case Sphere():
-            return ET.Element("sphere", radius=written(shape.radius()))
+            element = ET.Element("sphere", radius=written(shape.radius()))
         case Capsule():
-            return ET.Element(f"{DRAKE}capsule", radius=written(shape.radius()), length=written(shape.length()))
+            element = ET.Element(f"{DRAKE}capsule", radius=written(shape.radius()), length=written(shape.length()))
         case Ellipsoid():
-            return ET.Element(f"{DRAKE}ellipsoid", a=written(shape.a()), b=written(shape.b()), c=written(shape.c()))
+            element = ET.Element(f"{DRAKE}ellipsoid", a=written(shape.a()), b=written(shape.b()), c=written(shape.c()))
         case Mesh() | Convex():
             element = ET.Element("mesh", filename=str(meshes.copy(shape)), scale=text(shape.scale3()))
             if isinstance(shape, Convex):
                 ET.SubElement(element, f"{DRAKE}declare_convex")
-            return element
-        case HalfSpace():
-            return None
-        case _:
-            return None
+    return element
 
 
 def _add_connection(robot: ET.Element, joint: Connection, prefix: str) -> None:
@@ -175,7 +172,7 @@ def _add_connection(robot: ET.Element, joint: Connection, prefix: str) -> None:
     ET.SubElement(element, "axis", xyz=text(joint.axis))
     limit = ET.SubElement(element, "limit")
     effort = 0.0 if joint.motor is None else joint.motor.effort
-    figures = {
+    values = {
         "lower": joint.limits[0],
         "upper": joint.limits[1],
         "velocity": joint.speed,
@@ -183,7 +180,7 @@ def _add_connection(robot: ET.Element, joint: Connection, prefix: str) -> None:
         "effort": effort,
     }
     # A limit that is left out is infinite for Drake.
-    for key, value in figures.items():
+    for key, value in values.items():
         if np.isfinite(value):
             limit.set(key, written(value))
     if joint.damping > 0:
