@@ -28,6 +28,7 @@ test-long: $(TOOLS)  ## run those tests that take long or repeat themselves
 lint: $(TOOLS)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/python -m tests.readability --quiet
 	@.ci/long_modules
 
 types: $(TOOLS)

@@ -113,8 +113,19 @@ def test_a_help_is_in_the_language_of_the_option(capsys):
 def test_examples_are_the_same_in_each_language():
     english, spanish = helps_in("en"), helps_in("es")
     for name, text in english.items():
-        own = [line for line in text.splitlines() if line.startswith("    simrob")]
-        assert [line for line in spanish[name].splitlines() if line.startswith("    simrob")] == own
+        own = [line for line in text.splitlines() if line.startswith("simrob ")]
+        assert [line for line in spanish[name].splitlines() if line.startswith("simrob ")] == own
+
+
+@pytest.mark.parametrize("command", commands_with_helps()[1:], ids=" ".join)
+def test_each_example_has_a_line_of_its_own(command, capsys):
+    """A block by indentation is lost if one paragraph stands before the examples; a long line would be broken."""
+    run_command([*command, "--help"])
+    lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
+    text = whole_command(command[0])
+    whole = text.commands[command[1]] if len(command) > 1 else text
+    examples = [line for line in whole.help.splitlines() if line.startswith("simrob ")]
+    assert [line for line in lines if line in examples] == examples
 
 
 def test_extension_points_are_named_in_spanish(capsys, monkeypatch):

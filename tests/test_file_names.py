@@ -30,7 +30,7 @@ def test_stations_in_files_with_capital_letters(ending: str, tmp_path: Path):
 
 def test_stations_of_programs_and_robots_in_files_with_capital_letters(tmp_path: Path):
     """A program names its station, and a station its robot: names with capital letters are paths there, too."""
-    from simrob_drake.stations.located import located_station
+    from simrob_drake.stations.file_paths import station_with_absolute_path
 
     robot = tmp_path / "ARM.YAML"
     robot.write_text((models_root() / "tx40" / "robot.yaml").read_text())
@@ -38,7 +38,7 @@ def test_stations_of_programs_and_robots_in_files_with_capital_letters(tmp_path:
     station.write_text(STATION.replace("irb120", robot.name))
     program = tmp_path / "PROGRAM.YAML"
 
-    assert located_station(station.name, program) == str(station)
+    assert station_with_absolute_path(station.name, program) == str(station)
     assert [entry.model for entry in load_station(station).robots.values()] == [str(robot)]
 
 

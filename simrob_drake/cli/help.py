@@ -63,7 +63,19 @@ def command_message(name: str, docstring: str, package: str) -> Message:
     examples = [paragraph for paragraph, is_command in zip(paragraphs, is_example, strict=True) if is_command]
     template = "\n\n".join(sentences).replace("{", "{{").replace("}", "}}")
     text = Message(f"{package}.command_{name.replace(' ', '_')}", template, {})
-    return join_texts([text, _FOR_EXAMPLE, *examples], "\n\n") if examples else text
+    return join_texts([text, _FOR_EXAMPLE, _as_block(examples)], "\n\n") if examples else text
+
+
+def _as_block(examples: Sequence[str]) -> str:
+    """Mark up examples as one block, in which each command keeps a line of its own.
+
+    A block by indentation alone is lost: typer takes away an indentation that all lines after the first have.
+
+    Args:
+        examples: command lines; several in one text have line breaks between them.
+    """
+    lines = [line.strip() for example in examples for line in example.splitlines()]
+    return "\n".join(["```text", *lines, "```"])
 
 
 def with_translated_options(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -22,9 +22,9 @@ from simrob_drake.importer.importer import CORE_SUFFIXES, load_importer
 from simrob_drake.results.record.run import move_title
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.file_paths import station_with_absolute_path
 from simrob_drake.stations.findings import Finding
 from simrob_drake.stations.load import bare_station, station_yaml
-from simrob_drake.stations.located import located_station
 
 if TYPE_CHECKING:  # few commands need programs, which load scipy
     from simrob_drake.programs.arm import Workcell
@@ -102,7 +102,7 @@ def program_from(file: str, set_: list[str] | None) -> tuple[Program, StationCon
             "station",
             message("cli.missing_station", "missing: the name or the file of the station that it is to run on"),
         )
-    return program, station_from(located_station(program.station, Path(file)), set_)
+    return program, station_from(station_with_absolute_path(program.station, Path(file)), set_)
 
 
 def check_program(program: Program, config: StationConfig, file: str = "") -> Finding:

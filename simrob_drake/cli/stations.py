@@ -85,7 +85,7 @@ def run(
 
         simrob run irb120_dynamic --duration 2 --out runs/first
 
-        simrob run irb120_dynamic --set servo.torque_limit=10 --set reference.duration=1.5
+        simrob run irb120_dynamic --set servo.kp=300 --set servo.kd=30
 
         simrob run program.yaml --set servo.kp=50
 

@@ -35,7 +35,7 @@ from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.frames import Vector, transform_from_pose
 from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.sections import ORIGIN, NotNegative, Number, Pose, Positive, Strict, Triple
-from simrob_drake.blocks.block import fed, joined, mapped
+from simrob_drake.blocks.block import add_and_connect, add_matrix_gain, add_multiplexer
 from simrob_drake.parts.coupling import DAMPING_TIME, STIFFNESS, CouplingSection
 from simrob_drake.parts.engine import Engine
 from simrob_drake.parts.kinds import Kinds
@@ -479,9 +479,9 @@ class Gear(CouplingSection):
         stiffness = STIFFNESS / (ratios @ inverse_mass @ ratios)
         # The force is the product of this row with the vector (state, 1). The 1 brings in the constant c.
         force_row = stiffness * np.append(-sum_row - DAMPING_TIME * rate_row, self.constant_sum(site.plant))
-        one = fed(builder, f"{key}.one", ConstantVectorSource([1.0]))
-        state_and_one = joined(builder, f"{key}.bus", site.state, one)
-        forces = mapped(builder, f"{key}.force", np.outer(ratios, force_row), state_and_one)
+        one = add_and_connect(builder, f"{key}.one", ConstantVectorSource([1.0]))
+        state_and_one = add_multiplexer(builder, f"{key}.bus", site.state, one)
+        forces = add_matrix_gain(builder, f"{key}.force", np.outer(ratios, force_row), state_and_one)
         site.generalized_forces.append(forces)
         # In the picture of the diagram the first two blocks are only wires.
         site.picture.draw_nothing(f"{key}.one", f"{key}.bus")

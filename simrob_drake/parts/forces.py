@@ -18,7 +18,7 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Duration, Frequency, Instant, Number, Positive, Strict, Triple
 from simrob_drake.base.signals import applied_signal
-from simrob_drake.blocks.block import fed
+from simrob_drake.blocks.block import add_and_connect
 from simrob_drake.blocks.passive_joints import add_external_force
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.kinds import Kinds
@@ -239,7 +239,7 @@ class Drag(ForceSection):
         stiffness = self.stiffness or max(whole, _LIGHTEST) * gravity / _LIFT
         gains = stiffness, float(np.sqrt(stiffness * max(body.default_mass(), _LIGHTEST)))
         spring = DragSpring(period=_PERIOD, plant=plant, frame=frame, point=point, gains=gains)
-        return fed(builder, f"{name}.spring", spring, applied, site.state)
+        return add_and_connect(builder, f"{name}.spring", spring, applied, site.state)
 
     def caption(self) -> str:
         """Return it in words."""

@@ -15,8 +15,18 @@ from simrob_drake.base.files import read_columns
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Duration, Frequency, Instant, NotNegative, Strict
-from simrob_drake.blocks.cruise import cruising
-from simrob_drake.blocks.references import Reference, Samples, SineReference, hermite, hold, move, ramp, sequence, table
+from simrob_drake.blocks.cruise import cruise_to
+from simrob_drake.blocks.references import (
+    Reference,
+    Samples,
+    SineReference,
+    hermite,
+    hold,
+    interpolate_samples,
+    move,
+    ramp,
+    sequence,
+)
 from simrob_drake.parts.captions import shown_positions
 from simrob_drake.parts.kinds import Kinds
 from simrob_drake.parts.resolved import ResolvedRobot
@@ -170,7 +180,7 @@ class Cruise(ReferenceSection):
         speeds = _within("speed_deg", self.speed_deg, robot, robot.speed_limits, target != start)
         limits = robot.model.accelerations
         accelerations = _within("acceleration_deg", self.acceleration_deg, robot, limits, target != start)
-        return cruising(start, target, speeds, accelerations, self._jerks(robot), start_time=self.start)
+        return cruise_to(start, target, speeds, accelerations, self._jerks(robot), start_time=self.start)
 
     def _jerks(self, robot: ResolvedRobot) -> Vector | None:
         return np.full(len(robot.axes), np.inf)
@@ -338,7 +348,7 @@ class Table(ReferenceSection):
         times, values = self.rows(robot.axes)
         if self.interpolation == "hermite":
             return hermite(times, *np.hsplit(np.asarray(values), 2))
-        return table(times, values, linear=self.interpolation == "linear")
+        return interpolate_samples(times, values, linear=self.interpolation == "linear")
 
     def firmness(self, model: RobotModel) -> list[Firmness]:
         """Return NAMED for all axes: each has a column in the file."""

@@ -25,7 +25,10 @@ def own_name(inspector: SceneGraphInspector, shape: GeometryId) -> str:
 
 def piece_of_shape(station: Surroundings, inspector: SceneGraphInspector, shape: GeometryId) -> str | None:
     """Return the piece that a shape belongs to; None for one of a robot's own, and the floor's."""
-    owner = inspector.GetName(shape).partition("::")[0]
+    scoped_owner = inspector.GetName(shape).partition("::")[0]
+    if not scoped_owner.startswith(station.scope):
+        return None  # it belongs to something else in a plant that the station shares
+    owner = scoped_owner.removeprefix(station.scope)
     piece, dot, _ = own_name(inspector, shape).partition(".")
     found = station.pieces.get(piece) if dot else None
     return piece if found is not None and owner in (piece, found.carrier) else None
@@ -34,7 +37,8 @@ def piece_of_shape(station: Surroundings, inspector: SceneGraphInspector, shape:
 def owner_of_shape(plant: StationPlant, shape: GeometryId) -> str:
     """Return what a shape belongs to: a piece, a link of a robot, the floor, or a box of its terrain."""
     inspector = plant.scene_graph.model_inspector()
-    model, own = inspector.GetName(shape).partition("::")[0], own_name(inspector, shape)
+    model = inspector.GetName(shape).partition("::")[0].removeprefix(plant.scope)
+    own = own_name(inspector, shape)
     robot, (piece, dot, _) = plant.robots.get(model), own.partition(".")
     if dot and (piece == model if robot is None else piece in robot.carried):
         return piece
@@ -102,7 +106,7 @@ def frame_of(plant: StationPlant, name: str) -> Frame:
             return robot.tools[own]
         if name.startswith(robot.prefix) and plant.plant.HasFrameNamed(own, robot.instance):
             return plant.plant.GetFrameByName(own, robot.instance)
-    return plant.plant.GetFrameByName(f"{name}_tcp")
+    return plant.piece_frame(name, f"{name}_tcp")
 
 
 def _candidates(plant: StationPlant, station: Surroundings, name: str) -> Iterator[GeometryId]:

@@ -25,7 +25,7 @@ from simrob_drake.programs.moves.kinds import AnyMove, check_move
 from simrob_drake.programs.moves.move import Move, move_name, reference_name
 from simrob_drake.programs.timeline import Change
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.stations.located import located_changes
+from simrob_drake.stations.file_paths import changes_with_absolute_paths
 from simrob_drake.stations.resolve import check_parts, resolve
 
 NAME = "automatic"  # what the sequencer is called in the station that runs a program
@@ -225,7 +225,9 @@ class Program(Strict):
         source = as_path(file, "file")
         program, folder, border = cls.of_content(read_yaml(source), source), source.absolute().parent, Border(source)
         changes = tuple(
-            change.model_copy(update={"set": located_changes(change.set, folder, border)}) if change.set else change
+            change.model_copy(update={"set": changes_with_absolute_paths(change.set, folder, border)})
+            if change.set
+            else change
             for change in program.changes
         )
         return program.model_copy(update={"changes": changes}) if changes else program

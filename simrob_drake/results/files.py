@@ -97,9 +97,10 @@ def save_result(
         if result.start is not None:
             (work / START).write_text(result.start.to_json() + "\n", encoding="utf-8")
             config = config.model_copy(update={"start": Path(START)})
-        from simrob_drake.stations.located import carried  # the importer, which a run alone does not need
 
-        text = _station_remarks(result) + station_yaml(carried(config, work))
+        from simrob_drake.stations.file_paths import with_copied_files  # the importer, which a run alone does not need
+
+        text = _station_remarks(result) + station_yaml(with_copied_files(config, work))
         (work / "station.yaml").write_text(text, encoding="utf-8")
         with in_background(lambda: _save_plots(result, work / "plots", plots)):
             if recording:

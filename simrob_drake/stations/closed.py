@@ -13,7 +13,7 @@ from simrob_drake.base.errors import InvalidParameter, SimrobError
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.lifetime import built
 from simrob_drake.base.messages import message
-from simrob_drake.blocks.block import fed, joined
+from simrob_drake.blocks.block import add_and_connect, add_multiplexer
 from simrob_drake.blocks.references import (
     Reference,
     ReferenceSource,
@@ -21,8 +21,8 @@ from simrob_drake.blocks.references import (
     add_reference,
     as_reference,
     corner_times,
+    interpolate_samples,
     reference_values,
-    table,
 )
 from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.forces import ForceConfig
@@ -34,35 +34,62 @@ from simrob_drake.stations.resolve import ResolvedStation
 from simrob_drake.stations.station import compose
 
 _MOTION = "reference", "reference_velocity", "reference_acceleration"
-_LOOKS = 500  # at how many times a reference is checked against the joint limits
+"""Inputs of a robot for its desired motion, by order of the derivative. A robot need not have the later ones."""
+
+_REFERENCE_INTERVALS = 500
+"""Count of intervals into which a run is divided to check a reference against the joint limits."""
 
 
 @dataclass(frozen=True)
 class ClosedStation:
-    """A diagram that holds a station whose inputs all have sources."""
+    """A diagram that can run: a station with a source at each of its inputs.
 
-    diagram: Diagram  # that can be run
-    ports: StationPorts  # of the station
-    # what each robot is asked, by name; those that a block asks are left out
+    Attributes:
+        diagram: the diagram.
+        ports: ports of the station in it.
+        references: reference of each robot by its name, except for robots whose reference is computed by a block.
+        players: sources of those references that are trajectories of Drake, by the name of the robot.
+    """
+
+    diagram: Diagram
+    ports: StationPorts
     references: dict[str, Reference] = field(default_factory=dict)
-    # the sources of those that are trajectories, by robot
     players: Mapping[str, TrajectorySource] = field(default_factory=dict)
 
     def play(self, references: Mapping[str, Reference], forces: Mapping[str, ForceConfig]) -> None:
-        """Let the sources give other trajectories and pushes."""
+        """Replace the trajectories of the robots and the pushes, without building the diagram again.
+
+        Args:
+            references: the new reference of each robot in `players`, by the robot's name.
+            forces: pushes and drags by name, as in :meth:`play_forces`.
+        """
         for robot, player in self.players.items():
-            if self.references[robot] is not references[robot]:  # a copy of it takes time and memory
+            is_new = self.references[robot] is not references[robot]
+            if is_new:  # the source copies its trajectory, which takes time and memory
                 self.references[robot] = references[robot]
                 player.UpdateTrajectory(references[robot])
         self.play_forces(forces)
 
     def play_forces(self, forces: Mapping[str, ForceConfig]) -> None:
-        """Let the sources give other pushes and drags at the same places."""
+        """Replace the courses of pushes and drags, by name. Their points of action stay."""
         for name, force in forces.items():
-            place = f"force.{name}.source"
+            source = f"force.{name}.source"
             trajectory = force.trajectory()
-            if trajectory is not None and self.diagram.HasSubsystemNamed(place):
-                self.diagram.GetSubsystemByName(place).UpdateTrajectory(trajectory)
+            if trajectory is not None and self.diagram.HasSubsystemNamed(source):
+                self.diagram.GetSubsystemByName(source).UpdateTrajectory(trajectory)
+
+
+@dataclass(frozen=True)
+class _DrivenInputs:
+    """A source of a robot's desired motion, and the inputs that it drives.
+
+    Attributes:
+        source: the source.
+        outputs: ports of the source by the names of the inputs that they drive.
+    """
+
+    source: ReferenceSource
+    outputs: dict[str, OutputPort]
 
 
 def closed_station(
@@ -75,14 +102,27 @@ def closed_station(
     blocks: Mapping[str, LeafSystem] | None = None,
     lean: bool = False,
 ) -> ClosedStation:
-    """Build a station with the sources of its references; its other inputs are zero.
+    """Build a station with the sources of its references. All inputs that remain are zero.
 
-    What each robot is asked is as the configuration says unless given; the other arguments are those of
-    :func:`~simrob_drake.stations.station.compose`. Raises SimrobError: blocks that cannot be wired so.
+    Args:
+        station: the station.
+        references: reference of each robot by its name. By default they are those of the configuration.
+        sensors: see :func:`~simrob_drake.stations.station.compose`, as for the arguments that follow.
+        forces: see there.
+        monitors: see there.
+        blocks: see there.
+        lean: see there.
+
+    Raises:
+        SimrobError: the blocks cannot be wired like this.
     """
     builder = DiagramBuilder()
     played = station_references(station) if references is None else references
-    early = _early_sources(builder, station, played) if lean and not (blocks or station.config.controllers) else {}
+    # A lean station has no blocks of its own at its inputs: the sources must exist before it. Blocks and controllers
+    # may drive the inputs instead, which is known only after the station has been composed.
+    early: dict[str, _DrivenInputs] = {}
+    if lean and not blocks and not station.config.controllers:
+        early = _early_sources(builder, station, played)
     ports = compose(
         builder,
         station,
@@ -90,14 +130,18 @@ def closed_station(
         forces=forces,
         monitors=monitors,
         blocks=blocks,
-        sources={name: port for _, driven in early.values() for name, port in driven.items()},
+        sources={name: port for driven in early.values() for name, port in driven.outputs.items()},
         lean=lean,
         closed=True,
     )
-    kept, players = dict[str, Reference](), dict[str, TrajectorySource]()
+    kept = dict[str, Reference]()
+    players = dict[str, TrajectorySource]()
     for robot in ports.plant.robots.values():
         reference = played[robot.name]
-        source = early[robot.name][0] if robot.name in early else _add_source(builder, ports, robot, reference)
+        if robot.name in early:
+            source: ReferenceSource | None = early[robot.name].source
+        else:
+            source = _add_source(builder, ports, robot, reference)
         if source is not None:
             ports.edges.extend(corner_times(reference))
             caption = ports.config.reference_of(robot.name).caption(robot.model)
@@ -105,80 +149,119 @@ def closed_station(
             kept[robot.name] = reference
             if source.player is not None:
                 players[robot.name] = source.player
-        for place, reference in robot.prescribed.items():
-            _add_prescribed(builder, ports, robot.axes[place], robot, reference)
-    for name, port in ports.inputs.items():
-        if not builder.IsConnectedOrExported(port):
-            builder.Connect(fed(builder, f"{name}.zero", ConstantVectorSource(np.zeros(port.size()))), port)
-            owner = next((robot for robot in ports.plant.robots.values() if name.startswith(robot.prefix)), None)
-            ports.picture.draw(f"{name}.zero", "reference", "0", owner)
+        for axis, reference in robot.prescribed.items():
+            _add_prescribed(builder, ports, robot.axes[axis], robot, reference)
+    _add_zeros(builder, ports)
     try:
         return ClosedStation(built(builder), ports, kept, players)
     except RuntimeError as problem:
         if not ports.blocks:
             raise
-        used = "been built into a different Diagram" in str(problem)
-        cause = (
-            message("stations.block_serves_one_diagram", "a block serves one diagram; make it anew")
-            if used
-            else message("stations.signals_in_circle", "signals must not go around in a circle")
+        raise _wiring_error(ports, problem) from problem
+
+
+def _add_zeros(builder: DiagramBuilder, ports: StationPorts) -> None:
+    """Connect every input that nothing drives to a constant source of zeros."""
+    for name, port in ports.inputs.items():
+        if builder.IsConnectedOrExported(port):
+            continue
+        zero = add_and_connect(builder, f"{name}.zero", ConstantVectorSource(np.zeros(port.size())))
+        builder.Connect(zero, port)
+        owner = next((robot for robot in ports.plant.robots.values() if name.startswith(robot.prefix)), None)
+        ports.picture.draw(f"{name}.zero", "reference", "0", owner)
+
+
+def _wiring_error(ports: StationPorts, problem: RuntimeError) -> SimrobError:
+    """Create the error for blocks that Drake cannot build into a diagram, with the likely cause."""
+    was_built_before = "been built into a different Diagram" in str(problem)
+    cause = (
+        message("stations.block_serves_one_diagram", "a block serves one diagram; make it anew")
+        if was_built_before
+        else message("stations.signals_in_circle", "signals must not go around in a circle")
+    )
+    return SimrobError(
+        message(
+            "stations.blocks_cannot_be_wired",
+            "the blocks {blocks} cannot be wired so; {cause} ({problem})",
+            blocks=", ".join(ports.blocks),
+            cause=cause,
+            problem=problem,
         )
-        raise SimrobError(
-            message(
-                "stations.blocks_cannot_be_wired",
-                "the blocks {blocks} cannot be wired so; {cause} ({problem})",
-                blocks=", ".join(ports.blocks),
-                cause=cause,
-                problem=problem,
-            )
-        ) from problem
+    )
 
 
 def _add_source(
     builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, reference: Reference
 ) -> ReferenceSource | None:
-    """Add the source of a robot's reference, with what derivatives the station takes; None if a block drives it."""
-    inputs = {name: ports.inputs.get(f"{robot.prefix}{name}") for name in _MOTION}
-    free = {name: port for name, port in inputs.items() if port and not builder.IsConnectedOrExported(port)}
+    """Add the source of a robot's reference, with the derivatives for which the robot has free inputs.
+
+    Returns:
+        the source, or None if a block drives the reference.
+    """
+    free = []
+    for name in _MOTION:
+        port = ports.inputs.get(f"{robot.prefix}{name}")
+        if port and not builder.IsConnectedOrExported(port):
+            free.append(name)
     if "reference" not in free:
         return None
-    source, driven = _source(builder, robot.prefix, reference, list(free))
-    for name, port in driven.items():
-        builder.Connect(port, ports.inputs[name])
-    return source
+    driven = _source(builder, robot.prefix, reference, free)
+    for input_name, output in driven.outputs.items():
+        builder.Connect(output, ports.inputs[input_name])
+    return driven.source
 
 
 def _early_sources(
     builder: DiagramBuilder, station: ResolvedStation, played: Mapping[str, Reference]
-) -> dict[str, tuple[ReferenceSource, dict[str, OutputPort]]]:
-    """Add the sources of a dynamic station's references before the station, which then needs no blocks as inputs."""
-    found, config = {}, station.config
-    for name, robot in station.robots.items() if station.engine.moves_by_forces else ():
-        listed = {"reference", *config.inputs, *(_MOTION if config.servo_of(name).follows_motion else ())}
-        found[name] = _source(builder, robot.prefix, played[name], [each for each in _MOTION if each in listed])
+) -> dict[str, _DrivenInputs]:
+    """Add the sources of a dynamic station's references before the station, which then needs no blocks as inputs.
+
+    Returns:
+        the source of each robot by the robot's name; empty for a kinematic station.
+    """
+    found: dict[str, _DrivenInputs] = {}
+    if not station.engine.moves_by_forces:
+        return found
+    for name, robot in station.robots.items():
+        inputs = {"reference", *station.config.inputs}
+        if station.config.servo_of(name).follows_motion:
+            inputs.update(_MOTION)
+        taken = [each for each in _MOTION if each in inputs]
+        found[name] = _source(builder, robot.prefix, played[name], taken)
     return found
 
 
-def _source(
-    builder: DiagramBuilder, prefix: str, reference: Reference, taken: Sequence[str]
-) -> tuple[ReferenceSource, dict[str, OutputPort]]:
-    """Add a source that gives what is taken of ``_MOTION``, and return its ports by the names of inputs."""
-    source = add_reference(builder, reference, name=f"{prefix}reference_source", derivatives=_MOTION.index(taken[-1]))
+def _source(builder: DiagramBuilder, prefix: str, reference: Reference, taken: Sequence[str]) -> _DrivenInputs:
+    """Add a source for a robot's desired motion.
+
+    Args:
+        builder: builder of the diagram.
+        prefix: prefix of the robot's names.
+        reference: the desired motion.
+        taken: names of the inputs that the source drives, a part of ``_MOTION`` in its order.
+    """
+    highest_derivative = _MOTION.index(taken[-1])
+    source = add_reference(builder, reference, name=f"{prefix}reference_source", derivatives=highest_derivative)
     outputs = zip(_MOTION, (source.position, source.velocity, source.acceleration), strict=True)
-    return source, {f"{prefix}{name}": port for name, port in outputs if name in taken and port is not None}
+    driven = {f"{prefix}{name}": port for name, port in outputs if name in taken and port is not None}
+    return _DrivenInputs(source, driven)
 
 
 def _add_prescribed(
     builder: DiagramBuilder, ports: StationPorts, axis: str, robot: StationRobot, reference: Reference
 ) -> None:
-    """Add the source of a prescribed axis, unless somebody drives it."""
+    """Add the source of a prescribed axis, unless a block drives it.
+
+    A prescribed axis is moved along its reference by whatever force that takes. Its input has the position, velocity
+    and acceleration in one vector, shape (3,).
+    """
     name = f"{robot.prefix}prescribed.{axis}"
     if builder.IsConnectedOrExported(ports.inputs[name]):
         return
     source = add_reference(builder, reference, name=f"{name}.source", derivatives=2)
     assert source.velocity is not None
     assert source.acceleration is not None
-    motion = joined(builder, f"{name}.motion", source.position, source.velocity, source.acceleration)
+    motion = add_multiplexer(builder, f"{name}.motion", source.position, source.velocity, source.acceleration)
     builder.Connect(motion, ports.inputs[name])
     ports.edges.extend(corner_times(reference))
     caption = ports.config.prescribed[f"{robot.prefix}{axis}"].caption(robot.model)
@@ -191,56 +274,90 @@ def station_references(
     requested: Mapping[str, Reference | Samples] | None = None,
     starts: Mapping[str, Vector] | None = None,
 ) -> dict[str, Reference]:
-    """Return what each robot is asked, by name: what is given, else what the configuration says.
+    """Determine the reference of each robot, by the robot's name.
 
-    Samples that are given are joined by straight lines, as Simulink joins them, but by a smooth curve where their
-    derivatives are needed. The configuration's references begin at ``starts`` (n,) [rad], else at the initial posture.
-    Coupled axes that nobody asks for follow those that are asked.
-    Raises SimrobError: a reference that does not fit the robot, leaves its joint limits, or contradicts a coupling.
+    Coupled axes for which no reference is requested follow the axes to which they are coupled.
+
+    Args:
+        station: the station.
+        requested: references that replace those of the configuration, by the robot's name. Samples (times and
+            positions) are joined by straight lines as in Simulink, or by a smooth curve if the servos need derivatives.
+        starts: positions at which the references of the configuration begin, by the robot's name, shape (n,) [rad or
+            m]. By default they are the robots' initial positions.
+
+    Raises:
+        SimrobError: a reference does not fit its robot, leaves the joint limits, or contradicts a coupling.
     """
+    requested = requested or {}
+    starts = starts or {}
     references = {}
     for robot in station.robots.values():
-        start = (starts or {}).get(robot.name, robot.initial)
-        if len(start) != len(robot.axes):
-            size = message(
-                "stations.state_of_size",
-                "a state in which '{robot}' is of size {size}",
-                robot=robot.name,
-                size=len(start),
-            )
-            raise InvalidParameter(
-                "start",
-                size,
-                message("stations.station_of_size", "of a station where it is of size {size}", size=len(robot.axes)),
-            )
-        own: Any = (requested or {}).get(robot.name)
+        start = starts.get(robot.name, robot.initial)
+        _check_start(robot, start)
+        own: Any = requested.get(robot.name)
         if own is None:
             reference: Reference = station.config.reference_of(robot.name).trajectory(robot, start)
-        else:
+        elif isinstance(own, tuple):
             linear = not station.config.follows_speed(robot.name)
-            reference = _through(own, robot, linear=linear) if isinstance(own, tuple) else own
-        count = as_reference(reference).size
-        if count != len(robot.axes):
-            expected = message(
-                "stations.count_of_joints", "{count} joints: {axes}", count=len(robot.axes), axes=", ".join(robot.axes)
-            )
-            raise InvalidParameter(
-                "reference",
-                message("stations.trajectory_of_joints", "a trajectory of {count} joints", count=count),
-                expected,
-            )
+            reference = _interpolate(own, robot, linear=linear)
+        else:
+            reference = own
+        _check_size(robot, reference)
         references[robot.name] = reference
-    return obey_couplings(station, references, requested or {}, starts or {})
+    return obey_couplings(station, references, requested, starts)
+
+
+def _check_start(robot: ResolvedRobot, start: Vector) -> None:
+    """Check that the positions at the start have one value for each axis of a robot.
+
+    Raises:
+        InvalidParameter: they have another count, such as those of another station.
+    """
+    if len(start) == len(robot.axes):
+        return
+    raise InvalidParameter(
+        "start",
+        message(
+            "stations.state_of_size",
+            "a state in which '{robot}' is of size {size}",
+            robot=robot.name,
+            size=len(start),
+        ),
+        message("stations.station_of_size", "of a station where it is of size {size}", size=len(robot.axes)),
+    )
+
+
+def _check_size(robot: ResolvedRobot, reference: Reference) -> None:
+    """Check that a reference has one position for each axis of a robot; raises InvalidParameter otherwise."""
+    count = as_reference(reference).size
+    if count == len(robot.axes):
+        return
+    raise InvalidParameter(
+        "reference",
+        message("stations.trajectory_of_joints", "a trajectory of {count} joints", count=count),
+        message(
+            "stations.count_of_joints", "{count} joints: {axes}", count=len(robot.axes), axes=", ".join(robot.axes)
+        ),
+    )
 
 
 def reference_samples(reference: Reference, duration: float) -> tuple[Vector, Vector]:
-    """Return a reference over a run: times (m,) [s] and positions (m, n) [rad]."""
-    times = np.linspace(0.0, duration, _LOOKS + 1)
+    """Sample a reference evenly over a run.
+
+    Returns:
+        the times, shape (m,) [s], and the positions, shape (m, n) [rad or m].
+    """
+    times = np.linspace(0.0, duration, _REFERENCE_INTERVALS + 1)
     return times, reference_values(reference, times)
 
 
 def check_reference(robot: ResolvedRobot, reference: Reference, duration: float) -> None:
-    """Check a reference against joint limits; raises InvalidParameter: the joint, the time, the value, the limits."""
+    """Check a reference against the joint limits of a robot, over a run of a duration [s].
+
+    Raises:
+        InvalidParameter: a position is outside of its limits or not finite. Names the joint, the time, the value and
+            the limits.
+    """
     times, positions = reference_samples(reference, duration)
     if not np.isfinite(positions).all():
         row, axis = np.argwhere(~np.isfinite(positions))[0]
@@ -272,7 +389,17 @@ def check_reference(robot: ResolvedRobot, reference: Reference, duration: float)
         )
 
 
-def _through(samples: Samples, robot: ResolvedRobot, *, linear: bool) -> Trajectory:
+def _interpolate(samples: Samples, robot: ResolvedRobot, *, linear: bool) -> Trajectory:
+    """Create a trajectory through samples of a robot's positions.
+
+    Args:
+        samples: times (m,) [s] and positions (m, n) [rad or m].
+        robot: the robot.
+        linear: whether straight lines join the samples; otherwise a smooth curve does.
+
+    Raises:
+        InvalidParameter: the positions do not have one column for each axis.
+    """
     positions = np.asarray(samples[1], dtype=float)
     if positions.ndim != 2 or positions.shape[1] != len(robot.axes):
         shape = " x ".join(str(size) for size in positions.shape)
@@ -281,4 +408,4 @@ def _through(samples: Samples, robot: ResolvedRobot, *, linear: bool) -> Traject
             message("stations.array_of", "an array of {shape}", shape=shape),
             message("stations.columns_a_joint", "of {count} columns, one a joint [rad]", count=len(robot.axes)),
         )
-    return table(samples[0], positions, linear=linear)
+    return interpolate_samples(samples[0], positions, linear=linear)

@@ -39,7 +39,7 @@ from simrob_drake.parts.terrain import Terrain
 from simrob_drake.robots.axis_map import AxisValues, NotNegativeAxisValues, PositiveAxisValues, every_axis
 from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.robots.motors import CommandBusConfig, Drives, Motors
-from simrob_drake.stations.piece_config import PieceConfig, scattered
+from simrob_drake.stations.piece_config import PieceConfig, with_scattered_copies
 from simrob_drake.stations.solver_config import (
     ContactConfig,
     ContinuousSolver,
@@ -173,9 +173,9 @@ class ServoConfig(Renamed):
 
 
 class JointStops(Strict):
-    """Elastic end stops of the joints, for the schemes that know no joint limits; figures of the Simulink joints.
+    """Elastic end stops of the joints, for solver schemes without joint limits. The defaults are Simulink's.
 
-    Axes that slide have stops of the same figures, in N/m and N·s/m, unless they are given their own.
+    Prismatic axes have stops with the same values, in N/m and N·s/m, unless they are given their own.
     """
 
     stiffness: PositiveAxisValues = 5.73e5
@@ -265,6 +265,12 @@ class StationConfig(Renamed):
     extensions: tuple[str, ...] = ()
     """Packages whose extensions the station needs, such as `simrob-playground`: one that is missing is then reported by
     its name."""
+    packages: dict[str, Path] = Field(default_factory=dict)
+    """Folders of packages of ROS by name, for paths such as `package://arm_description/urdf/arm.urdf`; further ones are
+    found around the file, with `--mesh-path` and in `ROS_PACKAGE_PATH`."""
+    add_directives: tuple[Path, ...] = ()
+    """Files with model directives or scenarios of Drake, whose models the station has as robots and pieces; keys of the
+    station's own take the place of theirs. `FILE#NAME` is the scenario NAME of a file with several."""
     mode: Literal["dynamic", "kinematic"] = "dynamic"
     """Dynamic: moved by torque. Kinematic: the motion is the input, and the torque is computed."""
     robots: dict[str, RobotConfig] = Field(default_factory=dict)
@@ -315,7 +321,7 @@ class StationConfig(Renamed):
     """Samples a second of the signals [Hz]; at most 10 kHz, and a million samples in all."""
 
     def __repr__(self) -> str:
-        """Say in one line what stands in it; :func:`~simrob_drake.stations.load.station_yaml` tells all."""
+        """Summary in one line. :func:`~simrob_drake.stations.load.station_yaml` has the whole configuration."""
         robots = ", ".join(f"{name} ({robot.model or robot.urdf})" for name, robot in self.robots.items())
         pieces = f", pieces {', '.join(self.pieces)}" if self.pieces else ""
         return f"<StationConfig {self.name}, {self.mode}, {self.duration:g} s: {robots or 'no robot'}{pieces}>"
@@ -329,15 +335,28 @@ class StationConfig(Renamed):
 
     @field_validator("robots", "pieces", "sensors", "monitors", "couplings", "forces", "controllers")
     @classmethod
-    def _plain_names(cls, entries: dict[str, Any]) -> dict[str, Any]:
+    def _check_names(cls, entries: dict[str, Any]) -> dict[str, Any]:
         for name in entries:
             check_plain(name)
         return entries
 
+    @model_validator(mode="after")
+    def _check_keys_of_files(self) -> "StationConfig":
+        """Check that no key is left that only the loading of a file takes into account."""
+        if self.packages or self.add_directives:
+            raise ValueError(
+                message(
+                    "stations.keys_of_files",
+                    "packages and add_directives are keys of a station's file; load_station replaces them by robots "
+                    "and pieces",
+                )
+            )
+        return self
+
     @field_validator("pieces")
     @classmethod
-    def _scattered(cls, entries: dict[str, PieceConfig]) -> dict[str, PieceConfig]:
-        return scattered(entries)
+    def _add_scattered_copies(cls, entries: dict[str, PieceConfig]) -> dict[str, PieceConfig]:
+        return with_scattered_copies(entries)
 
     @property
     def only_robot(self) -> str | None:
@@ -345,7 +364,7 @@ class StationConfig(Renamed):
         return next(iter(self.robots)) if len(self.robots) == 1 else None
 
     def prefix(self, robot: str) -> str:
-        """Return what stands before the names of a robot's ports, blocks and columns."""
+        """Prefix of the names of a robot's ports, blocks and columns; empty for the only robot of a station."""
         return "" if self.only_robot else f"{robot}."
 
     @property
@@ -355,7 +374,7 @@ class StationConfig(Renamed):
 
     @property
     def engine(self) -> Engine:
-        """What moves the station: its reference if it is kinematic, otherwise its solver."""
+        """The engine that moves the station: its reference if the station is kinematic, otherwise its solver."""
         return KINEMATIC if self.mode == "kinematic" else self.solver.engine
 
     @property

@@ -86,7 +86,7 @@ def _no_inertia_finding(robot: StationRobot, lacking: Sequence[str]) -> Finding:
 
 
 def _passive_finding(robot: StationRobot, axis: int, torques: Vector) -> Finding:
-    """Say that an axis has no motor, and whether it would rest along the reference.
+    """Describe an axis without a motor, and the torque that it would need to rest along the reference.
 
     Args:
         robot: the robot.

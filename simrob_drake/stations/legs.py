@@ -1,7 +1,13 @@
-"""The legs of a robot: chains of axes that are alike and reach lowest, and the feet with which they stand."""
+"""The legs of a robot: chains of axes of equal lengths that reach lowest, and the feet on which they stand.
+
+A *chain* is the sequence of axes between the root link and a body. A *posture* is the vector of the positions of a
+robot's axes (n,), in rad or m. All heights and points of this module are in the world, with the robot's root upright;
+no floor is involved.
+"""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -9,27 +15,63 @@ from pydrake.multibody.tree import RevoluteJoint, RigidBody
 
 from simrob_drake.base.frames import Vector
 from simrob_drake.parts.station_plant import StationRobot
-from simrob_drake.stations.clearance import KNEELING, Clearance, outline
+from simrob_drake.stations.clearance import KNEELING, BodyChain, Clearance, outline
 from simrob_drake.stations.posed import posture_range
 
-_LOWEST = 0.7  # part of what the lowest chains reach that others reach which may be legs
-_ALIKE = 0.02  # part by which the sizes of chains may differ that are alike
-_REACHES = 60  # postures of chance in which it is looked how low chains reach
-_FLAT = np.cos(np.deg2rad(3.0))  # facets of a hull whose normals differ by less are one
-_SOLE = 0.15  # part of the surface of a foot that its sole has at least
-_ACROSS, _DOWNWARD = 0.9, 1.2  # cosine of its normal and the last axis; and weight of where it looks
-_ROUND = 0.3  # a foot whose middle is so near to its joint, by its size, is a wheel or a ball
+_LOWEST = 0.7
+"""Chains are legs if they reach at least this fraction of the depth under the root that the lowest chains reach."""
+
+_LENGTH_TOLERANCE = 0.02
+"""Relative difference up to which the lengths of two chains are equal: left and right legs of published models."""
+
+_RANDOM_POSTURES = 60
+"""Count of random postures in which the reach of chains is measured."""
+
+_SAME_PLANE = np.cos(np.deg2rad(3.0))
+"""Facets of a convex hull whose normals have at least this cosine belong to one flat side."""
+
+_SMALLEST_SOLE = 0.15
+"""Smallest area of a sole, as a fraction of the whole surface of the foot."""
+
+_ALONG_AXIS = 0.9
+"""A side is no sole if the cosine of its normal and the last axis is larger: it is the side of a wheel."""
+
+_WEIGHT_OF_AREA = 1.2
+"""Weight of a side's area if it is vertical. A side that looks down has 1 more, one that looks up has 1 less."""
+
+_ROUND = 0.3
+"""A foot is round, a ball or a wheel, if its middle is nearer to its joint than this fraction of its size."""
 
 
 @dataclass(frozen=True)
 class Leg:
-    """A chain of axes from the root to a foot."""
+    """A chain of axes from the root to a foot.
 
-    axes: list[int]  # their numbers, from the root outward
-    links: list[RigidBody]  # that they move, in this order; the first is the hip
-    foot: RigidBody  # the link at its end
-    point: Vector  # with which it stands, in the foot [m]
-    normal: Vector | None  # of its sole, outward, in the foot; None for a tip or a ball
+    Attributes:
+        axes: indices of its axes, from the root outward.
+        links: the links that these axes move, in the same order. The first link is the hip.
+        foot: the link at the end of the chain.
+        point: the point with which the foot stands, in the frame of the foot, shape (3,) [m].
+        normal: unit normal of the sole, outward, in the frame of the foot, shape (3,); None for a tip or a ball.
+    """
+
+    axes: list[int]
+    links: list[RigidBody]
+    foot: RigidBody
+    point: Vector
+    normal: Vector | None
+
+
+class _Support(NamedTuple):
+    """The part of a foot on which it stands, in the frame of the foot.
+
+    Attributes:
+        point: the middle of the sole, the centre of a round foot, or the tip of another foot, shape (3,) [m].
+        normal: unit normal of the sole, outward, shape (3,); None if the foot has no sole.
+    """
+
+    point: Vector
+    normal: Vector | None
 
 
 def put_upright(clearance: Clearance, robot: StationRobot, posture: Vector, height: float = 0.0) -> None:
@@ -40,64 +82,103 @@ def put_upright(clearance: Clearance, robot: StationRobot, posture: Vector, heig
 
 
 def foot_place(clearance: Clearance, leg: Leg) -> Vector:
-    """Return where a foot is that stands with its point (3,) [m], in the present configuration."""
+    """Position of a leg's standing point in the world (3,) [m], in the present configuration."""
     return np.asarray(clearance.plant.EvalBodyPoseInWorld(clearance.context, leg.foot) @ leg.point)
 
 
-def ends_of(clearance: Clearance, robot: StationRobot) -> list[tuple[RigidBody, list[int]]]:
-    """Return the bodies with shapes at the ends of a robot's chains of axes, and these."""
-    shaped = set(clearance.lowest(robot))
-    chains = [(body, axes) for body, axes in clearance.chains(robot) if axes and body.name() in shaped]
-    inner = {tuple(axes[:count]) for _, axes in chains for count in range(len(axes))}
-    return [(body, axes) for body, axes in chains if tuple(axes) not in inner]
+def straight(robot: StationRobot) -> Vector:
+    """Posture (n,) in which most legs are straight: zero, even if zero is outside of the limits."""
+    return np.zeros(len(robot.axes))
+
+
+def ends_of(clearance: Clearance, robot: StationRobot) -> list[BodyChain]:
+    """Find the bodies with collision shapes at the ends of a robot's chains of axes, with their chains.
+
+    A body is at an end if no body farther outward has a collision shape.
+    """
+    bodies_with_shapes = set(clearance.lowest(robot))
+    chains = [chain for chain in clearance.chains(robot) if chain.axes and chain.body.name() in bodies_with_shapes]
+    # All proper beginnings of chains: a chain among them goes on to another body.
+    beginnings = {tuple(chain.axes[:count]) for chain in chains for count in range(len(chain.axes))}
+    return [chain for chain in chains if tuple(chain.axes) not in beginnings]
 
 
 def legs_of(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
-    """Return groups of chains that are alike, those that reach lowest at home or stretched out, else anyhow, first."""
-    groups = list[tuple[Vector, list[Leg]]]()
-    for body, axes in ends_of(clearance, robot):
-        if len(axes) > 1:
-            links, own = [robot.joints[axis].child_body() for axis in axes], lengths(clearance, robot, axes)
-            leg = Leg(axes, links, body, *_foot(clearance, robot, body, axes[-1]))
-            for others, group in groups:
-                if len(group[0].axes) == len(axes) and alike(own, others, _ALIKE):
-                    group.append(leg)
-                    break
-            else:
-                groups.append((own, [leg]))
+    """Find the groups of chains that may be the legs of a robot.
 
-    pairs = [group for _, group in groups if len(group) > 1]
+    The chains of a group have equal lengths and equally many axes. A group may be legs if it reaches about as low as
+    the lowest group. The reach is measured at home and stretched out. Only if no group reaches below the root there
+    (legs that are level, or folded up), random postures are tried as well.
+
+    Returns:
+        the groups, the lowest first; empty if no two chains have equal lengths.
+    """
+    groups = [group for group in _equal_chains(clearance, robot) if len(group) > 1]
     natural = [robot.model.home, straight(robot)]
-    chance = np.random.default_rng(0).uniform(*posture_range(robot), (_REACHES, len(robot.axes)))
-    for postures in (natural, [*natural, *chance]):  # legs that lie level, or are up, reach down in others
-        heights = [_lowest(clearance, robot, group, postures) for group in pairs]
-        legs = [row for row in np.argsort(heights, kind="stable") if heights[row] < _LOWEST * min(heights)]
-        if legs:
-            return [pairs[row] for row in legs]
+    random = np.random.default_rng(0).uniform(*posture_range(robot), (_RANDOM_POSTURES, len(robot.axes)))
+    for postures in (natural, [*natural, *random]):
+        heights = [_lowest_height(clearance, robot, group, postures) for group in groups]
+        lowest_first = np.argsort(heights, kind="stable")
+        # Heights below the root are negative: a low group has less than a fraction of the lowest height.
+        # If the lowest height is positive, no group fulfils this.
+        low = [groups[index] for index in lowest_first if heights[index] < _LOWEST * min(heights)]
+        if low:
+            return low
     return []
 
 
-def lengths(clearance: Clearance, robot: StationRobot, axes: Sequence[int], foot: Leg | None = None) -> Vector:
-    """Return how long a chain is from joint to joint, and straight from its first to its last, shape (2,) [m].
+def _equal_chains(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
+    """Group the chains of at least two axes by their count of axes and by their lengths."""
+    groups = list[list[Leg]]()
+    lengths_of_groups = list[Vector]()  # of the first chain of each group, as by chain_lengths
+    for body, axes in ends_of(clearance, robot):
+        if len(axes) < 2:
+            continue
+        links = [robot.joints[axis].child_body() for axis in axes]
+        lengths = chain_lengths(clearance, robot, axes)
+        support = _foot_support(clearance, robot, body, axes[-1])
+        leg = Leg(axes, links, body, support.point, support.normal)
+        for group, group_lengths in zip(groups, lengths_of_groups, strict=True):
+            if len(group[0].axes) == len(axes) and has_equal_length(lengths, group_lengths, _LENGTH_TOLERANCE):
+                group.append(leg)
+                break
+        else:
+            groups.append([leg])
+            lengths_of_groups.append(lengths)
+    return groups
 
-    Both up to the point on which a leg stands if that is asked for, where all axes are zero. Of a pair one may differ:
-    the first where joints are drawn at other places along their axes, the second where zero is another posture.
+
+def chain_lengths(clearance: Clearance, robot: StationRobot, axes: Sequence[int], leg: Leg | None = None) -> Vector:
+    """Measure the length of a chain in two ways, with all axes at zero.
+
+    Left and right legs of one robot may differ in one of the two: in the first if their joints are drawn at other
+    points along their axes, in the second if zero is another posture.
+
+    Args:
+        clearance: the robot's geometry. The robot is moved.
+        robot: the robot.
+        axes: indices of the chain's axes, from the root outward.
+        leg: if given, both lengths go on to the standing point of this leg.
+
+    Returns:
+        the length from joint to joint, and the straight distance from the first to the last point, shape (2,) [m].
     """
     put_upright(clearance, robot, straight(robot))
-    places = [robot.joints[axis].frame_on_child().CalcPoseInWorld(clearance.context).translation() for axis in axes]
-    if foot is not None:
-        places.append(foot_place(clearance, foot))
-    ways = np.linalg.norm(np.diff(places, axis=0), axis=1)
-    return np.array([ways.sum(), np.linalg.norm(places[-1] - places[0])])
+    points = [robot.joints[axis].frame_on_child().CalcPoseInWorld(clearance.context).translation() for axis in axes]
+    if leg is not None:
+        points.append(foot_place(clearance, leg))
+    distances = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    return np.array([distances.sum(), np.linalg.norm(points[-1] - points[0])])
 
 
-def alike(some: Vector, others: Vector, part: float) -> bool:
-    """Whether one of the lengths (2,) of two chains differs by a part of it at most."""
-    return bool((np.abs(some - others) <= part * np.maximum(some, others)).any())
+def has_equal_length(lengths: Vector, other_lengths: Vector, tolerance: float) -> bool:
+    """Whether two chains agree in at least one of their lengths (2,), up to a relative tolerance."""
+    difference = np.abs(lengths - other_lengths)
+    return bool((difference <= tolerance * np.maximum(lengths, other_lengths)).any())
 
 
-def _lowest(clearance: Clearance, robot: StationRobot, legs: list[Leg], postures: Iterable[Vector]) -> float:
-    """Return the height over the root at which one of legs stands lowest in some posture [m]."""
+def _lowest_height(clearance: Clearance, robot: StationRobot, legs: list[Leg], postures: Iterable[Vector]) -> float:
+    """Height of the lowest standing point of some legs over the root [m], over all given postures (n,)."""
     heights = []
     for posture in postures:
         put_upright(clearance, robot, posture)
@@ -105,48 +186,73 @@ def _lowest(clearance: Clearance, robot: StationRobot, legs: list[Leg], postures
     return float(min(heights))
 
 
-def straight(robot: StationRobot) -> Vector:
-    """Return the posture (n,) in which most legs are straight, be it within their limits or not: zero."""
-    return np.zeros(len(robot.axes))
+def _foot_support(clearance: Clearance, robot: StationRobot, body: RigidBody, axis: int) -> _Support:
+    """Find the part of a body with which it stands: a flat sole, else the centre of a ball, else the tip.
 
-
-def _foot(clearance: Clearance, robot: StationRobot, body: RigidBody, axis: int) -> tuple[Vector, Vector | None]:
-    """Return with what a foot stands: the middle of a flat sole and its normal, its centre if round, or its tip."""
+    Args:
+        clearance: the robot's geometry. The robot is moved.
+        robot: the robot.
+        body: the foot.
+        axis: index of the axis that moves the foot.
+    """
     points = outline(clearance.station, body)
-    ways = np.linalg.norm(points, axis=1)
+    distances = np.linalg.norm(points, axis=1)
     joint = robot.joints[axis]
-    turns = joint.revolute_axis() if isinstance(joint, RevoluteJoint) else np.zeros(3)
+    direction = joint.revolute_axis() if isinstance(joint, RevoluteJoint) else np.zeros(3)
     put_upright(clearance, robot, straight(robot))
+    # The third row of the body's rotation is the world's z axis in the frame of the body.
     down = -clearance.plant.EvalBodyPoseInWorld(clearance.context, body).rotation().matrix()[2]
-    sole = _sole(points, float(KNEELING * ways.max()), turns, down)
+    sole = _find_sole(points, float(KNEELING * distances.max()), direction, down)
     if sole is not None:
         return sole
     middle = (points.max(axis=0) + points.min(axis=0)) / 2
-    return (middle if np.linalg.norm(middle) < _ROUND * ways.max() else points[int(ways.argmax())]), None
+    is_round = np.linalg.norm(middle) < _ROUND * distances.max()
+    tip = points[int(distances.argmax())]
+    return _Support(middle if is_round else tip, None)
 
 
-def _sole(points: Vector, near: float, turns: Vector, down: Vector) -> tuple[Vector, Vector] | None:
-    """Return the middle and the normal of the flat side on which a body can stand, in its frame; None without.
+def _find_sole(points: Vector, knee_distance: float, axis: Vector, down: Vector) -> _Support | None:
+    """Find the flat side of a foot on which it can stand.
 
-    That is a large one, which no point of its outline (k, 3) is nearer to the joint of than a knee is, ``near`` [m],
-    and the last axis, whose direction ``turns`` is zero if it slides, is not normal to it, as a wheel's is. Of several
-    it is a large one that looks ``down`` where all axes are zero.
+    A sole is a large flat side of the convex hull. All of it is farther from the joint than a knee would be, and it
+    is not normal to the foot's axis, as the side of a wheel is. Of several such sides, the sole is a large one that
+    looks down where all axes are zero.
+
+    Args:
+        points: outline of the foot in its frame, shape (k, 3) [m].
+        knee_distance: distance from the joint up to which contact means kneeling [m].
+        axis: direction of the axis that moves the foot, in the frame of the foot, shape (3,); zero if it is prismatic.
+        down: downward direction where all axes are zero, in the frame of the foot, shape (3,).
+
+    Returns:
+        the centre and the normal of the sole, or None if the foot has no such side.
     """
     from scipy.spatial import ConvexHull, QhullError
 
     try:
         hull = ConvexHull(points)
     except (QhullError, ValueError):
+        return None  # fewer than four points, or all of them in one plane
+    normals = hull.equations[:, :3]
+    corners = points[hull.simplices]  # (facets, 3 corners, 3)
+    edge_products = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.linalg.norm(edge_products, axis=1) / 2
+
+    # The hull's facets are triangles. A side consists of all facets with about the normal of one facet: row i has
+    # the side of facet i.
+    sides = normals @ normals.T > _SAME_PLANE
+    side_areas = sides @ areas
+    nearest = np.array([np.linalg.norm(corners[side].reshape(-1, 3), axis=1).min() for side in sides])
+    is_far_from_joint = nearest > knee_distance
+    is_large = side_areas > _SMALLEST_SOLE * areas.sum()
+    is_across_axis = np.abs(normals @ axis) < _ALONG_AXIS
+    is_possible = is_far_from_joint & is_large & is_across_axis
+    if not is_possible.any():
         return None
-    normals, corners = hull.equations[:, :3], points[hull.simplices]
-    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
-    same = normals @ normals.T > _FLAT
-    far = np.array([np.linalg.norm(corners[row].reshape(-1, 3), axis=1).min() for row in same]) > near
-    fits = far & (same @ areas > _SOLE * areas.sum()) & (np.abs(normals @ turns) < _ACROSS)
-    if not fits.any():
-        return None
-    best = int(np.argmax(np.where(fits, (same @ areas) * (_DOWNWARD + normals @ down), -np.inf)))
-    parts = same[best]
-    centre = (areas[parts, np.newaxis] * corners[parts].mean(axis=1)).sum(axis=0) / areas[parts].sum()
-    normal = areas[parts] @ normals[parts]
-    return np.asarray(centre), np.asarray(normal / np.linalg.norm(normal))
+
+    score = side_areas * (_WEIGHT_OF_AREA + normals @ down)
+    best = sides[int(np.argmax(np.where(is_possible, score, -np.inf)))]
+    # The centre and the normal are means over the facets, weighted by area.
+    centre = (areas[best, np.newaxis] * corners[best].mean(axis=1)).sum(axis=0) / areas[best].sum()
+    normal = areas[best] @ normals[best]
+    return _Support(np.asarray(centre), np.asarray(normal / np.linalg.norm(normal)))

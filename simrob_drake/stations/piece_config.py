@@ -1,8 +1,8 @@
-"""What a station's file says of its pieces: each of them, and many of one at places of chance."""
+"""The section ``pieces`` of a station: single pieces, and many copies of a piece at random poses."""
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -31,40 +31,51 @@ from simrob_drake.robots.pieces import (
 )
 from simrob_drake.stations.solver_config import PieceContact
 
-_TRIES, _ATTEMPTS = 300, 50  # places that are drawn for one piece, and how often all are drawn anew
-_MOST = 200
+_DRAWS = 300
+"""Count of positions that are drawn for one piece before the others are in its way."""
+
+_ATTEMPTS = 50
+"""How often all positions are drawn again if some piece found no room."""
+
+_LARGEST_COUNT = 200
 
 
 class Scatter(Strict):
-    """Where pieces begin: at places and turns that are drawn evenly, the same ones for the same seed."""
+    """Initial poses of several copies of a piece, drawn from a uniform distribution; equal seeds give equal poses."""
 
-    count: Annotated[Integer, Field(ge=1, le=_MOST)]
-    """How many there are, `<name>_1` and so on."""
+    count: Annotated[Integer, Field(ge=1, le=_LARGEST_COUNT)]
+    """Count of the copies, which are named `<name>_1` and so on."""
     within: tuple[Place, Place]
-    """Two opposite corners of the box in which their frames are, in the world [m]."""
+    """Two opposite corners of the box in which the copies' frames are, in the world, lower values first [m]."""
     apart: NotNegative = 0.0
-    """How far their frames are from each other at least [m]."""
+    """Smallest distance between the frames of two copies [m]."""
     turn_deg: tuple[Number, Number] = (-180.0, 180.0)
-    """By which angles they are turned about the world's z."""
+    """Range of the angles by which the copies are turned about the world's z axis."""
     tumbled: Boolean = False
-    """Turned in any way instead."""
+    """Whether the copies are turned about any axis instead, all orientations being equally likely."""
     seed: Annotated[Integer, Field(ge=0)] = 0
-    """Of what is drawn."""
+    """Seed of the random numbers."""
 
     @model_validator(mode="after")
     def _in_order(self) -> "Scatter":
-        if any(low > high for low, high in (*zip(*self.within, strict=True), self.turn_deg)):
+        ranges = [*zip(*self.within, strict=True), self.turn_deg]
+        if any(lower > upper for lower, upper in ranges):
             raise ValueError(message("stations.lower_values_first", "within and turn_deg have the lower values first"))
         return self
 
     def poses(self) -> list[Pose]:
-        """Return where they begin, in the world; raises ValueError: there is no room for so many."""
-        random, drake_random = np.random.default_rng(self.seed), RandomGenerator(self.seed)
-        attempts = [self._places(random)]
+        """Draw the initial pose of each copy in the world, [x y z Rz Ry Rx].
+
+        Raises:
+            ValueError: there is no room for so many copies.
+        """
+        random = np.random.default_rng(self.seed)
+        drake_random = RandomGenerator(self.seed)
+        attempts = [self._draw_positions(random)]
         while len(attempts[-1]) < self.count and len(attempts) < _ATTEMPTS:
-            attempts.append(self._places(random))
-        places = attempts[-1]
-        if len(places) < self.count:
+            attempts.append(self._draw_positions(random))
+        positions = attempts[-1]
+        if len(positions) < self.count:
             most = max(map(len, attempts))
             raise ValueError(
                 message(
@@ -74,36 +85,45 @@ class Scatter(Strict):
                     count=self.count,
                 )
             )
-        turns = [
-            UniformlyRandomRotationMatrix(drake_random)
-            if self.tumbled
-            else RollPitchYaw(0.0, 0.0, random.uniform(*np.deg2rad(self.turn_deg))).ToRotationMatrix()
-            for _ in places
-        ]
-        poses = [RigidTransform(turn, place) for turn, place in zip(turns, places, strict=True)]
-        return [tuple(pose_from_transform(pose).tolist()) for pose in poses]
+        poses = []
+        for position in positions:
+            if self.tumbled:
+                rotation = UniformlyRandomRotationMatrix(drake_random)
+            else:
+                angle = random.uniform(*np.deg2rad(self.turn_deg))
+                rotation = RollPitchYaw(0.0, 0.0, angle).ToRotationMatrix()
+            pose = RigidTransform(rotation, position)
+            poses.append(tuple(pose_from_transform(pose).tolist()))
+        return poses
 
-    def _places(self, random: np.random.Generator) -> list[Vector]:
-        """Return places as far apart as they must be; fewer where those before leave no room."""
-        places = list[Vector]()
+    def _draw_positions(self, random: np.random.Generator) -> list[Vector]:
+        """Draw positions (3,) [m] that keep the smallest distance; fewer than ``count`` if the others leave no room."""
+        positions = list[Vector]()
         for _ in range(self.count):
-            drawn = (random.uniform(*self.within) for _ in range(_TRIES))
-            free = (place for place in drawn if all(np.linalg.norm(place - other) >= self.apart for other in places))
-            if (place := next(free, None)) is None:
+            position = self._draw_free_position(random, positions)
+            if position is None:
                 break
-            places.append(place)
-        return places
+            positions.append(position)
+        return positions
+
+    def _draw_free_position(self, random: np.random.Generator, others: list[Vector]) -> Vector | None:
+        """Draw a position (3,) [m] that keeps the smallest distance from others, or None if none of many does."""
+        for _ in range(_DRAWS):
+            position = random.uniform(*self.within)
+            if all(np.linalg.norm(position - other) >= self.apart for other in others):
+                return position
+        return None
 
 
 class PieceConfig(Strict):
-    """A piece of the station; every figure that is given replaces the one of the piece's own file."""
+    """A piece of the station. A value that is given here replaces the value in the piece's own file."""
 
     model: str | None = None
-    """A piece's name, of `simrob list`, or the path of a `piece.yaml`; the key's own name unless given."""
+    """Name of a piece (`simrob list` shows them) or path of a `piece.yaml`. By default the name of the section."""
     mesh: Path | None = None
     """A mesh file instead of a model: STL, OBJ, DAE or GLB; relative paths start at the station's file."""
     scale: Positive | None = None
-    """Of the mesh; 0.001 for one in millimetres."""
+    """Scale of the mesh: 0.001 if it is in millimetres."""
     box: tuple[Positive, Positive, Positive] | None = None
     """A box instead of a model: its sides [m]."""
     cylinder: tuple[Positive, Positive] | None = None
@@ -113,10 +133,11 @@ class PieceConfig(Strict):
     shapes: Annotated[tuple[PieceShape, ...], Field(min_length=1)] | None = None
     """Several boxes, cylinders and spheres as one piece, instead of a model."""
     parent: str | None = None
-    """What it hangs on: `world`, a robot (its first tool), or another piece (its TCP); needed unless it is free."""
+    """On what the piece is mounted: `world`, a robot (on its first tool) or another piece (at its TCP). A piece that
+    is not free needs it."""
     frame: str | None = None
-    """A frame of the piece that it hangs on, instead of its TCP; or a tool or link of the robot, instead of its first
-    tool, or of the root where that is a foot."""
+    """Frame of the parent on which the piece is mounted. Of a piece: one of its frames, by default its TCP. Of a robot:
+    a tool or a link, by default the first tool, or the root link if the first tool is a foot."""
     pose: Pose = ORIGIN
     """Pose in the parent's frame, [x y z Rz Ry Rx]."""
     density: Positive | None = None
@@ -138,11 +159,11 @@ class PieceConfig(Strict):
     contact: PieceContact | None = None
     """What its surface is made of and how it meets others, in place of the station's `contact`."""
     scatter: Scatter | None = None
-    """Makes free pieces `<name>_1`, `<name>_2` ... of it, at places of chance."""
+    """Makes several free copies of the piece, `<name>_1`, `<name>_2` ..., at random poses."""
 
     @property
     def sources(self) -> list[str]:
-        """Which keys tell what it is."""
+        """The given keys that describe the piece's shape: at most one is allowed."""
         return [key for key in ("model", "mesh", *FORMS, "shapes") if getattr(self, key) is not None]
 
     @model_validator(mode="after")
@@ -188,26 +209,42 @@ class PieceConfig(Strict):
         return self
 
 
-def scattered(entries: Mapping[str, PieceConfig]) -> dict[str, PieceConfig]:
-    """Return pieces with each that is scattered as its many; raises ValueError: no room, or a name that is taken."""
+def with_scattered_copies(entries: Mapping[str, PieceConfig]) -> dict[str, PieceConfig]:
+    """Replace each piece that has a section ``scatter`` by its copies, named `<name>_1` and so on.
+
+    Args:
+        entries: the pieces, by name.
+
+    Raises:
+        ValueError: there is no room for the copies, or the name of a copy is taken.
+    """
     found = dict[str, PieceConfig]()
     for name, entry in entries.items():
+        if entry.scatter is None:
+            found[name] = entry
+            continue
         try:
-            poses = entry.scatter.poses() if entry.scatter else []
+            poses = entry.scatter.poses()
         except ValueError as problem:
             raise ValueError(
                 message("stations.scatter_has", "{name}.scatter has {problem}", name=name, problem=problem)
             ) from problem
-        own = {"scatter": None, "free": True} | ({} if entry.sources else {"model": name})
-        many = {f"{name}_{n}": entry.model_copy(update={**own, "pose": pose}) for n, pose in enumerate(poses, 1)}
-        if twice := {*many} & {*entries}:
+        changes: dict[str, Any] = {"scatter": None, "free": True}
+        if not entry.sources:
+            changes["model"] = name  # the name of a piece without a source is its model, but that of a copy is not
+        copies = {
+            f"{name}_{number}": entry.model_copy(update={**changes, "pose": pose})
+            for number, pose in enumerate(poses, start=1)
+        }
+        taken = copies.keys() & entries.keys()
+        if taken:
             raise ValueError(
                 message(
                     "stations.scattered_name_taken",
                     "{twice} stands there, and would be one of the scattered {name}",
-                    twice=min(twice),
+                    twice=min(taken),
                     name=name,
                 )
             )
-        found |= many or {name: entry}
+        found.update(copies)
     return found

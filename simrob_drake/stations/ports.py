@@ -17,10 +17,29 @@ from simrob_drake.stations.config import Feedforward, StationConfig
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class StationPorts(Site):
-    """The ports of a station; names carry the prefix ``<robot>.`` where there are several robots.
+    """The ports of a station, as :func:`add_station` returns them and a built station has them as ``ports``.
 
-    Attributes of :class:`~simrob_drake.parts.site.Site`, and:
+    With several robots, the names of a robot's ports begin with ``<robot>.``. For example::
+
+        builder.Connect(source.get_output_port(), ports.inputs["reference"])
+        builder.Connect(ports.outputs["tcp_pose"], planner.get_input_port())
+        body = ports.plant.plant.GetBodyByName("link_6")
+
+    Attributes:
+        inputs: input ports by name, a mapping: ``reference`` (n), and the inputs that the station lists under
+            ``inputs``, such as ``feedforward``. All are open: connect or export each.
+        outputs: output ports by name, a mapping: ``position``, ``velocity``, ``torque`` (n), ``tcp_pose`` (7), and
+            those of pieces and sensors, such as ``force.<sensor>`` (3).
+        plant: the plant of the station: ``plant.plant`` is the MultibodyPlant, ``plant.scene_graph`` the SceneGraph,
+            ``plant.robots`` the robots by name.
+        state: output port with the positions and velocities of the whole plant, size nq + nv.
         config: the station's configuration.
+        station: the robots, pieces and parts of the station.
+        blocks: controllers and other blocks of the user's own, by name.
+        picture: the labels of the block picture.
+        edges: times at which a run must end a step, such as the start of a push [s].
+        spatial_forces: output ports whose forces on bodies act on the plant.
+        generalized_forces: output ports whose forces on joints act on the plant, in addition to the motors.
         sources: what drives inputs from the start, by name: these need no block that hands them on.
         name: name of the station in a diagram of the user's own: the prefix of its systems' names, with a dot between
             them; empty if they have none.
@@ -88,7 +107,10 @@ def draw_plant(ports: StationPorts) -> None:
 
 
 def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) -> None:
-    """Draw servos as they are made: a row for each joint, or one for all; of many the middle ones share a block."""
+    """Draw servos that are made of blocks: a row for each joint, or one row for all joints.
+
+    Of many joints, only the first and the last have a row. Those between share a single block.
+    """
     axes, prefix = robot.axes, robot.prefix
     if ports.config.engine.limits_torques_in_actuators:  # one block shows the limits of all
         _draw_saturation(ports, f"{prefix}torque", list(range(len(axes))), robot)
@@ -119,7 +141,7 @@ def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) ->
 
 
 def draw_actuator_servos(ports: StationPorts, robot: StationRobot) -> None:
-    """Draw servos inside the plant's actuators: a block of their own beside the plant."""
+    """Draw the servos in the plant's actuators as a separate block next to the plant."""
     driven = _axes_with_motor(robot, list(range(len(robot.axes))))
     label = compound(
         "{joints}{passive}",
@@ -191,7 +213,7 @@ def _passive_text(robot: StationRobot) -> str:
 
 
 def _draw_servo(ports: StationPorts, robot: StationRobot, row: str, group: list[int], who: str) -> None:
-    """Draw the servo of a group of joints. Passive joints have none: a block says that they have no motor."""
+    """Draw the servo of a group of joints. Passive joints have no servo: their block is labelled "no motor"."""
     gains = robot.gains
     name = f"{robot.prefix}{row}"
     driven = _axes_with_motor(robot, group)

@@ -19,6 +19,7 @@ from simrob_drake.parts.controllers import flows_of, loops_of, readers_of
 from simrob_drake.parts.controllers.loop import check_loops, sensors_read
 from simrob_drake.parts.couplings import Gear
 from simrob_drake.parts.ground import Ground
+from simrob_drake.parts.references import ReferenceConfig
 from simrob_drake.parts.resolved import WORLD, ResolvedPiece, ResolvedRobot, Surroundings
 from simrob_drake.parts.sensors.sensor import SampledSensor
 from simrob_drake.robots.axis_map import AxisValues
@@ -100,13 +101,20 @@ def resolve(config: StationConfig) -> ResolvedStation:
 
 def _resolve_from_files(config: StationConfig) -> ResolvedStation:
     """Resolve a station without a look at former results. Raises the errors of `resolve`."""
-    driven = {name for loop in readers_of(config.controllers).values() for name in loop.needs} - set(config.inputs)
-    config = config.model_copy(update={"inputs": (*config.inputs, *sorted(driven))}) if driven else config
+    # Controllers need inputs that the station may not list.
+    loops = readers_of(config.controllers).values()
+    needed_inputs = {name for loop in loops for name in loop.needs}
+    added_inputs = sorted(needed_inputs - set(config.inputs))
+    if added_inputs:
+        config = config.model_copy(update={"inputs": (*config.inputs, *added_inputs)})
+
     models = {name: _robot_model(entry, config.servo_of(name)) for name, entry in config.robots.items()}
+    # The engine holds some gears of mimic joints as couplings. The references obey the others.
     mimics = mimic_gears(config, models)
     held = {name: gear for name, gear in mimics.items() if gear.is_held(config.engine)}
     unheld_gears = {name: gear for name, gear in mimics.items() if name not in held}
-    config = config.model_copy(update={"couplings": {**config.couplings, **held}}) if held else config
+    if held:
+        config = config.model_copy(update={"couplings": {**config.couplings, **held}})
     starts = starting_positions(config, models, unheld_gears)
     pieces = {piece.name: piece for piece in _pieces(config, models)}
     for name in config.pieces:
@@ -118,6 +126,7 @@ def _resolve_from_files(config: StationConfig) -> ResolvedStation:
             )
     ground = _ground(config.floor, config.contact.model if config.contact else "", pieces)
     robots = {name: _robot(config, name, model, pieces, ground, starts[name]) for name, model in models.items()}
+    # A sampled sensor that a controller reads has to be computed in the loop, not afterwards from the record.
     sensors = dict(config.sensors)
     for name in sensors_read(readers_of(config.controllers), sensors):
         if isinstance(sensors[name], SampledSensor):
@@ -128,6 +137,7 @@ def _resolve_from_files(config: StationConfig) -> ResolvedStation:
         ground=ground,
         robots=robots,
         pieces=pieces,
+        # Sensors that read others come after them.
         sensors=dict(sorted(sensors.items(), key=lambda entry: len(entry[1].read(sensors)))),
         config=config,
         unheld_gears=unheld_gears,
@@ -199,16 +209,24 @@ def _check_engine(config: StationConfig) -> None:
 
 
 def _robot_model(entry: RobotConfig, servo: ServoConfig) -> RobotModel:
-    """Return a robot with the drives that its motors, its own file and the station tell, each over those before."""
+    """Read a robot with its passive axes and its drives (rotors, gears, friction).
+
+    Drives of the station come before those of the robot's own file, and these before those of its motors.
+
+    Raises:
+        SimrobError: the files have a defect, or a value does not fit the robot.
+    """
     robot = _robot_as_described(entry)
-    robot = robot if entry.drives is None else robot.with_drives(entry.drives)
+    if entry.drives is not None:
+        robot = robot.with_drives(entry.drives)
     robot = with_passive_axes(robot, servo)
     if entry.drives is not None:
         check_drives(robot, entry.drives)
     motors = station_motors(robot, servo)
     if not any(motors):
         return robot
-    return robot.model_copy(update={"drives": Drives()}).with_drives(drives_of(motors, robot)).with_drives(robot.drives)
+    without_drives = robot.model_copy(update={"drives": Drives()})
+    return without_drives.with_drives(drives_of(motors, robot)).with_drives(robot.drives)
 
 
 def _robot_as_described(entry: RobotConfig) -> RobotModel:
@@ -245,23 +263,22 @@ def _described_robot(entry: RobotConfig) -> RobotModel:
 
 
 def _ground(floor: FloorConfig | None, contact: str, pieces: Mapping[str, ResolvedPiece]) -> Ground:
-    places: dict[str, RigidTransform] = {}
-    boxes: list[tuple[RigidTransform, Vector]] = []
-    for piece in pieces.values():
-        if piece.free or piece.parent not in (WORLD, *places):
-            continue
-        place = piece.pose
-        if piece.parent in places:
-            frame = pieces[piece.parent].model.frame_poses[piece.mount.removeprefix(f"{piece.parent}_")]
-            place = places[piece.parent] @ transform_from_pose(frame) @ place
-        places[piece.name] = place
-        solid = [shape for shape in piece.model.shapes if shape.box is not None and shape.collides]
-        boxes += [(place @ transform_from_pose(shape.pose), np.array(shape.box) / 2) for shape in solid]
+    """Collect on what robots of a station can stand: the floor, its terrain, and boxes that do not move.
+
+    Args:
+        floor: the floor, or None if the station has no floor.
+        contact: model of contact, or an empty text without contact.
+        pieces: the station's pieces, each after its parent.
+
+    Raises:
+        InvalidParameter: soft terrain with point contact.
+    """
+    boxes = tuple(_fixed_boxes(pieces))
     if floor is None:
-        return Ground(has_floor=False, boxes=tuple(boxes))
-    even = Ground(float(np.deg2rad(floor.incline_deg)), float(np.deg2rad(floor.heading_deg)), boxes=tuple(boxes))
+        return Ground(has_floor=False, boxes=boxes)
+    plane = Ground(float(np.deg2rad(floor.incline_deg)), float(np.deg2rad(floor.heading_deg)), boxes=boxes)
     if floor.terrain is None:
-        return even
+        return plane
     if floor.terrain.soft is not None and contact == "point":
         expected = message(
             "stations.left_out_or_hydroelastic",
@@ -270,8 +287,33 @@ def _ground(floor: FloorConfig | None, contact: str, pieces: Mapping[str, Resolv
         raise InvalidParameter(
             "floor.terrain.soft", message("stations.given_with_point_contact", "given with point contact"), expected
         )
-    field = tuple((even.tilt @ block.pose, block.half) for block in floor.terrain.blocks(floor.size))
-    return replace(even, boxes=(*field, *even.boxes), depth=floor.terrain.depth)
+    terrain_boxes = tuple((plane.floor_pose @ block.pose, block.half) for block in floor.terrain.blocks(floor.size))
+    return replace(plane, boxes=(*terrain_boxes, *boxes), depth=floor.terrain.depth)
+
+
+def _fixed_boxes(pieces: Mapping[str, ResolvedPiece]) -> Iterator[tuple[RigidTransform, Vector]]:
+    """Yield the boxes of all pieces that are fixed to the world, directly or through other pieces.
+
+    Args:
+        pieces: the station's pieces, each after its parent.
+
+    Yields:
+        the pose of a box in the world, and half of its sides, shape (3,) [m].
+    """
+    poses: dict[str, RigidTransform] = {}  # of the fixed pieces in the world
+    for piece in pieces.values():
+        is_fixed = not piece.free and piece.parent in (WORLD, *poses)
+        if not is_fixed:
+            continue
+        pose = piece.pose
+        if piece.parent in poses:
+            frame_name = piece.mount.removeprefix(f"{piece.parent}_")
+            frame = pieces[piece.parent].model.frame_poses[frame_name]
+            pose = poses[piece.parent] @ transform_from_pose(frame) @ pose
+        poses[piece.name] = pose
+        for shape in piece.model.shapes:
+            if shape.box is not None and shape.collides:
+                yield pose @ transform_from_pose(shape.pose), np.array(shape.box) / 2
 
 
 def _robot(
@@ -282,20 +324,22 @@ def _robot(
     ground: Ground,
     initial: Vector,
 ) -> ResolvedRobot:
-    """Resolve a robot of a station whose axes begin at ``initial`` (n,) [rad or m].
+    """Resolve a robot of a station.
+
+    Args:
+        config: configuration of the station.
+        name: name of the robot in the station.
+        model: the robot with its drives.
+        pieces: the station's pieces.
+        ground: the station's ground.
+        initial: initial positions of the robot's axes, shape (n,) [rad or m].
 
     Raises:
-        SimrobError: a key of its section that does not fit the robot.
+        SimrobError: a key of the robot's section does not fit the robot.
     """
     entry = config.robots[name]
-    servo, reference = config.servo_of(name), config.reference_of(name)
-    values: dict[str, AxisValues | None] = {
-        **{f"servo.{key}": getattr(servo, key) for key in _SERVO_KEYS},
-        **{f"reference.{key}": value for key, value in reference.axis_values().items()},
-    }
-    for key, value in values.items():
-        if value is not None:
-            model.axis_vector(value, key)
+    servo = config.servo_of(name)
+    _check_axis_values(model, servo, config.reference_of(name))
     if config.engine.moves_by_forces and model.base == "floating":
         check_servo_without_model(servo)
     if model.feet is None and entry.feet is not None:
@@ -303,52 +347,90 @@ def _robot(
             f"robots.{name}.feet", message("stations.has_no_feet", "{model} has no feet", model=model.name)
         )
     carried = tuple(piece.name for piece in pieces.values() if piece.carrier == name)
-    worn: list[str] = []  # on links that are no tools, and what hangs on such pieces
-    for piece in carried:
-        frame = config.pieces[piece].frame if pieces[piece].parent == name else None
-        if pieces[piece].parent in worn or (frame is not None and frame not in model.tools):
-            worn.append(piece)
-    held = tuple(piece for piece in carried if piece not in worn)
-    frames = {**model.tools, **{piece: f"{piece}_{TCP}" for piece in carried}}
+    held = _held_pieces(config, name, model, pieces)
+    tool_frames = {**model.tools, **{piece: f"{piece}_{TCP}" for piece in carried}}
     if entry.tcp in model.links:
-        frames.setdefault(entry.tcp, entry.tcp)
+        tool_frames.setdefault(entry.tcp, entry.tcp)
     tcp = tool_in_use(model.tools, held, entry.tcp)
     if tcp:
-        one_of(message("base.tool_of", "tool of {model}", model=name), tcp, frames)
-    stops, usual = config.stops_of(name).model_dump(), JointStops().model_dump()
-    stiffness, damping = (model.axis_vector(stops[key], f"joint_stops.{key}", usual[key]) for key in stops)
-    resolved = with_prescribed_axes(
-        config,
-        ResolvedRobot(
-            name=name,
-            prefix=config.prefix(name),
-            model=model,
-            base=(ground.tilt if model.base == "floating" else RigidTransform()) @ transform_from_pose(entry.base),
-            floats=config.engine.moves_by_forces and model.base == "floating",
-            gains=servo_gains(model, servo, dampers=config.motors_are_dampers(name)),
-            motors=tuple(station_motors(model, servo)),
-            stops=(stiffness, damping),
-            initial=initial,
-            carried=carried,
-            load=sum(pieces[piece].model.mass for piece in carried),
-            held=held,
-            tool_frames=frames,
-            tcp=tcp,
-            tcp_offset=entry.tcp_offset,
-            feet=model.feet.kind(entry.feet) if model.feet else None,
-            prescribed={},
-        ),
+        one_of(message("base.tool_of", "tool of {model}", model=name), tcp, tool_frames)
+    stops = config.stops_of(name)
+    usual_stops = JointStops().model_dump()
+    stiffness = model.axis_vector(stops.stiffness, "joint_stops.stiffness", usual_stops["stiffness"])
+    damping = model.axis_vector(stops.damping, "joint_stops.damping", usual_stops["damping"])
+    floats = model.base == "floating"
+    # A robot with a free base stands on the floor, which may be inclined.
+    base = (ground.floor_pose if floats else RigidTransform()) @ transform_from_pose(entry.base)
+    robot = ResolvedRobot(
+        name=name,
+        prefix=config.prefix(name),
+        model=model,
+        base=base,
+        floats=config.engine.moves_by_forces and floats,
+        gains=servo_gains(model, servo, dampers=config.motors_are_dampers(name)),
+        motors=tuple(station_motors(model, servo)),
+        stops=(stiffness, damping),
+        initial=initial,
+        carried=carried,
+        load=sum(pieces[piece].model.mass for piece in carried),
+        held=held,
+        tool_frames=tool_frames,
+        tcp=tcp,
+        tcp_offset=entry.tcp_offset,
+        feet=model.feet.kind(entry.feet) if model.feet else None,
+        prescribed={},
     )
+    resolved = with_prescribed_axes(config, robot)
     check_motors(config, resolved)
     return resolved
 
 
+def _check_axis_values(model: RobotModel, servo: ServoConfig, reference: ReferenceConfig) -> None:
+    """Check that the values by axis in the servo and the reference of a robot name axes of the robot.
+
+    Raises:
+        SimrobError: an axis is unknown, or there are too few or too many values.
+    """
+    values: dict[str, AxisValues | None] = {
+        **{f"servo.{key}": getattr(servo, key) for key in _SERVO_KEYS},
+        **{f"reference.{key}": value for key, value in reference.axis_values().items()},
+    }
+    for key, value in values.items():
+        if value is not None:
+            model.axis_vector(value, key)
+
+
+def _held_pieces(
+    config: StationConfig, robot: str, model: RobotModel, pieces: Mapping[str, ResolvedPiece]
+) -> tuple[str, ...]:
+    """Names of the pieces that a robot holds by its tools, directly or through other pieces.
+
+    The other pieces that it carries are worn: they are mounted on links that are no tools, such as a backpack.
+    """
+    held: list[str] = []
+    worn: list[str] = []
+    for piece in pieces.values():
+        if piece.carrier != robot:
+            continue
+        frame = config.pieces[piece.name].frame if piece.parent == robot else None
+        is_on_link = frame is not None and frame not in model.tools
+        is_worn = piece.parent in worn or is_on_link
+        (worn if is_worn else held).append(piece.name)
+    return tuple(held)
+
+
 def _pieces(config: StationConfig, robots: Mapping[str, RobotModel]) -> Iterator[ResolvedPiece]:
-    """Yield the pieces, each after what it hangs on."""
-    carriers, models = carriers_of(config), dict[str, PieceModel]()
-    for piece, carrier in carriers.items():
-        entry, parent = config.pieces[piece], _parent(config, piece)
-        model = models[piece] = piece_of(entry, piece)
+    """Yield the station's pieces, each after its parent.
+
+    Raises:
+        SimrobError: a piece has a defect, or a parent or a frame that does not exist.
+    """
+    models = dict[str, PieceModel]()
+    for piece, carrier in carriers_of(config).items():
+        entry = config.pieces[piece]
+        parent = _parent(config, piece)
+        model = piece_of(entry, piece)
+        models[piece] = model
         if entry.free and not (model.mass > 0 and min(model.inertia[:3]) > 0):
             expected = message(
                 "stations.piece_with_inertia", "a piece with mass and inertia: gravity and contact move it"
@@ -366,31 +448,50 @@ def _pieces(config: StationConfig, robots: Mapping[str, RobotModel]) -> Iterator
 
 
 _OWN_KEYS = {"density", "mass", "com", "inertia", "tcp", "frames", "colour"}
-_SIZES = 1e-4, 50.0  # of a piece from a mesh [m]
-_UNSCALED = 1.0  # size from which the unit of a mesh must be given [m]
+"""Keys of a piece's section that replace values of the piece's own file."""
+
+_SMALLEST_MESH = 1e-4
+_LARGEST_MESH = 50.0
+"""Range of the longest side of a piece from a mesh [m]. Meshes outside of it are in another unit."""
+
+_SIZE_WITH_UNIT = 1.0
+"""A mesh whose longest side exceeds this [m] needs its unit to be given: it may be in millimetres."""
 
 
 def piece_of(entry: PieceConfig, name: str) -> PieceModel:
-    """Return the piece that the section ``pieces.<name>`` of a station stands for, with all its figures.
+    """Create the piece that the section ``pieces.<name>`` of a station describes.
 
-    It is the piece of the package of that name, unless the section names another source. Raises UnknownName: no such
-    piece; InvalidConfig: a figure that cannot be; InvalidModel: a mesh that cannot be read, or has no volume though a
-    density is given; InvalidParameter: a mesh that is far too large or small, as one in millimetres is; or a form of
-    the station's own that is free, or that a robot carries, and what it weighs is not said; OutputError: the cache of
-    converted meshes cannot be written.
+    If the section has no source of its own, the piece is the one of the package with this name.
+
+    Args:
+        entry: the section.
+        name: name of the piece in the station.
+
+    Raises:
+        UnknownName: there is no such piece.
+        InvalidConfig: a value is not possible.
+        InvalidModel: a mesh cannot be read, or has no volume although a density is given.
+        InvalidParameter: a mesh is far too large or small, for instance in millimetres; or a piece of the station's
+            own shapes that is free or carried has no mass.
+        OutputError: the cache of converted meshes cannot be written.
     """
     changes = {key: value for key, value in entry.model_dump(exclude_none=True).items() if key in _OWN_KEYS}
     model = entry.model or name
-    forms = entry.model_dump(include={*FORMS}, exclude_none=True)
-    shapes = entry.shapes or ((PieceShape(**forms),) if forms else ())
+    # A single form, such as `box:`, is a shape by itself; `shapes:` lists several.
+    form = entry.model_dump(include={*FORMS}, exclude_none=True)
+    shapes = entry.shapes or ()
+    if form and not shapes:
+        shapes = (PieceShape(**form),)
     if entry.mesh is not None:
         piece = _mesh_piece(entry, entry.mesh, f"pieces.{name}")
     elif shapes:
         piece = PieceModel(folder=Path(), shapes=shapes)
     else:
         piece = described_piece(Path(model) if is_yaml_name(model) else piece_file(model))
-    weightless = entry.mass is None and entry.density is None and (entry.free or entry.parent != WORLD)
-    if weightless and (entry.mesh is not None or shapes):
+    has_own_shapes = entry.mesh is not None or bool(shapes)
+    has_mass = entry.mass is not None or entry.density is not None
+    needs_mass = entry.free or entry.parent != WORLD
+    if has_own_shapes and needs_mass and not has_mass:
         seen = "" if entry.free else message("stations.zero_if_seen", ", 0 if it is only seen")
         expected = message("stations.mass_or_give_density", "a mass [kg]{seen}; or give a density [kg/m³]", seen=seen)
         raise InvalidParameter(f"pieces.{name}.mass", None, expected)
@@ -398,20 +499,32 @@ def piece_of(entry: PieceConfig, name: str) -> PieceModel:
 
 
 def _mesh_piece(entry: PieceConfig, file: Path, where: str) -> PieceModel:
-    # Few stations need what reads meshes.
+    """Create a piece from a mesh file.
+
+    Args:
+        entry: the piece's section.
+        file: the mesh file.
+        where: key of the section, for errors.
+
+    Raises:
+        InvalidModel: the mesh cannot be read.
+        InvalidParameter: the size of the mesh is not that of a piece, or its unit is uncertain.
+    """
+    # Few stations need the modules that read meshes.
     from simrob_drake.importer.meshes.checks import FORMATS_WITHOUT_UNIT
     from simrob_drake.importer.meshes.library import drake_mesh
 
-    mesh, scale = drake_mesh(file), entry.scale or 1.0
+    mesh = drake_mesh(file)
+    scale = entry.scale or 1.0
     size = max(mesh_sides(mesh, scale))
-    if not _SIZES[0] <= size <= _SIZES[1]:
+    if not _SMALLEST_MESH <= size <= _LARGEST_MESH:
         expected = message(
             "stations.scale_of_mesh",
             "such that the mesh, now {size:.3g} m long, is of a piece's size; for millimetres 0.001",
             size=size,
         )
         raise InvalidParameter(f"{where}.scale", scale, expected)
-    if entry.scale is None and size > _UNSCALED and file.suffix.lower() in FORMATS_WITHOUT_UNIT:
+    if entry.scale is None and size > _SIZE_WITH_UNIT and file.suffix.lower() in FORMATS_WITHOUT_UNIT:
         raise InvalidParameter(
             f"{where}.scale",
             None,
@@ -423,10 +536,14 @@ def _mesh_piece(entry: PieceConfig, file: Path, where: str) -> PieceModel:
 
 
 def carriers_of(config: StationConfig) -> dict[str, str]:
-    """Return which robot carries each piece, directly or through others, or ``world``: each after what it hangs on.
+    """Find the carrier of each piece: the robot on which it is mounted directly or through other pieces, or ``world``.
 
-    Raises UnknownName: a parent that is no robot, no piece and not the world; InvalidParameter: pieces that hang on
-    each other in a circle.
+    Returns:
+        the name of the carrier by the name of the piece, each piece after its parent.
+
+    Raises:
+        UnknownName: a parent is neither a robot nor a piece nor the world.
+        InvalidParameter: a parent is missing, or pieces are mounted on each other in a circle.
     """
     parents = {piece: _parent(config, piece) for piece in config.pieces}
     carriers: dict[str, str] = {}
@@ -436,7 +553,11 @@ def carriers_of(config: StationConfig) -> dict[str, str]:
 
 
 def _parent(config: StationConfig, piece: str) -> str:
-    """Return what a piece hangs on: ``world``, a robot's name or another piece's name."""
+    """Parent of a piece: ``world``, the name of a robot, or the name of another piece.
+
+    Raises:
+        InvalidParameter: the parent is left out, though the piece is not free.
+    """
     entry = config.pieces[piece]
     if entry.parent is None and not entry.free:
         choices = ", ".join([WORLD, *config.robots, *(other for other in config.pieces if other != piece)])
@@ -448,7 +569,16 @@ def _parent(config: StationConfig, piece: str) -> str:
 
 
 def _outward(config: StationConfig, parents: Mapping[str, str]) -> list[str]:
-    """Return the names of the pieces, each after what it hangs on."""
+    """Sort the names of the pieces so that each comes after its parent.
+
+    Args:
+        config: configuration of the station.
+        parents: parent of each piece.
+
+    Raises:
+        UnknownName: a parent is neither a robot nor a piece nor the world.
+        InvalidParameter: pieces are mounted on each other in a circle.
+    """
     for piece, parent in parents.items():
         known = [WORLD, *config.robots, *config.pieces]
         if parent not in known:
@@ -459,12 +589,12 @@ def _outward(config: StationConfig, parents: Mapping[str, str]) -> list[str]:
             )
     ordered: list[str] = []
     while len(ordered) < len(parents):
-        ready = [p for p in parents if p not in ordered and (parents[p] not in parents or parents[p] in ordered)]
+        rest = [piece for piece in parents if piece not in ordered]
+        ready = [piece for piece in rest if parents[piece] not in rest]
         if not ready:
-            rest = next(piece for piece in parents if piece not in ordered)
             raise InvalidParameter(
-                f"pieces.{rest}.parent",
-                parents[rest],
+                f"pieces.{rest[0]}.parent",
+                parents[rest[0]],
                 message("stations.no_piece_below", "no piece that hangs on this one"),
             )
         ordered += ready
@@ -474,14 +604,29 @@ def _outward(config: StationConfig, parents: Mapping[str, str]) -> list[str]:
 def _mount(
     key: str, frame: str | None, parent: str, robots: Mapping[str, RobotModel], pieces: Mapping[str, PieceModel]
 ) -> str:
-    """Return the plant's frame that a piece hangs on: a robot's (:func:`flange`), a piece's; empty for the world."""
+    """Find the frame of the plant on which a piece is mounted.
+
+    Args:
+        key: key of the piece that names the frame, for errors.
+        frame: value of this key, or None if it is left out.
+        parent: parent of the piece.
+        robots: the station's robots, by name.
+        pieces: the pieces that were resolved so far, by name.
+
+    Returns:
+        name of the frame: that of a robot (see :func:`flange`) or of another piece; empty for the world.
+
+    Raises:
+        UnknownName: the parent has no such frame.
+        Unsuitable: a frame is named, but the parent is the world.
+    """
     if parent in robots:
-        places = [*robots[parent].tools, *robots[parent].links]
+        known = [*robots[parent].tools, *robots[parent].links]
         if frame is not None:
             one_of(
                 message("stations.tool_or_link_for", "tool or link of {parent} for {key}", parent=parent, key=key),
                 frame,
-                places,
+                known,
             )
         return flange(robots[parent].tools, robots[parent].root, frame)
     if parent == WORLD:
@@ -496,21 +641,38 @@ def _mount(
 
 
 def tool_in_use(own: Mapping[str, str], carried: Sequence[str], tcp: str | None) -> str:
-    """Return the tool that a robot's tool centre point belongs to; empty without any.
+    """Choose the tool to which a robot's tool centre point belongs.
 
-    That is the one that its station names as ``tcp``, else the outermost piece of those that it carries, in this order,
-    else the first of its own, of which the frames are given by name.
+    Args:
+        own: frames of the robot's own tools, by name.
+        carried: pieces that the robot carries by its tools, the outermost last.
+        tcp: the tool that the station names, or None.
+
+    Returns:
+        the tool of the station, else the outermost piece, else the robot's first own tool. It is empty without any.
     """
-    return tcp or [*carried[-1:], *own, ""][0]
+    if tcp:
+        return tcp
+    if carried:
+        return carried[-1]
+    return next(iter(own), "")
 
 
 def flange(own: Mapping[str, str], root: str, tool: str | None = None) -> str:
-    """Return the frame that what a robot carries hangs on: of the tool or link that is named, else of its first tool.
+    """Choose the frame of a robot on which a piece is mounted.
 
-    It is the root where there is none, or where that is a foot: on four legs a load lies on the trunk. ``own`` are the
-    frames of its tools by name, ``root`` is that of its root link.
+    Args:
+        own: frames of the robot's own tools, by name.
+        root: frame of its root link.
+        tool: name of the tool or link that the station names, or None.
+
+    Returns:
+        the frame of the named tool or link, else of the robot's first tool. It is the root if there is no tool, or if
+        the first tool is a foot: a robot with four legs carries its load on its trunk.
     """
     if tool is not None:
         return own.get(tool, tool)
-    first, frame = next(iter(own.items()), (_FOOT, root))
-    return root if first.endswith(_FOOT) else frame
+    if not own:
+        return root
+    first_tool, frame = next(iter(own.items()))
+    return root if first_tool.endswith(_FOOT) else frame

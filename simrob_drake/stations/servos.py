@@ -14,10 +14,11 @@ from simrob_drake.robots.motors import NO_MOTOR, OF_URDF, Drives, Motor, known_m
 from simrob_drake.stations.config import ServoConfig, StationConfig
 
 _KEY = "servo.motor"
-_OF_MOTOR = "kp", "ki", "kd", "torque_limit", "integral_limit"
+_KEYS_WITH_MOTOR = "kp", "ki", "kd", "torque_limit", "integral_limit"
 """Keys of a servo whose values a passive axis cannot have."""
-_OF_MOTORS = "rotor_inertia", "gear_ratio", "damping", "friction", "backlash_deg"
-"""Figures of drives that motors tell, too."""
+
+_DRIVE_KEYS = "rotor_inertia", "gear_ratio", "damping", "friction", "backlash_deg"
+"""Keys of drives whose values the description of a motor may contain."""
 
 
 def station_motors(robot: RobotModel, servo: ServoConfig) -> list[Motor | None]:
@@ -39,7 +40,7 @@ def station_motors(robot: RobotModel, servo: ServoConfig) -> list[Motor | None]:
     for axis, own in by_axis.items():
         index = robot.axis_index(axis, _KEY)
         if index not in passive:
-            found[index] = _whole(own, robot, index)
+            found[index] = _complete_motor(own, robot, index)
         elif isinstance(servo.motor, dict) and own != NO_MOTOR:
             raise passive_axis(f"{_KEY}.{axis}", axis)
     return found
@@ -103,33 +104,72 @@ def with_passive_axes(robot: RobotModel, servo: ServoConfig) -> RobotModel:
     return changed
 
 
-def _whole(choice: str | Motor, robot: RobotModel, axis: int) -> Motor | None:
-    motor = Motor(model=choice) if isinstance(choice, str) else choice
-    if motor.model == NO_MOTOR:
+def _complete_motor(choice: str | Motor, robot: RobotModel, axis: int) -> Motor | None:
+    """Fill in the values of an axis's motor from the model that it names.
+
+    Args:
+        choice: name of a model, or values that may name a model, which they change.
+        robot: the robot, for a motor that has the limits of the URDF.
+        axis: index of the axis.
+
+    Returns:
+        the motor with its values at the output of its gear, or None if the axis shall have no model of a motor.
+
+    Raises:
+        UnknownName: there is no such model.
+        InvalidParameter: the URDF has no limits, or a supply is given without the voltage of the values.
+        Unsuitable: the torque at rest or the speed without load is missing.
+    """
+    stated = Motor(model=choice) if isinstance(choice, str) else choice
+    if stated.model == NO_MOTOR:
         return None
-    if motor.model == OF_URDF:
-        torque, speed = float(robot.efforts[axis]), float(robot.speed_limits[axis])
-        if not (np.isfinite([torque, speed]).all() and torque > 0):
-            name = [*robot.axes][axis]
-            raise InvalidParameter(
-                message("stations.key_of", "{key} of {name}", key=_KEY, name=name),
-                OF_URDF,
-                message("stations.values_needed", "figures: its URDF limits not both effort and velocity"),
-            )
-        base = Motor(
-            stall_torque=torque,
-            no_load_speed=speed,
-            source=message("stations.urdf_limits", "limits of the URDF, an estimate"),
-        )
-    elif motor.model is not None and motor.model not in known_motors():
+    if stated.model == OF_URDF:
+        base = _motor_of_urdf(robot, axis)
+    elif stated.model is None:
+        base = Motor()
+    elif stated.model in known_motors():
+        base = known_motors()[stated.model]
+    else:
         raise UnknownName(
             message("stations.motor_for", "motor for {key}", key=_KEY),
-            motor.model,
+            stated.model,
             [*known_motors(), OF_URDF, NO_MOTOR],
         )
-    else:
-        base = known_motors()[motor.model] if motor.model else Motor()
-    motor = base.model_copy(update=motor.model_dump(exclude_unset=True, exclude={"model"}))
+    motor = base.model_copy(update=stated.model_dump(exclude_unset=True, exclude={"model"}))
+    _check_motor_values(motor)
+    return motor.at_output
+
+
+def _motor_of_urdf(robot: RobotModel, axis: int) -> Motor:
+    """Create a motor from the effort and velocity limits of an axis in the URDF.
+
+    Raises:
+        InvalidParameter: the URDF does not limit both.
+    """
+    torque = float(robot.efforts[axis])
+    speed = float(robot.speed_limits[axis])
+    has_limits = np.isfinite([torque, speed]).all() and torque > 0
+    if not has_limits:
+        name = [*robot.axes][axis]
+        raise InvalidParameter(
+            message("stations.key_of", "{key} of {name}", key=_KEY, name=name),
+            OF_URDF,
+            message("stations.values_needed", "figures: its URDF limits not both effort and velocity"),
+        )
+    return Motor(
+        stall_torque=torque,
+        no_load_speed=speed,
+        source=message("stations.urdf_limits", "limits of the URDF, an estimate"),
+    )
+
+
+def _check_motor_values(motor: Motor) -> None:
+    """Check that a motor has the values that its torque line and its supply need.
+
+    Raises:
+        Unsuitable: the torque at rest or the speed without load is missing.
+        InvalidParameter: a supply is given without the voltage or the current at which the motor's values hold.
+    """
     for needed in ("stall_torque", "no_load_speed"):
         if getattr(motor, needed) is None:
             raise Unsuitable(
@@ -137,37 +177,47 @@ def _whole(choice: str | Motor, robot: RobotModel, axis: int) -> Motor | None:
                 message("stations.is_missing", "it is missing"),
                 message("stations.give_it_or_motor", "give it, or name a motor that has it"),
             )
-    known = {"voltage": motor.voltage is not None, "stall_current": motor.stall_current is not None}
-    for key, needs in (("supply", ("voltage",)), ("supply_resistance", ("voltage", "stall_current"))):
-        if getattr(motor, key) and not all(known[need] for need in needs):
+    needs_of_supply = {"supply": ("voltage",), "supply_resistance": ("voltage", "stall_current")}
+    for key, needs in needs_of_supply.items():
+        is_complete = all(getattr(motor, need) is not None for need in needs)
+        if getattr(motor, key) and not is_complete:
             expected = message(
                 "stations.given_with",
                 "given with the motor's {needs}, at which its figures hold",
                 needs=join_texts(needs, message("base.and", " and ")),
             )
             raise InvalidParameter(f"{_KEY}.{key}", f"{getattr(motor, key):g}", expected)
-    return motor.at_output
 
 
 def drives_of(motors: list[Motor | None], robot: RobotModel) -> Drives:
-    """Return what motors say of their axes' drives, of those that say it.
+    """Collect the drives (rotors, gears, friction) that the motors of a robot's axes bring.
 
-    A ratio counts where they or the robot's drives have an inertia for it: that of the URDF is meant with its own.
+    A motor's gear ratio is left out if neither the motor nor the robot's drives give a rotor inertia: the axis then has
+    the rotor inertia of the URDF, which belongs to the gear ratio of the URDF.
+
+    Args:
+        motors: motor of each axis, or None.
+        robot: the robot.
     """
-    inertias = robot.axis_vector({} if (own := robot.drives.rotor_inertia) is None else own, "rotor_inertia", np.nan)
-    values: dict[str, dict[str, float]] = {key: {} for key in _OF_MOTORS}
+    own_inertias = {} if robot.drives.rotor_inertia is None else robot.drives.rotor_inertia
+    inertias = robot.axis_vector(own_inertias, "rotor_inertia", np.nan)  # NaN if the robot's drives give none
+    values: dict[str, dict[str, float]] = {key: {} for key in _DRIVE_KEYS}
     for axis, motor, inertia in zip(robot.axes, motors, inertias.tolist(), strict=True):
-        for key in _OF_MOTORS:
-            value = getattr(motor, key, None)
-            alone = key == "gear_ratio" and getattr(motor, "rotor_inertia", None) is None and np.isnan(inertia)
-            if value is not None and not alone:
+        if motor is None:
+            continue
+        has_inertia = motor.rotor_inertia is not None or not np.isnan(inertia)
+        for key in _DRIVE_KEYS:
+            value = getattr(motor, key)
+            if value is not None and (key != "gear_ratio" or has_inertia):
                 values[key][axis] = value
-    unchecked: dict[str, Any] = {key: own for key, own in values.items() if own}
+    unchecked: dict[str, Any] = {key: by_axis for key, by_axis in values.items() if by_axis}
     return Drives(**unchecked)
 
 
 def servo_gains(robot: RobotModel, servo: ServoConfig, *, dampers: bool = False) -> ServoGains:
-    """Return the gains and limits of a robot's servos: the station's, else the robot's own, its motors', the URDF's.
+    """Collect the gains and limits of a robot's servos.
+
+    A value of the station comes before the robot's own, and this before those of its motors and of the URDF.
 
     Passive axes have neither gains nor a torque limit: all their values are 0.
 
@@ -184,6 +234,7 @@ def servo_gains(robot: RobotModel, servo: ServoConfig, *, dampers: bool = False)
     if passive.any():
         _check_passive(robot, servo)
     motors = station_motors(robot, servo)
+    # A motor gives its peak torque or, if that is not known, its torque at rest: the first value of its line.
     efforts = np.array(
         [
             effort if motor is None else motor.peak_torque or motor.line[0]
@@ -192,6 +243,7 @@ def servo_gains(robot: RobotModel, servo: ServoConfig, *, dampers: bool = False)
     )
 
     def gains_of(key: str) -> Vector:
+        """Gains (n,) of a key: the station's, else the robot's own, else 0."""
         own = getattr(robot.servo, key, None)
         base = robot.axis_vector(own, key) if own is not None else np.zeros(len(robot.axes))
         stated = getattr(servo, key)
@@ -199,6 +251,7 @@ def servo_gains(robot: RobotModel, servo: ServoConfig, *, dampers: bool = False)
         return np.where(passive, 0.0, gains)
 
     def limits(key: str, otherwise: Vector) -> Vector:
+        """Limits (n,) of a key: the station's, else the given ones (n,)."""
         stated = getattr(servo, key)
         return otherwise if stated is None else robot.axis_vector(stated, f"servo.{key}", otherwise)
 
@@ -245,7 +298,7 @@ def _check_passive(robot: RobotModel, servo: ServoConfig) -> None:
                 ),
                 message("stations.use_pid", "use law pid without admittance_gain, or give every axis a motor"),
             )
-    for key in _OF_MOTOR:
+    for key in _KEYS_WITH_MOTOR:
         stated = getattr(servo, key)
         if not isinstance(stated, dict):
             continue  # a number or a list is meant for the axes with motors
@@ -262,19 +315,27 @@ def _motor_line(motors: list[Motor | None], limit: Vector, *, dampers: bool) -> 
         limit: torque limits of the servos, shape (n,) [N·m or N].
         dampers: whether the slopes are dampers of joints where the limit allows it.
     """
+    # Torque at rest [N·m or N] and speed without load [rad/s or m/s] of each axis; infinite without a motor.
     lines = [(np.inf, np.inf) if motor is None else motor.line for motor in motors]
     stall, fastest = np.array(lines).T
+    # The torque falls by the slope [N·m·s/rad or N·s/m]: 0 without a motor.
     slope = np.where(np.isfinite(stall), stall, 0.0) / np.where(np.isfinite(fastest), fastest, 1.0)
     damping = np.where(stall <= limit, slope, 0.0) if dampers else np.zeros_like(slope)
     return MotorLine(stall=stall, slope=slope, damping=damping)
 
 
 def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:
-    """Check that servos and solver can realize a robot's motors; raises InvalidParameter: the key, what is right."""
+    """Check that servos and solver can realize a robot's motors.
+
+    Raises:
+        Unsuitable: the law of the servos has no motor.
+        InvalidParameter: a torque limit or a gain does not fit the motor in an actuator; names the key and its bound.
+    """
     gains = robot.gains
     servo = config.servo_of(robot.name)
     engine = config.engine
     in_actuators = servo.realization == "implicit" or engine.limits_torques_in_actuators
+    # Outside of actuators, the motor's line is a block of its own, which has no such bounds.
     if gains.line is None or not engine.moves_by_forces or not in_actuators:
         return
     blocks = message("stations.per_joint_without_cenic", "realization per_joint and a solver other than cenic")
@@ -284,6 +345,7 @@ def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:
             message("stations.computed_torque_without_motor", "the law computed_torque has no motor"),
             message("stations.leave_out_or", "leave it out, or {blocks}", blocks=blocks),
         )
+    # A motor is realized by a damper of its joint. That is right only if the torque limit does not cut the line.
     capped = config.motors_are_dampers(robot.name) & (gains.line.slope > gains.damping)
     if capped.any():
         axis = int(np.argmax(capped))
@@ -302,9 +364,10 @@ def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:
                 "stations.stall_or_mujoco", "{stall}, or solver.kind mujoco, or {blocks}", stall=stall, blocks=blocks
             ),
         )
-    flat = gains.line.slope > gains.kd
-    if flat.any():
-        axis = int(np.argmax(flat))
+    # The damper is subtracted from the servo's kd, which must not become negative.
+    is_too_small = gains.line.slope > gains.kd
+    if is_too_small.any():
+        axis = int(np.argmax(is_too_small))
         expected = message(
             "stations.least_kd",
             "at least {slope:.3g}, as its motor's torque falls with speed, or {blocks}",

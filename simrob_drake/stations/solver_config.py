@@ -235,7 +235,7 @@ class ContactMaterial(Strict):
 
 
 class PieceContact(ContactMaterial):
-    """How a piece meets others, in place of what its station says."""
+    """Contact of a piece, in place of the station's section ``contact``."""
 
     model: Literal["point"] | None = None
     """`point`: at points where the station's model is `hydroelastic_with_fallback`. Balls roll without facets then."""
@@ -269,9 +269,9 @@ def bound_value(bound: float | str) -> float:
 
 
 class VerdictConfig(Strict):
-    """Bounds of a run's figures, each called as its figure; ``none`` where there shall be no bound.
+    """Bounds of the criteria by which a run is judged, each with the name of its criterion; ``none`` is no bound.
 
-    Keys beyond the fields are bounds of the measures of installed extensions.
+    Further keys are bounds of the criteria of installed extensions.
     """
 
     model_config = ConfigDict(extra="allow")

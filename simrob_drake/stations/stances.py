@@ -1,4 +1,8 @@
-"""Postures in which a robot with a free base may stand on its legs, found by geometry and statics."""
+"""Postures in which a robot with a free base can stand on its legs, found by geometry and statics.
+
+A *stance* is a posture (positions of the robot's axes, shape (n,)) with the height of the upright root over the floor.
+A stance is *good* if statics finds nothing that prevents the robot from standing in it on its feet alone.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,256 +17,439 @@ from simrob_drake.stations.clearance import KNEELING, Clearance, Standing, reduc
 from simrob_drake.stations.legs import Leg, ends_of, foot_place, legs_of, put_upright, straight
 from simrob_drake.stations.posed import posture_range
 
-_BENT = 0.9, 0.85, 0.8, 0.95, 0.7, 0.6  # parts of their length to which legs are bent, in the order of trial
-_SEEDS, _SOLUTIONS = 6, 3  # postures of chance from which a leg is bent; how many ways of bending are tried
-_REACHED = 2e-3  # part of a leg's length by which its foot may miss its place
-_INNER = 1e-4  # part of its range by which an axis begins within its limits
-_REST = 0.01  # weight of staying near home, where a leg may be bent in many ways
-_LOW = 0.02  # part of a leg's length that all but the feet stay over the ground
-_LEVEL = 1e-3  # m: feet at one height
-_STEADY = 0.04  # part of its height by which the centre of mass is within the support area: an angle of 2.3 deg
-_UNDER = 0.02  # part of a leg's length by which feet may be off the centre of mass
-_LOAD = 0.9  # part of a motor's torque that standing may take
-_FORWARD = 2  # joints of a leg that steps ahead alone, not aside
-_TURNED = 0.05  # 1/rad; how much unlike others, by its length, a leg may bend to stay nearer to home
-_SHIFTS = 3  # how often the feet are put under the centre of mass
+_BENT_LENGTHS = 0.9, 0.85, 0.8, 0.95, 0.7, 0.6
+"""Lengths to which legs are bent, as fractions of their full length, in the order of trial."""
+
+_RANDOM_SEEDS = 6
+"""Count of random postures of a leg from which its inverse kinematics begins, in addition to home and mid-range."""
+
+_TRIED_SOLUTIONS = 3
+"""Count of ways to bend the first leg that are tried."""
+
+_FOOT_TOLERANCE = 2e-3
+"""Largest error of a foot's position as a fraction of the leg's length, and of its sole's direction in rad."""
+
+_INNER_MARGIN = 1e-4
+"""Fraction of an axis's range by which the solver's first guess is inside of the limits, as SciPy requires."""
+
+_HOME_WEIGHT = 0.01
+"""Weight of the distance from home, which chooses among the solutions of a leg that can be bent in many ways."""
+
+_DISTINCT = 0.1
+"""Two solutions of a leg are different if an axis differs by more than this [rad or m]."""
+
+_CLEAR_HEIGHT = 0.02
+"""Height over the ground, as a fraction of the leg's length, that all links but the feet keep."""
+
+_SAME_HEIGHT = 1e-3
+"""Feet are level if their heights differ by less than this [m]."""
+
+_STEADY_MARGIN = 0.04
+"""Smallest distance of the centre of mass from the edge of the support area, as a fraction of its height: 2.3 deg."""
+
+_FEET_OFF_COM = 0.02
+"""Distance of the feet's middle from the centre of mass, seen from above, as a fraction of the leg's length."""
+
+_MOTOR_LOAD = 0.9
+"""Largest fraction of a motor's torque that standing may take."""
+
+_ONLY_FORWARD = 2
+"""A leg of at most so many joints places its foot ahead or behind, but not to a side."""
+
+_HOME_PREFERENCE = 0.05
+"""1/rad: difference in shape from the first leg, as a fraction of length, that a rad nearer to home is worth."""
+
+_SHIFTS = 3
+"""Count of corrections that put the feet under the centre of mass."""
 
 
 @dataclass(frozen=True)
 class Stance:
-    """A robot as it may stand."""
+    """A robot as it may stand.
 
-    posture: Vector  # of its axes, shape (n,) [rad or m]
-    height: float  # of its root over the floor [m]
-    standing: Standing  # what it stands on, and what that takes
-    how: str  # in words
+    Attributes:
+        posture: positions of the robot's axes, shape (n,) [rad or m].
+        height: height of the upright root over the floor [m].
+        standing: on what the robot stands, and which torques that takes.
+        how: the posture in words, such as "at home".
+    """
+
+    posture: Vector
+    height: float
+    standing: Standing
+    how: str
 
 
-def _bent_by(share: float) -> str:
-    """Describe a stance with bent legs by the share of their full length."""
-    return message("stations.legs_bent", "with its legs bent to {share:.0%} of their length", share=share)
+def _describe_bent_legs(length: float) -> str:
+    """Describe a stance with bent legs by their length as a fraction of the full length."""
+    return message("stations.legs_bent", "with its legs bent to {share:.0%} of their length", share=length)
 
 
 class Stances:
-    """The stances of a robot of a station: home if it stands there, else legs bent so that the feet are lowest.
+    """Search for the good stances of a robot: first at home, then with bent legs.
 
-    A robot stands on the ends of its chains of axes; one that has no legs may stand on its base, too.
+    A robot stands on the ends of its chains of axes. A robot without legs may stand on its root link as well.
     """
 
     def __init__(self, clearance: Clearance, robot: StationRobot) -> None:
-        self._clearance, self._robot, self._plant = clearance, robot, clearance.plant
+        """Prepare the search.
+
+        Args:
+            clearance: geometry of the station, which the search moves.
+            robot: a robot with a free base.
+        """
+        self._clearance = clearance
+        self._robot = robot
+        self._plant = clearance.plant
         self._home = robot.model.home
         self._random = np.random.default_rng(0)
-        self._looked_at = list[tuple[float, list[str]]]()
+        # The support margin [m] and the reasons against it, for every stance that was examined.
+        self._examined = list[tuple[float, list[str]]]()
 
     @property
     def lacking(self) -> str:
-        """What is lacking in the best of the stances that :meth:`find` looked at and did not yield, in words."""
-        failed = [(len(lacks), -margin, join_texts(lacks, "; ")) for margin, lacks in self._looked_at if lacks]
+        """Reasons against the best of the stances that :meth:`find` rejected, in words; empty if it rejected none.
+
+        The best stance has the fewest reasons against it and, of these, the largest support margin.
+        """
+        failed = [(len(reasons), -margin, join_texts(reasons, "; ")) for margin, reasons in self._examined if reasons]
         if not failed:
             return ""
-        _, _, lacks = min(failed)
+        _, _, reasons_of_best = min(failed)
         return message(
-            "stations.best_of_tried", "In the best of {count} that were tried {lacks}.", count=len(failed), lacks=lacks
+            "stations.best_of_tried",
+            "In the best of {count} that were tried {lacks}.",
+            count=len(failed),
+            lacks=reasons_of_best,
         )
 
     def find(self) -> Iterator[Stance]:
-        """Yield stances that hold by statics, the most natural first."""
-        home, groups = self.as_it_is(), legs_of(self._clearance, self._robot)
+        """Yield the good stances, the most natural first."""
+        home = self.as_it_is()
+        groups = legs_of(self._clearance, self._robot)
         if home is not None:
             feet = {body.name() for body, _ in ends_of(self._clearance, self._robot)}
-            yield from self._good(home, [], feet if groups else feet | {self._robot.root.body().name()}, 0.0)
+            if not groups:
+                feet.add(self._robot.root.body().name())
+            yield from self._good(home, [], feet, 0.0)
         for legs in groups:
-            yield from self.bent(legs)
+            yield from self.bent_stances(legs)
 
     def as_it_is(self) -> Stance | None:
-        """Return how it stands at home, whatever it stands on; None without shapes."""
+        """Compute the stance at home, whatever touches the ground there. Returns None if the robot has no shapes."""
         return self._stance(self._home, message("stations.stands_at_home", "at home"))
 
+    def bent_stances(self, legs: list[Leg], lengths: Sequence[float] = _BENT_LENGTHS) -> Iterator[Stance]:
+        """Yield the good stances on some legs, with the legs bent and the feet about below the hips.
+
+        Args:
+            legs: the legs on which the robot stands.
+            lengths: lengths to which the legs are bent, as fractions of their full length, in the order of trial.
+        """
+        self._place(self._home)
+        hips = np.array([self._origin(leg.links[0]) for leg in legs])
+        random = self._random.uniform(*posture_range(self._robot), (10 * _RANDOM_SEEDS, len(self._home)))
+        postures = (straight(self._robot), self._home, *random)
+        feet = np.array([self._feet(legs, posture) for posture in postures])  # (postures, legs, 3)
+        # The full length of the legs is how far their feet reach below their hips in any of these postures.
+        full_length = float((hips - feet.min(axis=0))[:, 2].min())
+        if full_length <= 0:
+            return
+        below_feet = feet[0][:, :2]  # below the feet of straight legs
+        below_hips_ahead = np.column_stack([hips[:, 0], feet[0][:, 1]])  # ahead as the hips, aside as straight legs
+        halfway = (hips[:, :2] + below_feet) / 2  # for legs that are level when straight
+        for foot_points in (below_feet, below_hips_ahead, halfway):
+            for length in lengths:
+                heights = np.full(len(legs), hips[:, 2].min() - length * full_length)
+                targets = np.column_stack([foot_points, heights])
+                yield from self._with_feet_at(legs, targets, full_length, _describe_bent_legs(length))
+
     def _place(self, posture: Vector, height: float = 0.0) -> None:
+        """Put the robot into a posture (n,), its root upright at a height [m]."""
         put_upright(self._clearance, self._robot, posture, height)
 
     def _origin(self, link: RigidBody) -> Vector:
+        """Origin of a link in the world, shape (3,) [m]."""
         return np.asarray(self._plant.EvalBodyPoseInWorld(self._clearance.context, link).translation())
 
     def _feet(self, legs: list[Leg], posture: Vector) -> Vector:
-        """Return where feet are in a posture with the root at the origin, shape (k, 3) [m]."""
+        """Compute the standing points of k legs in a posture (n,), with the root at the origin, shape (k, 3) [m]."""
         self._place(posture)
         return np.array([foot_place(self._clearance, leg) for leg in legs])
 
     def _stance(self, posture: Vector, how: str) -> Stance | None:
-        """Return how the robot stands in a posture, its root upright."""
+        """Compute the stance of the robot in a posture (n,), with its lowest point on the floor.
+
+        Returns None if the robot has no collision shapes.
+        """
         self._place(posture)
         height = -min(self._clearance.lowest(self._robot).values(), default=0.0)
         self._place(posture, height)
         found = standing(self._clearance.station, self._robot, self._clearance.context)
-        return None if found is None else Stance(posture, height, found, how)
+        if found is None:
+            return None
+        return Stance(posture, height, found, how)
 
     def _good(self, stance: Stance, legs: list[Leg], feet: set[str], length: float) -> Iterator[Stance]:
-        """Yield a stance in which nothing is lacking.
+        """Yield the stance if nothing prevents the robot from standing in it, and record the reasons otherwise.
 
-        What lies in itself of it is taken apart, as far as its legs have no part in that.
+        Links that overlap are turned apart first; the axes of the legs stay as they are.
+
+        Args:
+            stance: the stance to be examined.
+            legs: the legs on which the robot stands; empty at home.
+            feet: names of the links that may touch the ground.
+            length: full length of the legs [m].
         """
-        still = {axis for leg in legs for axis in leg.axes}
-        posture = reduce_own_overlaps(self._clearance, self._robot, stance.posture, set(range(len(self._home))) - still)
+        leg_axes = {axis for leg in legs for axis in leg.axes}
+        movable = set(range(len(self._home))) - leg_axes
+        posture = reduce_own_overlaps(self._clearance, self._robot, stance.posture, movable)
         how = stance.how
         if not np.array_equal(posture, stance.posture):
             how = message("stations.turned_apart", "{stance} but for links that are turned apart", stance=stance.how)
         tidy = self._stance(posture, how)
         if tidy is None:
             return
-        lacks = list(self._lacks(tidy.standing, feet, length))
-        self._looked_at.append((tidy.standing.margin, lacks))
-        if not lacks:
+        reasons = list(self._reasons_against(tidy.standing, feet, length))
+        self._examined.append((tidy.standing.margin, reasons))
+        if not reasons:
             yield tidy
 
-    def _lacks(self, found: Standing, feet: set[str], length: float) -> Iterator[str]:
-        """Yield what keeps the robot, which is placed in a stance, from standing there steadily, on its feet alone."""
-        if others := found.ends.keys() - feet:
+    def _reasons_against(self, found: Standing, feet: set[str], length: float) -> Iterator[str]:
+        """Yield the reasons that prevent the robot from standing steadily on its feet alone, in words.
+
+        Args:
+            found: statics of the stance. The robot is placed in it.
+            feet: names of the links that may touch the ground.
+            length: full length of the legs [m].
+        """
+        others = found.ends.keys() - feet
+        if others:
             yield message("stations.stands_on_others", "it stands on {links}, too", links=", ".join(sorted(others)))
         if min(found.ends.values()) < KNEELING:
             yield message("stations.it_kneels", "it kneels")
-        lowest = self._clearance.lowest(self._robot).items()
-        low = {name: height for name, height in lowest if name not in feet | others and height <= _LOW * length}
+
+        heights = self._clearance.lowest(self._robot)
+        low = {
+            name: height
+            for name, height in heights.items()
+            if name not in feet | others and height <= _CLEAR_HEIGHT * length
+        }
         if low:
-            nearest = min(low, key=low.__getitem__)
-            yield message("stations.link_too_near", "{link} is too near to the ground", link=nearest)
-        if found.margin <= _STEADY * found.height:
-            side = message("stations.inside", "inside") if found.margin >= 0 else message("stations.outside", "outside")
+            lowest_link = min(low, key=low.__getitem__)
+            yield message("stations.link_too_near", "{link} is too near to the ground", link=lowest_link)
+
+        needed_margin = _STEADY_MARGIN * found.height
+        if found.margin <= needed_margin:
+            is_inside = found.margin >= 0
+            side = message("stations.inside", "inside") if is_inside else message("stations.outside", "outside")
             yield message(
                 "stations.mass_not_steady",
                 "its centre of mass is {margin:.0f} mm {side} of the support, and steady from {least:.0f} mm inside on",
                 margin=abs(found.margin) * 1e3,
                 side=side,
-                least=_STEADY * found.height * 1e3,
+                least=needed_margin * 1e3,
             )
+
         loads = self._robot.gains.holding_shares(found.torque)
         worst = int(np.argmax(loads))
-        if loads[worst] > _LOAD:
-            axis, unit = self._robot.axes[worst], self._robot.model.effort_units[worst]
-            has = self._robot.gains.limit_at_rest[worst]
+        if loads[worst] > _MOTOR_LOAD:
             yield message(
                 "stations.axis_overloaded",
                 "{axis} takes {torque:.3g} {unit} and has {limit:.3g} {unit}",
-                axis=axis,
+                axis=self._robot.axes[worst],
                 torque=abs(found.torque[worst]),
-                unit=unit,
-                limit=has,
+                unit=self._robot.model.effort_units[worst],
+                limit=self._robot.gains.limit_at_rest[worst],
             )
 
-    def bent(self, legs: list[Leg], parts: Sequence[float] = _BENT) -> Iterator[Stance]:
-        """Yield stances that hold on some legs, bent to parts of their length, with the feet below straight legs'."""
-        self._place(self._home)
-        hips = np.array([self._origin(leg.links[0]) for leg in legs])
-        chance = self._random.uniform(*posture_range(self._robot), (10 * _SEEDS, len(self._home)))
-        feet = np.array([self._feet(legs, posture) for posture in (straight(self._robot), self._home, *chance)])
-        length = float((hips - feet.min(axis=0))[:, 2].min())
-        if length <= 0:
-            return
-        aside = np.column_stack([hips[:, 0], feet[0][:, 1]])
-        for below in (feet[0][:, :2], aside, (hips[:, :2] + feet[0][:, :2]) / 2):  # the last for legs that lie level
-            for part in parts:
-                targets = np.column_stack([below, np.full(len(legs), hips[:, 2].min() - part * length)])
-                yield from self._with_feet_at(legs, targets, length, part)
+    def _with_feet_at(self, legs: list[Leg], targets: Vector, length: float, how: str) -> Iterator[Stance]:
+        """Yield the good stances with the feet about at given points, moved under the centre of mass.
 
-    def _with_feet_at(self, legs: list[Leg], targets: Vector, length: float, part: float) -> Iterator[Stance]:
-        """Yield stances whose feet are about at places below the root, shape (k, 3) [m], moved under the mass."""
-        ways = [self._solutions(leg, target, length) for leg, target in zip(legs, targets, strict=True)]
-        if not all(ways):
-            return
+        The first leg is bent in several ways. Each other leg is bent in the way that looks most like the first leg.
+
+        Args:
+            legs: k legs.
+            targets: positions of the feet relative to the root, shape (k, 3) [m].
+            length: full length of the legs [m].
+            how: the stance in words.
+        """
+        solutions = [self._solutions(leg, target, length) for leg, target in zip(legs, targets, strict=True)]
+        if not all(solutions):
+            return  # some leg does not reach its point
         feet = {leg.foot.name() for leg in legs}
-        for first in ways[0][:_SOLUTIONS]:
+        first_leg = legs[0]
+        for first_angles in solutions[0][:_TRIED_SOLUTIONS]:
             posture = self._home.copy()
-            posture[legs[0].axes] = first
-            shape = self._bend(legs[0], posture)
-            for leg, target, solutions in zip(legs[1:], targets[1:], ways[1:], strict=True):
-                mirrored = [self._solve(leg, target, length, seed) for seed in self._mirrored(legs[0], first, leg)]
-                known, tried = [*solutions, *(one for one in mirrored if one is not None)], []
-                for solution in known:
-                    posture[leg.axes] = solution
-                    unlike = np.linalg.norm(self._bend(leg, posture) - shape) / length
-                    tried.append(float(unlike + _TURNED * np.abs(solution - self._home[leg.axes]).max()))
-                posture[leg.axes] = known[int(np.argmin(tried))]
-            stance = self._balanced(legs, posture, targets, length, _bent_by(part))
+            posture[first_leg.axes] = first_angles
+            shape = self._bend(first_leg, posture)
+            for leg, target, own_solutions in zip(legs[1:], targets[1:], solutions[1:], strict=True):
+                candidates = list(own_solutions)
+                for seed in self._mirrored_guesses(first_leg, first_angles, leg):
+                    mirrored = self._solve(leg, target, length, seed)
+                    if mirrored is not None:
+                        candidates.append(mirrored)
+                costs = []
+                for candidate in candidates:
+                    posture[leg.axes] = candidate
+                    difference = np.linalg.norm(self._bend(leg, posture) - shape) / length
+                    from_home = np.abs(candidate - self._home[leg.axes]).max()
+                    costs.append(float(difference + _HOME_PREFERENCE * from_home))
+                posture[leg.axes] = candidates[int(np.argmin(costs))]
+            stance = self._balance(legs, posture, targets, length, how)
             if stance is not None:
                 yield from self._good(stance, legs, feet, length)
 
-    def _mirrored(self, leg: Leg, angles: Vector, other: Leg) -> Iterator[Vector]:
-        """Yield angles (k,) of another leg that bend it as one with angles (k,): mirrored to a side, and as it is."""
-        self._place(straight(self._robot))
-        own, others = (np.array([self._axis(axis) for axis in each.axes]) for each in (leg, other))
-        for mirror in ([-1, 1, -1], [1, -1, -1], [1, 1, 1]):  # of turns about ahead, left and up
-            senses = np.sum(own * mirror * others, axis=1)
-            yield np.where(senses < 0, -angles, angles)
+    def _mirrored_guesses(self, leg: Leg, angles: Vector, other: Leg) -> Iterator[Vector]:
+        """Yield first guesses for another leg that bend it like a leg with given angles.
 
-    def _axis(self, axis: int) -> Vector:
-        """Return the direction of an axis in the world (3,)."""
+        An angle changes its sign if the axes of the two legs point in opposite directions after mirroring.
+
+        Args:
+            leg: the leg that is bent already.
+            angles: its angles, shape (k,) [rad].
+            other: the other leg, with k axes as well.
+
+        Yields:
+            angles of the other leg, shape (k,) [rad]: mirrored left to right, front to rear, and not mirrored.
+        """
+        self._place(straight(self._robot))
+        axes = np.array([self._axis_direction(axis) for axis in leg.axes])
+        other_axes = np.array([self._axis_direction(axis) for axis in other.axes])
+        # Rotation vectors (about ahead, left, up) are axial: a mirror keeps the component along its normal
+        # and turns the others round.
+        left_to_right = [-1, 1, -1]
+        front_to_rear = [1, -1, -1]
+        unchanged = [1, 1, 1]
+        for mirror in (left_to_right, front_to_rear, unchanged):
+            cosines = np.sum(axes * mirror * other_axes, axis=1)
+            yield np.where(cosines < 0, -angles, angles)
+
+    def _axis_direction(self, axis: int) -> Vector:
+        """Direction of an axis in the world, shape (3,); zero if it is prismatic."""
         joint = self._robot.joints[axis]
-        own = joint.revolute_axis() if isinstance(joint, RevoluteJoint) else np.zeros(3)
+        direction = joint.revolute_axis() if isinstance(joint, RevoluteJoint) else np.zeros(3)
         pose = joint.frame_on_child().CalcPoseInWorld(self._clearance.context)
-        return np.asarray(pose.rotation() @ own)
+        return np.asarray(pose.rotation() @ direction)
 
     def _bend(self, leg: Leg, posture: Vector) -> Vector:
-        """Return where the links of a leg are, seen from the side, ahead of and under its hip, shape (2 k,) [m]."""
-        self._place(posture)
-        places = np.array([self._origin(link) for link in leg.links])
-        return np.asarray((places - places[0])[:, [0, 2]].ravel())
+        """Shape of a leg of k links in a posture (n,), seen from the side.
 
-    def _balanced(self, legs: list[Leg], posture: Vector, targets: Vector, length: float, how: str) -> Stance | None:
-        """Return a stance whose feet are at one height and under the centre of mass."""
+        Returns:
+            the positions of the links ahead of and above their hip, one after the other, shape (2 k,) [m].
+        """
+        self._place(posture)
+        origins = np.array([self._origin(link) for link in leg.links])
+        return np.asarray((origins - origins[0])[:, [0, 2]].ravel())
+
+    def _balance(self, legs: list[Leg], posture: Vector, targets: Vector, length: float, how: str) -> Stance | None:
+        """Move the feet to one height and under the centre of mass.
+
+        Args:
+            legs: k legs.
+            posture: posture of the robot at first, shape (n,) [rad or m].
+            targets: positions of the feet relative to the root at first, shape (k, 3) [m].
+            length: full length of the legs [m].
+            how: the stance in words.
+
+        Returns:
+            the stance, or None if a leg does not reach its point. After the last correction it may still be
+            unbalanced, which its statics shows.
+        """
+        moves_aside = len(legs[0].axes) > _ONLY_FORWARD
         targets = targets.copy()
         for _ in range(_SHIFTS):
             posture = posture.copy()
             for leg, target in zip(legs, targets, strict=True):
-                bent = self._solve(leg, target, length, posture[leg.axes])
-                if bent is None:
+                angles = self._solve(leg, target, length, posture[leg.axes])
+                if angles is None:
                     return None
-                posture[leg.axes] = bent
+                posture[leg.axes] = angles
             middle = self._feet(legs, posture)[:, :2].mean(axis=0)
             lowest = self._clearance.lowest(self._robot)
             heights = np.array([lowest[leg.foot.name()] for leg in legs])
             com = self._plant.CalcCenterOfMassPositionInWorld(self._clearance.context, [self._robot.instance])
-            off = (com[:2] - middle) * [1.0, len(legs[0].axes) > _FORWARD]
-            if np.ptp(heights) < _LEVEL and np.abs(off).max() < _UNDER * length:
+            offset = (com[:2] - middle) * [1.0, moves_aside]
+            if np.ptp(heights) < _SAME_HEIGHT and np.abs(offset).max() < _FEET_OFF_COM * length:
                 break
-            targets[:, :2] += off
+            targets[:, :2] += offset
             targets[:, 2] -= heights - heights.mean()
         return self._stance(posture, how)
 
     def _solutions(self, leg: Leg, target: Vector, length: float) -> list[Vector]:
-        """Return ways in which a leg brings its foot to a place, those near home first, each shape (k,) [rad or m]."""
-        lower, upper = (limit[leg.axes] for limit in posture_range(self._robot))
-        chance = self._random.uniform(lower, upper, (_SEEDS, len(leg.axes)))
+        """Find the ways to bend a leg that bring its foot to a point, the nearest to home first.
+
+        Args:
+            leg: a leg of k axes.
+            target: position of the foot relative to the root, shape (3,) [m].
+            length: full length of the leg [m].
+
+        Returns:
+            the angles of each way, shape (k,) [rad or m]; empty if the leg does not reach the point.
+        """
+        lower_limits, upper_limits = posture_range(self._robot)
+        lower = lower_limits[leg.axes]
+        upper = upper_limits[leg.axes]
+        home = self._home[leg.axes]
+        random = self._random.uniform(lower, upper, (_RANDOM_SEEDS, len(leg.axes)))
         found: list[Vector] = []
-        for seed in (self._home[leg.axes], (lower + upper) / 2, *chance):
+        for seed in (home, (lower + upper) / 2, *random):
             solution = self._solve(leg, target, length, seed)
-            if solution is not None and all(np.abs(solution - other).max() > 0.1 for other in found):
+            if solution is not None and all(np.abs(solution - other).max() > _DISTINCT for other in found):
                 found.append(solution)
-        return sorted(found, key=lambda solution: float(np.abs(solution - self._home[leg.axes]).sum()))
+        return sorted(found, key=lambda solution: float(np.abs(solution - home).sum()))
 
     def _solve(self, leg: Leg, target: Vector, length: float, seed: Vector) -> Vector | None:
-        """Return angles (k,) of a leg whose foot is at a place, its sole down if it has one; None if it can't be."""
+        """Solve the inverse kinematics of a leg, with its sole level if it has one.
+
+        A first solution stays near home where the leg has spare axes. A second one, which begins there, meets the
+        target exactly.
+
+        Args:
+            leg: a leg of k axes. The other axes of the robot are at home.
+            target: position of the foot relative to the root, shape (3,) [m].
+            length: full length of the leg [m].
+            seed: first guess, shape (k,) [rad or m].
+
+        Returns:
+            angles of the leg, shape (k,) [rad or m], or None if the foot does not reach the target.
+        """
         from scipy.optimize import least_squares
 
-        plant, context, robot = self._plant, self._clearance.context, self._robot
+        plant = self._plant
+        context = self._clearance.context
         self._place(self._home)
-        places, signs = robot.axis_map.position_places[leg.axes], robot.axis_map.signs[leg.axes]
-        positions, rest = plant.GetPositions(context), self._home[leg.axes]
-        lower, upper = (limit[leg.axes] for limit in posture_range(robot))
+        indices = self._robot.axis_map.position_places[leg.axes]  # of the leg's axes among the plant's positions
+        signs = self._robot.axis_map.signs[leg.axes]
+        positions = plant.GetPositions(context)
+        home = self._home[leg.axes]
+        lower_limits, upper_limits = posture_range(self._robot)
+        lower = lower_limits[leg.axes]
+        upper = upper_limits[leg.axes]
         scale = upper - lower
         down = np.array([0.0, 0.0, -1.0])
 
-        def missed(angles: Vector) -> Vector:
-            positions[places] = signs * angles
+        def foot_error(angles: Vector) -> Vector:
+            """Error of the foot's position by the leg's length (3,), and of the sole's normal (3,) if there is one."""
+            positions[indices] = signs * angles
             plant.SetPositions(context, positions)
             pose = plant.EvalBodyPoseInWorld(context, leg.foot)
-            off = (pose @ leg.point - target) / length
-            return off if leg.normal is None else np.concatenate([off, pose.rotation() @ leg.normal - down])
+            position_error: Vector = (pose @ leg.point - target) / length
+            if leg.normal is None:
+                return position_error
+            return np.concatenate([position_error, pose.rotation() @ leg.normal - down])
 
-        def cost(angles: Vector) -> Vector:
-            return np.concatenate([missed(angles), _REST * (angles - rest) / scale])
+        def foot_and_home_error(angles: Vector) -> Vector:
+            """Error of the foot, and the weighted distance of each axis from home by its range (k,)."""
+            return np.concatenate([foot_error(angles), _HOME_WEIGHT * (angles - home) / scale])
 
-        bounds, inside = (lower, upper), (lower + _INNER * scale, upper - _INNER * scale)
-        near = least_squares(cost, np.clip(seed, *inside), bounds=bounds, max_nfev=40).x
-        exact = least_squares(missed, np.clip(near, *inside), bounds=bounds, max_nfev=20).x
-        return np.asarray(exact) if np.abs(missed(exact)).max() < _REACHED else None
+        bounds = (lower, upper)
+        inner_lower = lower + _INNER_MARGIN * scale
+        inner_upper = upper - _INNER_MARGIN * scale
+        first_guess = np.clip(seed, inner_lower, inner_upper)
+        near_home = least_squares(foot_and_home_error, first_guess, bounds=bounds, max_nfev=40).x
+        second_guess = np.clip(near_home, inner_lower, inner_upper)
+        exact = least_squares(foot_error, second_guess, bounds=bounds, max_nfev=20).x
+        if np.abs(foot_error(exact)).max() >= _FOOT_TOLERANCE:
+            return None
+        return np.asarray(exact)

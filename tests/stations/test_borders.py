@@ -10,8 +10,13 @@ from simrob_drake.base.packages import MESH_PATH_VARIABLE, granted, granting
 from simrob_drake.parts import controllers
 from simrob_drake.programs.program import Program
 from simrob_drake.robots.catalog import load_robot_file
+from simrob_drake.stations.file_paths import (
+    FILES,
+    changes_with_absolute_paths,
+    station_with_absolute_path,
+    with_copied_files,
+)
 from simrob_drake.stations.load import load_station, station_yaml
-from simrob_drake.stations.located import FILES, carried, located_changes, located_station
 from simrob_drake.stations.resolve import resolve
 
 BOX = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
@@ -116,8 +121,8 @@ def test_other_files_are_held_to_the_same_border(places, tmp_path):
         load_robot_file(robot)
     station(other, "robot: {urdf: arm.urdf}")
     with pytest.raises(InvalidConfig, match=r"station: .*lies outside of the allowed folders"):
-        located_station("../private/station.yaml", own / "program.yaml")
-    assert located_station("irb120_dynamic", own / "program.yaml") == "irb120_dynamic"
+        station_with_absolute_path("../private/station.yaml", own / "program.yaml")
+    assert station_with_absolute_path("irb120_dynamic", own / "program.yaml") == "irb120_dynamic"
     (own / "program.yaml").write_text(f"changes: [{{time: 1, set: {{start: {other}/start.json}}}}]\n")
     with pytest.raises(InvalidConfig, match=r"program.yaml: start: .*--mesh-path"):
         Program.load(own / "program.yaml")
@@ -125,7 +130,7 @@ def test_other_files_are_held_to_the_same_border(places, tmp_path):
 
 def test_changes_by_dotted_keys_start_at_the_folder_of_their_file(tmp_path):
     changes = {"robot.urdf": "a.urdf", "pieces": {"p": {"mesh": "b.obj"}}, "servo.kp": 3, "robot.model": "irb120"}
-    assert located_changes(changes, tmp_path) == {
+    assert changes_with_absolute_paths(changes, tmp_path) == {
         **changes,
         "robot.urdf": str(tmp_path / "a.urdf"),
         "pieces": {"p": {"mesh": str(tmp_path / "b.obj")}},
@@ -147,7 +152,7 @@ pieces:
     config = load_station(station(own, text), mesh_path=[other])
     result = tmp_path / "result"
     result.mkdir()
-    (result / "station.yaml").write_text(station_yaml(carried(config, result)))
+    (result / "station.yaml").write_text(station_yaml(with_copied_files(config, result)))
     before = resolve(config)
     moved = result.rename(tmp_path / "elsewhere")
     for folder in (own, other):

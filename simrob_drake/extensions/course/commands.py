@@ -10,7 +10,7 @@ from rich.text import Text
 
 from simrob_drake.base.errors import InvalidConfig, Unsuitable
 from simrob_drake.base.folders import check_ending, check_new_file, written_at_once
-from simrob_drake.base.messages import in_language, message, set_output_language
+from simrob_drake.base.messages import in_language, message, set_output_language, with_decimal_sign
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.language import LANGUAGE_VARIABLE
@@ -68,7 +68,7 @@ def list_exercises(language: _Spoken = "en") -> None:
     rows = []
     for entry in exercises():
         exercise = entry.exercise
-        rows.append((str(exercise.number), exercise.title.of(language), f"{exercise.hours:g}"))
+        rows.append((str(exercise.number), exercise.title.of(language), with_decimal_sign(f"{exercise.hours:g}")))
     console.print(table(("", words["exercise"], words["hours"]), *rows, numbers=False))
 
 
@@ -131,7 +131,8 @@ def check(
 
     A point is ok, fails (its value is out of bounds), is missing (its function is not written yet), or has an error.
     The answer runs in a process of its own, with limits of time and memory. For a folder of submissions, one Python
-    file or one folder a student, the points of all of them are written to a table.
+    file or one folder a student, the points of all of them are written to a table, and the exit code is 0 once it is
+    written.
 
     For example:
 
@@ -191,7 +192,7 @@ def _check_folder(
     for number, submission in enumerate(submissions, start=1):
         with errors.status(Text(f"{number}/{len(submissions)} {submission.name}")):
             checked.append(check_submission(entry, submission, seconds=seconds, memory=memory))
-        written_at_once(file, points_table(entry, checked))
+        written_at_once(file, points_table(entry, checked, words, language))
         say(_submission_line(checked[-1], len(entry.exercise.points), language))
     say(f"{words['table']:<10}{file}")
 
@@ -212,7 +213,7 @@ def _result(point: CheckedPoint, language: Language) -> str:
     words = _words(language)
     if point.reading is None:
         return in_language(point.problem, language) or words["unwritten"]
-    value = _with_unit(f"{point.reading.value:.4g}", point.reading.unit)
+    value = _with_unit(with_decimal_sign(f"{point.reading.value:.4g}"), point.reading.unit)
     return f"{words['measured']} {value}; {words['asked']} {_bounds(point.reading, words)}"
 
 
@@ -225,7 +226,7 @@ def _bounds(reading: Reading, words: Mapping[str, str]) -> str:
         template = words["least"]
     else:
         template = words["near"]
-    text = template.format(*(f"{bound:.4g}" for bound in ends))
+    text = template.format(*(with_decimal_sign(f"{bound:.4g}") for bound in ends))
     return _with_unit(text, reading.unit)
 
 

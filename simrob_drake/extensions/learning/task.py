@@ -22,8 +22,8 @@ from simrob_drake.extensions.learning.rewards import TERMS
 from simrob_drake.parts.forces import ForceConfig, Push
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.file_paths import changes_with_absolute_paths, station_with_absolute_path
 from simrob_drake.stations.load import load_station
-from simrob_drake.stations.located import located_changes, located_station
 
 _GOALS = (
     ("distance", (3,), "x y z"),
@@ -259,8 +259,10 @@ def load_task(name_or_path: str | Path) -> tuple[Task, Path]:
         if not is_yaml_name(path):
             raise UnknownName(message("learning.task", "task"), str(name_or_path), task_names())
     task, folder = validated(Task, read_yaml(path), path), path.absolute().parent
-    changes = located_changes(task.overrides, folder, Border(path))
-    return task.model_copy(update={"station": located_station(task.station, path), "overrides": changes}), path
+    changes = changes_with_absolute_paths(task.overrides, folder, Border(path))
+    return task.model_copy(
+        update={"station": station_with_absolute_path(task.station, path), "overrides": changes}
+    ), path
 
 
 _LAST = 100  # episodes whose mean return a curriculum goes by

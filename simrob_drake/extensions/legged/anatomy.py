@@ -15,7 +15,7 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations.clearance import Clearance, outline
-from simrob_drake.stations.legs import Leg, alike, ends_of, legs_of, lengths, put_upright, straight
+from simrob_drake.stations.legs import Leg, chain_lengths, ends_of, has_equal_length, legs_of, put_upright, straight
 from simrob_drake.walking.knees import Knee, knee_of
 
 _LONG = 1.25  # times as far as hips are apart ahead, that they are to the side: then the robot looks along its y
@@ -327,8 +327,8 @@ def _named(clearance: Clearance, robot: StationRobot, legs: Sequence[Leg], facin
             )
         )
     for pair in pairs:
-        ways = [lengths(clearance, robot, leg.axes, leg) for leg in pair]
-        if not alike(ways[0], ways[1], _ALIKE):
+        ways = [chain_lengths(clearance, robot, leg.axes, leg) for leg in pair]
+        if not has_equal_length(ways[0], ways[1], _ALIKE):
             what = join_texts(
                 (
                     compound("{foot} {way:.3f} m", foot=leg.foot.name(), way=way[0])

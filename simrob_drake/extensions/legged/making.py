@@ -223,7 +223,7 @@ class _Making:
     def _standing(self, part: float) -> _Standing | None:
         """Return how the robot stands with its legs bent to a part of their length; None if it cannot."""
         anatomy = self._anatomy
-        for stance in self._stances.bent([limb.leg for limb in anatomy.legs], (part,)):
+        for stance in self._stances.bent_stances([limb.leg for limb in anatomy.legs], (part,)):
             if len(anatomy.legs) > 2 or not anatomy.has_soles or anatomy.knees_ahead(stance.posture):
                 soles = soles_of(anatomy, stance)
                 return _Standing(stance, soles, build_of(anatomy, stance, soles))

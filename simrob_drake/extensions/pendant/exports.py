@@ -18,8 +18,8 @@ from simrob_drake.parts.controllers.own import OwnController
 from simrob_drake.programs.script import script
 from simrob_drake.programs.whole_program import goes_on_legs
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.file_paths import with_copied_files
 from simrob_drake.stations.load import station_names, station_yaml
-from simrob_drake.stations.located import carried
 
 
 class Exports:
@@ -111,7 +111,7 @@ def _pack(file: Path, config: StationConfig, script: Callable[[Path], str]) -> N
     with writing(file), TemporaryDirectory(dir=file.parent) as place:
         folder = Path(place)
         station = folder / f"{file.stem}-station.yaml"
-        station.write_text(station_yaml(_with_code(carried(config, folder), folder)), encoding="utf-8")
+        station.write_text(station_yaml(_with_code(with_copied_files(config, folder), folder)), encoding="utf-8")
         (folder / f"{file.stem}.py").write_text(script(station), encoding="utf-8")
         files = [one for one in sorted(folder.rglob("*")) if one.is_file()]
         with ZipFile(folder / file.name, "w", ZIP_DEFLATED) as packed:

@@ -15,8 +15,8 @@ from simrob_drake.programs.program import Program
 from simrob_drake.programs.program_files import is_program_file
 from simrob_drake.robots.catalog import RobotModel, load_robot, robot_names
 from simrob_drake.stations.draft import draft_station
+from simrob_drake.stations.file_paths import station_with_absolute_path
 from simrob_drake.stations.load import station_names
-from simrob_drake.stations.located import located_station
 
 _USUAL = "{}_dynamic"
 
@@ -68,7 +68,7 @@ def program_of(subject: str | Path) -> tuple[Path, str] | None:
             "station",
             message("pendant.missing_station", "missing: the name or the file of the station that it is to run on"),
         )
-    return file, located_station(station, file)
+    return file, station_with_absolute_path(station, file)
 
 
 def _drafted_for(file: Path, folder: Path) -> tuple[str, str]:

@@ -38,8 +38,8 @@ from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import load_robot_file
 from simrob_drake.simulation import ReferenceLike, Runner
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.file_paths import with_copied_files
 from simrob_drake.stations.load import load_station, station_yaml
-from simrob_drake.stations.located import carried
 from simrob_drake.stations.resolve import resolve
 
 _KEPT: deque[Runner] = deque(maxlen=4)  # some megabytes each
@@ -180,7 +180,7 @@ class Scene:
     def write(self, folder: Path) -> None:
         """Write ``station.yaml`` and its files, a gait's or a program's YAML; raises OutputError: not written."""
         with writing(folder):
-            config = carried(self.config, folder)
+            config = with_copied_files(self.config, folder)
         written_at_once(folder / "station.yaml", station_yaml(config))
         if self.program is not None:
             self.program.save(folder / "program.yaml")

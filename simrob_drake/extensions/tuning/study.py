@@ -21,8 +21,8 @@ from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.extensions.tuning.journal import COMPLETED, Row
 from simrob_drake.extensions.tuning.rollout import SIGNED, UNITS, Case, Margin
 from simrob_drake.extensions.tuning.scene import Scene, of_station
+from simrob_drake.stations.file_paths import changes_with_absolute_paths, station_with_absolute_path
 from simrob_drake.stations.load import load_station
-from simrob_drake.stations.located import located_changes, located_station
 
 
 class Conditions(Draws):
@@ -58,16 +58,16 @@ class Conditions(Draws):
 
     def located(self, folder: Path, border: Border) -> Self:
         """Return them with absolute paths; raises InvalidConfig: one that may not be read."""
-        cases = [located_changes(case, folder, border) for case in self.cases]
+        cases = [changes_with_absolute_paths(case, folder, border) for case in self.cases]
         return self.model_copy(update={"cases": cases, "vary": located_space(self.vary, folder, border)})
 
 
 def located_space(space: Mapping[str, AnyDistribution], folder: Path, border: Border) -> dict[str, AnyDistribution]:
-    """Return distributions with absolute paths in what is chosen from; as :func:`located_changes` does."""
+    """Return distributions with absolute paths in what is chosen from; as :func:`changes_with_absolute_paths` does."""
     found = dict(space)
     for key, one in space.items():
         if isinstance(one, Choice):
-            values = [located_changes({key: value}, folder, border)[key] for value in one.values]
+            values = [changes_with_absolute_paths({key: value}, folder, border)[key] for value in one.values]
             found[key] = one if values == one.values else Choice(values=values, when=one.when)
     return found
 
@@ -115,7 +115,7 @@ class Study(Strict):
         """Return a file's study; raises InvalidConfig: it is none; SimrobError: no such station, key or measure."""
         file = as_path(file, "file")
         study = validated(cls, read_yaml(file), file)
-        study = study.located(file).model_copy(update={"station": located_station(study.station, file)})
+        study = study.located(file).model_copy(update={"station": station_with_absolute_path(study.station, file)})
         study.check(file)
         return study
 
@@ -123,7 +123,7 @@ class Study(Strict):
         """Return the study with absolute paths in all that it changes; raises InvalidConfig: one is out of bounds."""
         folder, border = file.absolute().parent, Border(file)
         changed: dict[str, Any] = {kind: one.located(folder, border) for kind, one in self._conditions}
-        changed["overrides"] = located_changes(self.overrides, folder, border)
+        changed["overrides"] = changes_with_absolute_paths(self.overrides, folder, border)
         return self.model_copy(update={"vary": located_space(self.vary, folder, border), **changed})
 
     def check(self, where: Path | str = "study") -> None:

@@ -20,7 +20,7 @@ from simrob_drake.extensions.tuning.rollout import UNITS, Case, measured
 from simrob_drake.extensions.tuning.sweep import Sweep
 from simrob_drake.results.colours import COLOURS
 from simrob_drake.results.plots.grid import style
-from simrob_drake.stations.located import located_changes
+from simrob_drake.stations.file_paths import changes_with_absolute_paths
 
 SWEEP, TABLE = "sweep.yaml", "sweep.csv"
 
@@ -54,7 +54,7 @@ class SweepFolder(TrialFolder[Case]):
         """
         place = as_path(folder, "folder")
         sweep = read_spec(place, SWEEP, Sweep)
-        changes = located_changes(sweep.overrides, place.absolute(), Border(place / SWEEP))
+        changes = changes_with_absolute_paths(sweep.overrides, place.absolute(), Border(place / SWEEP))
         return cls(place, sweep.model_copy(update={"overrides": changes}), allow_code=allow_code)
 
     def run(self, *, workers: int | None = None, scheduler: str | None = None, progress: bool = True) -> list[Row]:

@@ -25,7 +25,7 @@ from simrob_drake.base.errors import one_of
 from simrob_drake.base.frames import Vector, rotation_of
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import NotNegative, Number, Positive, Strict
-from simrob_drake.blocks.block import mapped
+from simrob_drake.blocks.block import add_matrix_gain
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.controllers.support import Balanced, Direction, Support
@@ -211,7 +211,7 @@ class Balance(LoopSection):
         if name in self.reads or known is None:
             return super().source(builder, name, robot, site, key)
         site.picture.draw_nothing(f"{key}.{name}")
-        return mapped(builder, f"{key}.{name}", known.matrix(site.state.size())[part], site.state)
+        return add_matrix_gain(builder, f"{key}.{name}", known.matrix(site.state.size())[part], site.state)
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         assert robot.feet is not None  # check() has asked

@@ -14,7 +14,7 @@ from simrob_drake.base.errors import InvalidParameter, UnknownName, one_of
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.sections import Integer, Number, Positive
-from simrob_drake.blocks.block import mapped
+from simrob_drake.blocks.block import add_matrix_gain
 from simrob_drake.blocks.sampled import SampledBlock
 from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.controllers.own import add_to, declare_output
@@ -201,7 +201,7 @@ def of_state(builder: DiagramBuilder, site: Site, output: str) -> OutputPort:
     if builder.HasSubsystemNamed(name):
         return builder.GetSubsystemByName(name).get_output_port()
     site.picture.draw_nothing(name)
-    return mapped(builder, name, site.outputs.of_state[output].matrix(site.state.size()), site.state)
+    return add_matrix_gain(builder, name, site.outputs.of_state[output].matrix(site.state.size()), site.state)
 
 
 def check_loops(station: Surroundings, loops: Mapping[str, LoopSection]) -> None:
@@ -347,14 +347,14 @@ def _drive(
         if ASKED in wired.inputs:
             builder.Connect(stack.sum(f"{place}.asked"), wired.inputs[ASKED])
         if "offset" in outputs:
-            stack.ports.append(mapped(builder, f"{place}.weight", weight * np.eye(size), outputs["offset"]))
+            stack.ports.append(add_matrix_gain(builder, f"{place}.weight", weight * np.eye(size), outputs["offset"]))
         if "offset_velocity" in outputs and f"{robot.prefix}reference_velocity" in site.inputs:
-            speeds.append(mapped(builder, f"{place}.speed", weight * np.eye(size), outputs["offset_velocity"]))
+            speeds.append(add_matrix_gain(builder, f"{place}.speed", weight * np.eye(size), outputs["offset_velocity"]))
         if "target" in outputs:
             share = np.where(np.isin(robot.axes, section.layered(robot)), weight, 0.0)
             stack.lay_over(place, outputs["target"], outputs["active"], share)
         if "feedforward" in outputs:
-            torques.append(mapped(builder, f"{place}.torque", weight * np.eye(size), outputs["feedforward"]))
+            torques.append(add_matrix_gain(builder, f"{place}.torque", weight * np.eye(size), outputs["feedforward"]))
     builder.Connect(stack.limit(), inner)
     _draw_layers(site, f"{key}.limits", robot)
     for key, added in (("feedforward", torques), ("reference_velocity", speeds)):

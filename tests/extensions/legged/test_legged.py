@@ -29,7 +29,7 @@ def seen(file) -> tuple[Anatomy, Stance]:
     robot = robot_from_file(file, ImportOptions(base="floating"))
     clearance = at_home(robot)
     anatomy = anatomy_of(clearance, clearance.station.robots[ONLY_ROBOT])
-    stances = Stances(clearance, anatomy.robot).bent([limb.leg for limb in anatomy.legs], (0.85,))
+    stances = Stances(clearance, anatomy.robot).bent_stances([limb.leg for limb in anatomy.legs], (0.85,))
     good = (one for one in stances if not anatomy.has_soles or anatomy.knees_ahead(one.posture))
     return anatomy, next(good)
 

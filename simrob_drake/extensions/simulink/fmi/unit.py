@@ -19,8 +19,8 @@ from simrob_drake.extensions.simulink.stepping.station import SteppedStation
 from simrob_drake.extensions.simulink.values.units import UnknownUnit, parse_unit, plain_unit
 from simrob_drake.extensions.simulink.writing.urdf import plain
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.file_paths import with_copied_files
 from simrob_drake.stations.load import station_yaml
-from simrob_drake.stations.located import carried
 
 STOPPED, MESSAGE, TIME = "stopped", "message", "time"
 """Variables beside those of the station: whether and why it was ended, and where it is."""
@@ -165,7 +165,7 @@ def write_fmu(config: StationConfig, target: Path | str, *, version: int = 2, fo
         resources = work / "resources"
         resources.mkdir()
         station = resources / "station.yaml"
-        station.write_text(station_yaml(carried(config, resources)), encoding="utf-8")
+        station.write_text(station_yaml(with_copied_files(config, resources)), encoding="utf-8")
         described = description(SteppedStation(station), name, version)  # what cannot be stepped is told here
         (work / "modelDescription.xml").write_bytes(described)
         (resources / f"{name}.py").write_text(_SCRIPT.format(name=name), encoding="utf-8")

@@ -202,7 +202,7 @@ def pushes(
 
         simrob pushes zjudancer_dynamic --set gait.name=walk --newtons 10 --seeds 20
 
-        simrob pushes zjudancer_dynamic --set gait.name=walk --vary load --vary slope
+        simrob pushes zjudancer_dynamic --set gait.name=walk --vary slope
     """
     from simrob_drake.extensions.tuning.burdens import Burdens
     from simrob_drake.extensions.tuning.walking_folder import PushMap, WalkingFolder

@@ -15,7 +15,7 @@ from simrob_drake.cli.options import AllowCode, Force, NoRecording, Saving, Sche
 from simrob_drake.cli.saving import prepared_folder, saved
 from simrob_drake.cli.screen import console, say_place, say_text, table
 from simrob_drake.results.files import default_folder
-from simrob_drake.stations.located import located_changes
+from simrob_drake.stations.file_paths import changes_with_absolute_paths
 
 if TYPE_CHECKING:
     from simrob_drake.extensions.tuning.journal import Row
@@ -88,7 +88,7 @@ def sweep(
 
     For example:
 
-        simrob sweep irb120_dynamic --vary servo.kp=log:50:20000:9 --vary pieces.load.mass=0.5,1,2 --out runs/gains
+        simrob sweep irb120_dynamic --vary servo.kp=log:50:20000:9 --out runs/gains
 
         simrob sweep runs/gains --run 12
     """
@@ -115,7 +115,7 @@ def sweep(
             one_of(message("tuning.sampling", "sampling"), sampling, get_args(Sampling))
         content = Sweep(
             station=str(Path(station).resolve()) if Path(station).is_file() else station,
-            overrides=located_changes(changes_of(set_, "--set"), Path.cwd()),
+            overrides=changes_with_absolute_paths(changes_of(set_, "--set"), Path.cwd()),
             seeds=seeds,
             **sampled,
             count=count,
