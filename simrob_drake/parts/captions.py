@@ -1,4 +1,4 @@
-"""What blocks of a station's picture say, and how figures and positions are told in words."""
+"""Blocks of a station's picture, and values and positions in words for their labels."""
 
 import textwrap
 from collections.abc import Mapping
@@ -12,41 +12,58 @@ from simrob_drake.base.messages import message, translate, with_decimal_sign
 from simrob_drake.robots.axis_map import AxisValues, with_units
 from simrob_drake.robots.catalog import RobotModel
 
-MANY = 8  # how many joints, or figures, are told each for itself
+MANY = 8
+"""Largest count of joints or values that are listed one by one."""
 
 _WIDTH = 26
+"""Characters in a line of a block."""
 
 BlockRole = Literal["reference", "loop", "own", "servo", "force", "robot", "scene", "sensor"]
-"""What a block is for, in the order of the signal flow; it makes the column and the colour in the picture."""
+"""Role of a block, in the order of the signal flow. It determines the column and the colour in the picture."""
 
 
 Shape = Literal["block", "mux", "bus", "port", "sum"]
-"""Of them two are thin bars: a mux brings signals together, a bus hands them out."""
+"""Shape of a block. Two are thin bars: a mux joins signals, a bus distributes them."""
 
 
 @dataclass(frozen=True)
 class InnerBlock:
-    """A block of a net that is one system."""
+    """A block of a net that Drake has as a single system.
 
-    label: str  # its lines
-    sources: tuple[str, ...]  # the blocks of the net that it reads
-    reads: tuple[str, ...]  # outputs of the station that it reads
+    Attributes:
+        label: lines of its label.
+        sources: names of the blocks of the net that it reads.
+        reads: names of the station's outputs that it reads.
+    """
+
+    label: str
+    sources: tuple[str, ...]
+    reads: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """A block of the picture."""
+    """A block of the picture.
 
-    key: str  # systems of one key share the block
-    role: BlockRole  # what it is for
-    label: str  # its lines
-    robot: str = ""  # whose it is; empty for what the robots share, and where there is one only
-    inside: tuple[str, ...] = ()  # what happens in it, one after the other
-    # the key of the block whose system does its work, as the plant's does that of servos in its actuators
+    Attributes:
+        key: key of the block. Systems with the same key share one block.
+        role: role in the signal flow.
+        label: lines of its label.
+        robot: name of its robot; empty if it belongs to all robots, or if the station has only one.
+        inside: steps of its computation, in their order.
+        within: key of the block whose system does its work, such as the plant for servos in its actuators.
+        net: blocks that are drawn in its place, by name, in the order of the outputs of its Demultiplexer.
+        shape: how the block is drawn.
+    """
+
+    key: str
+    role: BlockRole
+    label: str
+    robot: str = ""
+    inside: tuple[str, ...] = ()
     within: str = ""
-    # blocks that are drawn in its place, by name, in the order of the outputs of its Demultiplexer
     net: Mapping[str, InnerBlock] = field(default_factory=dict)
-    shape: Shape = "block"  # how it looks
+    shape: Shape = "block"
 
 
 def wrapped(text: str) -> str:
@@ -55,7 +72,7 @@ def wrapped(text: str) -> str:
 
 
 def short(text: str) -> bool:
-    """Tell whether a text fits a line of a block."""
+    """Whether a text fits a line of a block."""
     return 0 < len(text) <= _WIDTH
 
 
@@ -71,12 +88,12 @@ def shown_values(values: Vector) -> str:
 
 
 def shown_limits(limits: Vector, units: list[str]) -> str:
-    """Return limits (n,) to both sides with their units: "±150 N·m"."""
+    """Write symmetric limits (n,) with their units, such as "±150 N·m"."""
     return with_units(limits, units, lambda values: f"±{shown_values(values)}")
 
 
 def shown_positions(values: AxisValues, model: RobotModel) -> str:
-    """Return positions as they are written in a station, with their units."""
+    """Write positions per axis with their units, in the form in which the station gives them."""
     if isinstance(values, dict):
         if len(values) > MANY:
             return message("parts.given_angles", "given angles of {count} axes", count=len(values))

@@ -40,7 +40,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from simrob_drake.base.frames import XYZ_QUATERNION_NAMES, Vector, xyz_quaternion_from_transform
 from simrob_drake.base.messages import compound, message
 from simrob_drake.parts.station_plant import StationPlant
-from simrob_drake.results.record.run import MoveSpan, begins_of
+from simrob_drake.results.record.run import MoveSpan, at_time_of_program, begins_of
 from simrob_drake.results.record.state import State, free_joint, joints_of
 from simrob_drake.results.record.touch import Event
 from simrob_drake.stations.config import StationConfig
@@ -455,6 +455,13 @@ def _carried(run: RecordedRun, pieces: Sequence[str], rows: Vector) -> _Position
 
 
 def _message(last: RecordedRun, count: int, begin: float) -> str:
+    """Describe how a program of several runs ended.
+
+    Args:
+        last: its last run.
+        count: count of its runs.
+        begin: time of the program at which the last run began [s].
+    """
     if last.ending == "completed":
         return message(
             "results.ran_to_its_end",
@@ -464,6 +471,8 @@ def _message(last: RecordedRun, count: int, begin: float) -> str:
         )
     if last.runs:  # it was cut where something happened
         return _message(last.runs[-1], count, begin + last.simulated_time - last.runs[-1].simulated_time)
+    if last.ending == "monitor":
+        return at_time_of_program(last.message, begin - last.start_time)
     return (
         message(
             "results.ending_of_last_run",

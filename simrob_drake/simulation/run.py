@@ -24,7 +24,7 @@ from simrob_drake.base.progress import note, progress_bar
 from simrob_drake.blocks.references import Reference, ReferenceSignal, Samples
 from simrob_drake.parts.forces import Push
 from simrob_drake.results.record.history import Recorder, StateHistory
-from simrob_drake.results.record.run import FAILED, INTERRUPTED
+from simrob_drake.results.record.run import FAILED, INTERRUPTED, stop_message
 from simrob_drake.results.record.signals import Sampler, Stop, Watch, cut_at_stop, sample_signals
 from simrob_drake.results.record.state import MotionOrigin, State, Trace
 from simrob_drake.results.result import SimulationResult
@@ -174,10 +174,7 @@ class Run:
         self.forget()
         end = sampler.history.end
         if outcome.ending == "monitor":
-            outcome = replace(
-                outcome,
-                message=message("simulation.ending_at", "{ending}, at {end:.4g} s", ending=outcome.message, end=end),
-            )
+            outcome = replace(outcome, message=stop_message(outcome.message, end))
         config = self.config
         if outcome.ending == "completed" and end < self.end:
             # The callback of a tick has ended the run: that is its duration now.

@@ -46,7 +46,7 @@ class NoRest(SimrobError):
 
 
 def linearize(
-    station: StationLike | StationPorts, at: Posture | None = None, *, overrides: Mapping[str, Any] | None = None
+    station: "StationLike | StationPorts", at: Posture | None = None, *, overrides: Mapping[str, Any] | None = None
 ) -> LinearModel:
     """Return how a station moves near a rest, by Drake's first-order Taylor expansion of its equations.
 
@@ -95,7 +95,7 @@ def linearize(
     return rest.model(tuple(notes))
 
 
-def _config_of(station: StationLike | StationPorts, overrides: Mapping[str, Any] | None) -> StationConfig:
+def _config_of(station: "StationLike | StationPorts", overrides: Mapping[str, Any] | None) -> StationConfig:
     """Find the configuration of what a user means by a station, which may be the ports of one in a diagram.
 
     Args:

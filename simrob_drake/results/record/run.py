@@ -450,6 +450,28 @@ def move_title(index: int) -> Message:
     return message("results.move_number", "move {number}", number=index + 1)
 
 
+def stop_message(reason: str, time: float) -> Message:
+    """Describe the stop by a monitor in words.
+
+    Args:
+        reason: the monitor's reason.
+        time: time of the stop [s].
+    """
+    return message("results.stop_at", "{reason}, at {time:.4g} s", reason=reason, time=time)
+
+
+def at_time_of_program(stop: str, begin: float) -> str:
+    """Change the time in a message of :func:`stop_message` from that of a run to that of its program.
+
+    Args:
+        stop: the message. Any other text stays as it is.
+        begin: time of the program at the run's time zero [s].
+    """
+    if not isinstance(stop, Message) or stop.id != "results.stop_at":
+        return stop
+    return stop_message(stop.fields["reason"], begin + stop.fields["time"])
+
+
 def begins_of(*runs: RecordedRun) -> Vector:
     """Times at which runs that follow each other begin, and the end of the last run [s], shape (k + 1,)."""
     return np.cumsum([0.0, *(run.simulated_time for run in runs)])
