@@ -50,7 +50,7 @@ def test_the_environment_may_name_the_language(capsys, monkeypatch):
 @pytest.mark.parametrize(
     ("setting", "text"),
     [
-        ("servo.Kp=3", "simrob: --set servo.Kp: clave desconocida; ¿querías decir 'kp'?"),
+        ("servo.Kp=3", "simrob: --set servo.Kp: clave desconocida; ¿quería decir 'kp'?"),
         ("robot.initial_deg={joint_9: 1}", "joint_9"),
     ],
 )
@@ -68,7 +68,7 @@ def test_a_command_without_the_option_follows_the_environment_alone(capsys, monk
     assert "did you mean 'kp'" in capsys.readouterr().err
     monkeypatch.setenv(LANGUAGE_VARIABLE, "es")
     run_command(wrong)
-    assert "¿querías decir 'kp'?" in capsys.readouterr().err
+    assert "¿quería decir 'kp'?" in capsys.readouterr().err
 
 
 def test_an_unknown_language_is_refused(capsys):
@@ -122,4 +122,4 @@ def test_an_output_has_no_english_words(command, capsys, monkeypatch, tmp_path):
 def test_a_legged_robot_is_reported_in_spanish(capsys, monkeypatch):
     monkeypatch.setenv(LANGUAGE_VARIABLE, "es")
     assert run_command(["act", "humanoid_fixed", "wave", "--no-recording"]) == ExitCode.DONE
-    assert "varios movimientos: escríbelos en un program.yaml" in capsys.readouterr().out
+    assert "varios movimientos: escríbalos en un program.yaml" in capsys.readouterr().out

@@ -13,6 +13,7 @@ import pytest
 import yaml
 
 from simrob_drake.base.folders import CACHE_VARIABLE
+from simrob_drake.base.packages import remember_grants, remembered_grants
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
 
@@ -80,13 +81,56 @@ def test_the_drafted_station_runs_at_once(raw, tmp_path, capsys):
     remarks = [line for line in (tmp_path / "work" / "arm.yaml").read_text().splitlines() if "motors hold it" in line]
     assert [line.removeprefix("# ") in " ".join(said) for line in remarks] == [True]
     proposed = said[-1].strip().removeprefix("simrob ")
-    assert proposed == f"run arm.yaml --mesh-path {raw.parent}"  # the robot lies in another folder than the station
+    # The robot is in another folder than the station, which the command remembers.
+    assert proposed == "run arm.yaml"
+    assert f"--mesh-path {raw.parent}" in said
     assert run_command([*shlex.split(proposed), "--duration", "0.2", "--out", "r", "--no-recording"]) == 0
     assert "q.shoulder" in (tmp_path / "work" / "r" / "signals.csv").read_text().splitlines()[0]
-    assert run_command(["check", "arm.yaml", "--mesh-path", str(raw.parent)]) == 0
+    assert run_command(["check", "arm.yaml"]) == 0
     assert "import of arm.urdf" in capsys.readouterr().out
     assert run_command(["station", str(raw)]) == ExitCode.BAD_INPUT
     assert "--force" in capsys.readouterr().err
+
+
+def test_only_the_station_at_this_path_may_read_the_robot(raw, tmp_path, capsys):
+    assert run_command(["station", str(raw)]) == 0
+    text = (tmp_path / "work" / "arm.yaml").read_text()
+    (tmp_path / "work" / "other.yaml").write_text(text)
+    assert run_command(["check", "other.yaml"]) == ExitCode.BAD_INPUT
+    assert f"allow it with --mesh-path {raw.parent}" in capsys.readouterr().err
+    # What is remembered is the package of the robot, and nothing else.
+    private = tmp_path / "private"
+    private.mkdir()
+    (private / "arm.urdf").write_text(raw.read_text())
+    (tmp_path / "work" / "arm.yaml").write_text(text.replace(str(raw), str(private / "arm.urdf")))
+    assert run_command(["check", "arm.yaml"]) == ExitCode.BAD_INPUT
+    assert f"allow it with --mesh-path {private}" in capsys.readouterr().err
+
+
+def test_a_damaged_memory_of_grants_allows_nothing(raw, tmp_path, capsys):
+    assert run_command(["station", str(raw)]) == 0
+    (memory,) = tmp_path.rglob("station_grants.json")
+    for content in ("[]", "{", '{"a": 1}', "\x00"):
+        memory.write_text(content)
+        assert run_command(["check", "arm.yaml"]) == ExitCode.BAD_INPUT
+        assert "allow it with --mesh-path" in capsys.readouterr().err
+    assert run_command(["station", str(raw), "--force"]) == 0
+    assert run_command(["check", "arm.yaml"]) == 0
+
+
+def test_without_a_memory_the_command_names_the_flag(raw, tmp_path, monkeypatch, capsys):
+    (tmp_path / "full").write_text("a file where the folder of the cache would be")
+    monkeypatch.setattr("simrob_drake.base.packages.cache_root", lambda: tmp_path / "full")
+    assert run_command(["station", str(raw)]) == 0
+    assert f"simrob run arm.yaml --mesh-path {raw.parent}" in capsys.readouterr().out
+
+
+def test_the_oldest_grants_are_forgotten(tmp_path, monkeypatch):
+    monkeypatch.setattr("simrob_drake.base.packages._MOST_REMEMBERED", 2)
+    for name in ("a", "b", "a", "c"):
+        assert remember_grants(tmp_path / f"{name}.yaml", [tmp_path / name])
+    found = {name: remembered_grants(tmp_path / f"{name}.yaml") for name in "abc"}
+    assert found == {"a": [tmp_path / "a"], "b": [], "c": [tmp_path / "c"]}
 
 
 @pytest.mark.long
@@ -216,3 +260,15 @@ def test_options_of_an_import_do_not_go_with_a_table(capsys):
     pathlib.Path("two_links.yaml").write_text(TABLE)
     assert run_command(["station", "two_links.yaml", "--out", "first.yaml", "--estimate-inertia"]) == ExitCode.BAD_INPUT
     assert "two_links.yaml describes a robot" in capsys.readouterr().err
+
+
+def test_torques_of_a_robot_without_inertias_are_one_line_with_the_reason(tmp_path, capsys):
+    file = tmp_path / "arm.urdf"
+    file.write_text(re.sub("<inertial>.*</inertial>", "", RAW))
+    assert run_command(["station", str(file)]) == 0
+    capsys.readouterr()
+    assert run_command(["check", "arm.yaml"]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert "0.00 N·m" not in out
+    assert "holding takes" not in out
+    assert len(re.findall("torques and payload of robot not predicted: 1 moving link has no inertia", out)) == 1

@@ -9,7 +9,7 @@ STEP = [
     {"CadIF": 60, "RodI": 60},  # levanta la pierna izquierda
     {"RodD": 30, "TobD": -30},  # dobla la derecha: el cuerpo baja y avanza
     {"CadIF": 0, "RodI": 0},  # apoya el pie izquierdo
-    {"RodD": 0, "TobD": 0},  # levántate
+    {"RodD": 0, "TobD": 0},  # levantarse
 ]  # deg
 
 

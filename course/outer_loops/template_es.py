@@ -20,7 +20,7 @@ class Height(SampledBlock):
     """Lleva la cadera a una altura [m], y levanta los brazos 90 grados cuando está a menos de 5 mm."""
 
     def __init__(self, height):
-        """Lee la pose de la base, x y z qw qx qy qz; recuerda lo que necesites."""
+        """Lee la pose de la base, x y z qw qx qy qz; recuerda lo que haga falta."""
         super().__init__(
             period=PERIOD,
             reads={"base_pose": 7},

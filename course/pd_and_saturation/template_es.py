@@ -1,6 +1,6 @@
 """Ejercicio 2, servos PD y su saturación: la estación irb120_dynamic gira todas las articulaciones 30 grados en 1 s.
 
-par = kp (referencia - posición) - kd velocidad, cortado en el límite. Prueba con run() y luego escribe las funciones.
+par = kp (referencia - posición) - kd velocidad, cortado en el límite. Pruebe con run() y luego escriba las funciones.
 """
 
 from simrob_drake import load_station, simulate
@@ -13,7 +13,7 @@ def run(**settings):
 
 
 def sag(kp):
-    """Devuelve cuántos grados pasa de 30 la articulación 2 al final con kp [N·m/rad]. Aquí dentro no simules nada."""
+    """Devuelve cuántos grados pasa de 30 la articulación 2 al final con kp [N·m/rad]. Aquí dentro no simule nada."""
     raise NotImplementedError
 
 

@@ -163,6 +163,7 @@ class InvalidModel(SimrobError):
     """Raised when a robot's or a piece's model cannot be simulated.
 
     Attributes:
+        element: the element of the file; empty if the problem belongs to no single one.
         problem: what is wrong, and what would be right.
     """
 
@@ -175,6 +176,7 @@ class InvalidModel(SimrobError):
             problem: see the attribute.
         """
         super().__init__(_located(where, element, problem))
+        self.element = element
         self.problem = problem
 
 

@@ -2,9 +2,12 @@
 
 A file that somebody else may have written may name files of its own package, and files in the folders that the user
 allows: with ``--mesh-path``, with the argument ``mesh_path`` of a function, or with the environment variable
-:data:`MESH_PATH_VARIABLE` for everything that is started with it. The file itself allows nothing.
+:data:`MESH_PATH_VARIABLE` for everything that is started with it. A station that ``simrob station`` wrote for a robot
+may read the package of that robot, as long as the station stays where it is: see :func:`remember_grants`. The file
+itself allows nothing.
 """
 
+import json
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -14,9 +17,9 @@ from itertools import chain
 from os.path import exists, isdir, isfile  # which are false for names that no file can have
 from pathlib import Path
 
-from simrob_drake.base.errors import InvalidConfig, shortened
+from simrob_drake.base.errors import InvalidConfig, OutputError, shortened
 from simrob_drake.base.files import NotRead, diagrams_root, models_root, opened
-from simrob_drake.base.folders import cache_root
+from simrob_drake.base.folders import cache_root, written_at_once
 from simrob_drake.base.messages import compound, message
 
 MANIFEST = "package.xml"
@@ -152,7 +155,8 @@ class Border:
 
     def __post_init__(self) -> None:
         self.root = package_root(self.source)  # the folder of its package
-        self.mesh_path = tuple(dict.fromkeys(resolved(folder) for folder in (*self.mesh_path, *granted())))
+        allowed = (*self.mesh_path, *granted(), *remembered_grants(self.source))
+        self.mesh_path = tuple(dict.fromkeys(resolved(folder) for folder in allowed))
 
     def package(self, name: str) -> Path | None:
         """Return the folder of a package by its name; None if there is none that may be read."""
@@ -217,6 +221,57 @@ def package_path(uri: str, border: Border) -> Path:
             )
         )
     return folder / path
+
+
+_MOST_REMEMBERED = 1000  # stations; the oldest are forgotten
+_LARGEST_MEMORY = 10_000_000  # size of the file of grants that is read at most [bytes]
+
+
+def _grants_file() -> Path:
+    """File that remembers which folders stations may read, for this user."""
+    return cache_root() / "station_grants.json"
+
+
+def remember_grants(source: Path, folders: Iterable[Path]) -> bool:
+    """Remember that a file may read folders, because the user named both in one command.
+
+    Only this user and this computer remember it, and only for the file at this path.
+
+    Args:
+        source: the file, such as a station that was written for a robot.
+        folders: the folders, such as the package of the robot.
+
+    Returns:
+        whether it is remembered. A disk that is full or only read remembers nothing.
+    """
+    known = _read_grants()
+    name = str(resolved(source))
+    # The entry moves to the end, so that the oldest entries come first.
+    known.pop(name, None)
+    known[name] = [str(resolved(folder)) for folder in folders]
+    kept = dict(list(known.items())[-_MOST_REMEMBERED:])
+    try:
+        written_at_once(_grants_file(), json.dumps(kept, indent=1))
+    except OutputError:
+        return False
+    return True
+
+
+def remembered_grants(source: Path) -> list[Path]:
+    """Folders that a file may read because of :func:`remember_grants`."""
+    folders = _read_grants().get(str(resolved(source)), [])
+    return [Path(folder) for folder in folders if isinstance(folder, str)]
+
+
+def _read_grants() -> dict[str, list[str]]:
+    """Read the remembered folders, by the path of the file that may read them. Empty if there are none."""
+    try:
+        with opened(_grants_file()) as file:
+            content = json.loads(file.read(_LARGEST_MEMORY))
+    except (NotRead, ValueError):  # nothing is remembered, or the file is damaged
+        return {}
+    is_mapping = isinstance(content, dict)
+    return {name: found for name, found in content.items() if isinstance(found, list)} if is_mapping else {}
 
 
 def granted() -> list[Path]:

@@ -9,7 +9,7 @@ import typer
 
 from simrob_drake.base.folders import check_ending, check_new_file, written_at_once
 from simrob_drake.base.messages import compound, join_texts, message
-from simrob_drake.base.packages import package_root, resolved
+from simrob_drake.base.packages import package_root, remember_grants, resolved
 from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import refuse, refuse_import
@@ -176,16 +176,28 @@ def station(
     for remark in [line for line in text.splitlines() if line.startswith("# ")][1:]:  # the first says what the file is
         say_text(remark.removeprefix("# "))
     say_place(STATION, target)
-    leave = _leave_to_read(target, [file, *(options.mesh_path if options else ())])
-    say_place(NEXT, f"simrob check {target}{leave}")
-    say_place("", f"simrob run {target}{leave}")
+    outside = _outside_folders(target, [file, *(options.mesh_path if options else ())])
+    flags = "".join(f" --mesh-path {shlex.quote(str(folder))}" for folder in outside)
+    if outside and remember_grants(target, outside):
+        # The user has just named the robot, so the station may read its package without being told again.
+        say_text(
+            message(
+                "cli.station_may_read",
+                "The robot is outside of the station's folder. This computer remembers that the station may read it; "
+                "elsewhere, or after it is moved, add:",
+            )
+        )
+        say(flags.strip())
+        flags = ""
+    say_place(NEXT, f"simrob check {target}{flags}")
+    say_place("", f"simrob run {target}{flags}")
 
 
-def _leave_to_read(station: Path, places: Iterable[Path]) -> str:
-    """Return the options that let a station read files and folders that lie outside of its own package."""
+def _outside_folders(station: Path, places: Iterable[Path]) -> list[Path]:
+    """Find the packages outside of a station's own one, of files and folders that the station reads."""
     own = package_root(resolved(station))
-    outside = dict.fromkeys(package_root(place) for place in map(resolved, places) if not place.is_relative_to(own))
-    return "".join(f" --mesh-path {shlex.quote(str(folder))}" for folder in outside)
+    outside = [package_root(place) for place in map(resolved, places) if not place.is_relative_to(own)]
+    return list(dict.fromkeys(outside))
 
 
 def _tell(imported: ImportedRobot) -> None:

@@ -10,6 +10,8 @@ The *reference* of a robot is the desired trajectory of its axes. Axes are revol
 prismatic [m, N].
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from simrob_drake.base.frames import Vector
@@ -47,6 +49,9 @@ def holding_findings(ports: StationPorts, robot: StationRobot, positions: Vector
         torque_limit=robot.gains.limit_at_rest,
     )
     torques = dynamics.gravity(postures)
+    lacking = robot.model.links_without_inertia
+    if lacking and np.abs(torques).max() <= NO_TORQUE:
+        return [_no_inertia_finding(robot, lacking)]
     # The last posture is where the reference ends and the robot comes to rest.
     sags = _sags(config, robot, dynamics, postures[-1])
     findings = []
@@ -60,6 +65,24 @@ def holding_findings(ports: StationPorts, robot: StationRobot, positions: Vector
         findings += _tool_findings(ports, robot, postures[-1] + sags)
     findings += _payload_findings(config, robot, dynamics, postures)
     return findings
+
+
+def _no_inertia_finding(robot: StationRobot, lacking: Sequence[str]) -> Finding:
+    """Say that torques and payload of a robot are not predicted, since its links have no inertia.
+
+    Args:
+        robot: the robot.
+        lacking: names of the moving links without inertia.
+    """
+    text = message(
+        "stations.torques_need_inertia",
+        "not predicted: {count} moving {count:link has|links have} no inertia, such as {link}; estimate "
+        "{count:it|them} with robot.import_options.estimate_inertia: true",
+        count=len(lacking),
+        link=lacking[0],
+    )
+    subject = message("stations.torques_and_payload", "torques and payload of {robot}", robot=robot.name)
+    return Finding("note", subject, text)
 
 
 def _passive_finding(robot: StationRobot, axis: int, torques: Vector) -> Finding:

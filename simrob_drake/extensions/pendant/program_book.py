@@ -5,12 +5,13 @@ from pathlib import Path
 from typing import Any
 
 from simrob_drake.base.arguments import whole
-from simrob_drake.base.errors import InvalidParameter, SimrobError, one_of
+from simrob_drake.base.errors import InvalidParameter, SimrobError, Unsuitable, one_of
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import validated
 from simrob_drake.extensions.pendant.pages.words import Notice
 from simrob_drake.extensions.pendant.run_client import RunClient
 from simrob_drake.extensions.pendant.store import History, Store, Taught, entries_of, opened, with_change
+from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.programs.moves.joints import JointMove, targets_on
 from simrob_drake.programs.moves.kinds import check_move
 from simrob_drake.programs.moves.move import Move
@@ -170,10 +171,33 @@ class ProgramBook:
         return made
 
     def within_limits(self, move: Move) -> Move:
-        """Return a move, if its axes may go there; raises SimrobError: no such axis, or by how much it is too far."""
+        """Check a move before it is tried, and return it.
+
+        Raises:
+            SimrobError: a joint does not exist, its target is beyond its limits, or a controller overrules the move.
+        """
         if isinstance(move, JointMove):
+            loop = self.overruling_loop()
+            if loop:
+                raise Unsuitable(
+                    ", ".join(move.target_deg),
+                    message(
+                        "pendant.loop_overrules",
+                        "controllers.{loop} sets all joints of the robot, so that a move of joints has no effect",
+                        loop=loop,
+                    ),
+                    message("pendant.turn_loop_off", "drive it by its commands, or turn it off under Outer loops"),
+                )
             targets_on(self.model, move.target_deg, message("pendant.the_move", "the move"), move.duration)
         return move
+
+    def overruling_loop(self) -> str:
+        """Name of the outer loop that overrules moves of the robot's joints, such as a walk. Empty if none does."""
+        for name, section in self.config.controllers.items():
+            overrules = isinstance(section, LoopSection) and section.overrules_reference
+            if overrules and section.robot in (None, self.robot):
+                return name
+        return ""
 
     # The file
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import typer
 
 from simrob_drake.base.errors import InvalidModel, InvalidParameter
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import compound, message
 from simrob_drake.importer.importer import FileImporter, ImportOutcome, ImportRequest
 
 if TYPE_CHECKING:  # the readers load much, and options are needed for the help
@@ -115,14 +115,19 @@ class SimulinkImporter(FileImporter):
         lines = [_summary(imported.model)]
         for name, robot in imported.files.robots.items():
             joints = ", ".join(robot.axes.values())
-            lines.append(f"robot   {name}: {joints}")
+            lines.append(message("simulink.robot_line", "robot   {name}: {joints}", name=name, joints=joints))
         if imported.files.pieces:
             pieces = ", ".join(imported.files.pieces)
-            lines.append(f"pieces  {pieces}")
+            lines.append(message("simulink.pieces_line", "pieces  {pieces}", pieces=pieces))
         if imported.station is not None:
-            lines += [f"station {imported.station}", f"next    simrob run {imported.station}"]
+            lines += [
+                message("simulink.station_line", "station {file}", file=imported.station),
+                message("simulink.next_line", "next    simrob run {file}", file=imported.station),
+            ]
         lost = lost_mechanics(imported.outcomes)
-        losses = tuple(f"{outcome.path}: {outcome.text or outcome.noun}" for outcome in lost)
+        losses = tuple(
+            compound("{path}: {loss}", path=outcome.path, loss=outcome.text or outcome.noun) for outcome in lost
+        )
         return ImportOutcome(
             headline=imported.fidelity, lines=tuple(lines), report=imported.model.report, losses=losses
         )
@@ -194,5 +199,12 @@ def reading_arguments(request: ImportRequest) -> dict[str, Any]:
 def _summary(model: "SimulinkModel") -> str:
     """Describe a model in one line: the counts of its parts, and of what was changed."""
     joints = len(model.bodies.links)  # the joints that connect the bodies
-    counts = f"{len(model.expanded.nodes)} blocks, {len(model.bodies.bodies)} bodies, {joints} joints"
-    return f"{model.path.name}: {counts}; {model.report.summary()}"
+    return message(
+        "simulink.summary_of_model",
+        "{file}: {blocks} blocks, {bodies} bodies, {joints} joints; {changes}",
+        file=model.path.name,
+        blocks=len(model.expanded.nodes),
+        bodies=len(model.bodies.bodies),
+        joints=joints,
+        changes=model.report.summary(),
+    )

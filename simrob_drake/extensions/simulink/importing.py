@@ -14,7 +14,7 @@ from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import SimrobError, counted
 from simrob_drake.base.files import content_of
 from simrob_drake.base.folders import filled_at_once
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.extensions.simulink.mechanics.bodies import BETWEEN, GEARS, ROD, SPRING
 from simrob_drake.extensions.simulink.mechanics.joints import JOINTS, Freedom
 from simrob_drake.extensions.simulink.model.nodes import Node
@@ -191,16 +191,68 @@ def fidelity(found: list[BlockOutcome], prescribed: int = 0, assumed: int = 0) -
 
     ``prescribed`` joints have a motion that is given, and ``assumed`` figures a default in place of unknown variables.
     """
-    lost = [counted(number, noun) for noun, number in Counter(one.noun for one in lost_mechanics(found)).items()]
-    all_lost = " and ".join(filter(None, (", ".join(lost[:-1]), *lost[-1:])))
-    counts = [
-        (assumed, "figure", "assumed"),
-        (prescribed, "joint", "prescribed"),
-        (sum(outcome.text == _ALONE for outcome in found), "network block", "joined with no body"),
-        (sum(outcome.fate == "open" for outcome in found), "control block", "left open"),
+    nouns = Counter(outcome.noun for outcome in lost_mechanics(found))
+    lost = [_counted_noun(number, noun) for noun, number in nouns.items()]
+    headline = message("simulink.mechanics_complete", "mechanics complete")
+    if lost:
+        before_last = [join_texts(lost[:-1])] if len(lost) > 1 else []
+        all_lost = join_texts([*before_last, lost[-1]], message("base.and", " and "))
+        headline = message("simulink.things_lost", "{things} lost", things=all_lost)
+    alone = sum(outcome.text == _ALONE for outcome in found)
+    opened = sum(outcome.fate == "open" for outcome in found)
+    parts = [
+        (
+            assumed,
+            message("simulink.count_assumed", "{count} {count:figure|figures} assumed", count=assumed),
+        ),
+        (
+            prescribed,
+            message("simulink.count_prescribed", "{count} {count:joint|joints} prescribed", count=prescribed),
+        ),
+        (
+            alone,
+            message("simulink.count_alone", "{count} network {count:block|blocks} joined with no body", count=alone),
+        ),
+        (
+            opened,
+            message("simulink.count_open", "{count} control {count:block|blocks} left open", count=opened),
+        ),
     ]
-    parts = [f"{counted(number, noun)} {fate}" for number, noun, fate in counts if number]
-    return "; ".join([f"{all_lost} lost" if lost else "mechanics complete", *parts])
+    return join_texts([headline, *(text for count, text in parts if count)], "; ")
+
+
+def _counted_noun(count: int, noun: str) -> str:
+    """Count what is lost: "2 cables"."""
+    named = _noun(noun, count)
+    return counted(count, noun) if named is None else compound("{count} {noun}", count=count, noun=named)
+
+
+def _noun(noun: str, count: int) -> str | None:
+    """Word for what is lost, which other languages have.
+
+    Args:
+        noun: word in the singular, of the table of block types, or the type of a block.
+        count: how many are lost.
+
+    Returns:
+        the word in the singular or plural, or None for the type of a block, which is a name.
+    """
+    words = {
+        "lead screw": message("simulink.noun_lead_screw", "{count:lead screw|lead screws}", count=count),
+        "constant velocity joint": message(
+            "simulink.noun_velocity_joint", "{count:constant velocity joint|constant velocity joints}", count=count
+        ),
+        "constraint": message("simulink.noun_constraint", "{count:constraint|constraints}", count=count),
+        "force": message("simulink.noun_force", "{count:force|forces}", count=count),
+        "tyre": message("simulink.noun_tyre", "{count:tyre|tyres}", count=count),
+        "contact": message("simulink.noun_contact", "{count:contact|contacts}", count=count),
+        "variable mass": message("simulink.noun_variable_mass", "{count:variable mass|variable masses}", count=count),
+        "flexible body": message("simulink.noun_flexible_body", "{count:flexible body|flexible bodies}", count=count),
+        "pulley": message("simulink.noun_pulley", "{count:pulley|pulleys}", count=count),
+        "cable": message("simulink.noun_cable", "{count:cable|cables}", count=count),
+        "drive": message("simulink.noun_drive", "{count:drive|drives}", count=count),
+    }
+    return words.get(noun)
 
 
 @dataclass(frozen=True)

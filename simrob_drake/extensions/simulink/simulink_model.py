@@ -10,7 +10,7 @@ import numpy as np
 from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import InvalidModel
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import join_texts, message
 from simrob_drake.extensions.simulink.cad.model import read_cad_model
 from simrob_drake.extensions.simulink.mechanics.bodies import Bodies, ContactPair, RigidPart, read_bodies, read_contacts
 from simrob_drake.extensions.simulink.mechanics.joints import Freedom, Joint
@@ -249,7 +249,9 @@ def _tell_of_others(expanded: Expanded, tracer: Tracer) -> None:
         if any(node.path.startswith(subsystem) and tracer.followed(node) for node in expanded.nodes):
             report.add("approximated", subsystem.removesuffix("/"), _UNHEEDED[port.kind])
     for node, why in tracer.opened.items():
-        report.add("open", node.path, f"{node.kind or 'block'}: left open{f'; {why}' if why else ''}")
+        block = node.kind or message("simulink.block", "block")
+        text = message("simulink.left_open", "{block}: left open", block=block)
+        report.add("open", node.path, join_texts([text, why], "; ") if why else text)
     for name in expanded.model.callbacks:
         text = message(
             "simulink.a_callback",

@@ -58,6 +58,8 @@ class LoopSection(ControllerSection):
     """Name of the kind as the block picture shows it. If it is empty, the word in the station's file is shown."""
     stages: ClassVar[tuple[str, ...]] = ()
     """What it does at each sample, one after the other, as the block picture shows it."""
+    overrules_reference: ClassVar[bool] = False
+    """Whether it sets the reference of all of its axes all the time, so that moves of these axes have no effect."""
     uppermost: ClassVar[bool] = False  # whether it lies above all others, whatever their priorities
 
     robot: str | None = None

@@ -74,6 +74,7 @@ class Walk(LoopSection):
         "blind": message("parts.reads_no_number", "reads what is not a number, and goes on as planned"),
     }
     camera_follows: ClassVar[bool] = True
+    overrules_reference: ClassVar[bool] = True
 
     kind: Literal["walk"]
     gait: dict[str, Any] = Field(default_factory=dict)

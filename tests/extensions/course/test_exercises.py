@@ -181,7 +181,7 @@ def test_errors_are_in_the_language_of_the_course(tmp_path, monkeypatch, capsys)
     monkeypatch.chdir(tmp_path)
     run_command(["course", "start", "1", "--language", "es"])
     assert run_command(["course", "start", "2", "--language", "es"]) == ExitCode.BAD_INPUT
-    assert "ya existe answer.py; elige otra carpeta, como --out exercise-2" in capsys.readouterr().err
+    assert "ya existe answer.py; elija otra carpeta, como --out exercise-2" in capsys.readouterr().err
     assert run_command(["course", "check", "1", "answer.py", "--language", "es"]) == ExitCode.BAD_INPUT
     assert "es código que se ejecutaría" in capsys.readouterr().err
 

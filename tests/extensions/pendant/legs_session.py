@@ -67,6 +67,8 @@ def be_all_parts(session):
         session.earlier
     ) = session
     session.hand = Hand()
+    session.overruled_by = ""
+    session.overruling_loop = lambda: session.overruled_by
 
 
 class Hand:

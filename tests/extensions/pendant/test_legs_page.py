@@ -715,3 +715,22 @@ def test_each_loop_says_what_it_does(language):
     assert len(loops) > 8
     for name in loops:
         assert Phrases(words(language), ()).loop(name).endswith("."), name
+
+
+@pytest.mark.parametrize(
+    ("language", "text"),
+    [
+        ("en", "sets all joints, so moves set here have no effect"),
+        ("es", "fija todas las articulaciones"),
+    ],
+)
+def test_a_walk_that_overrules_moves_is_named_before_one_is_tested(language, text):
+    async def script(user, session):
+        await heard()
+        assert not any(text in label.text for label in user.find(ui.label).elements if seen(label))
+        session.overruled_by = "walk"
+        session.told("description")
+        await heard()
+        assert any(text in label.text for label in user.find(ui.label).elements if seen(label))
+
+    shown(script, language=language)

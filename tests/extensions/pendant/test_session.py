@@ -1314,3 +1314,23 @@ def test_what_is_tested_after_a_drive_finds_it_as_long_as_it_was(teach):
         [{"target_deg": {"left_elbow": 30.0}, "duration": 1.0}]
     ]
     assert not run.asked("rewind")
+
+
+def test_a_move_that_a_walk_overrules_is_refused_before_it_is_tried(teach):
+    """Of a walking robot, a shoulder that was asked for 60 degrees ended at 6: the walk sets all joints."""
+    session = teach("humanoid_walking")
+    assert session.book.overruling_loop() == "walk"
+    assert tried(session, {"right_shoulder_pitch": 60}, 1.0) is None
+    told = str(session.message)
+    assert "right_shoulder_pitch: controllers.walk sets all joints of the robot" in told
+    assert "turn it off under Outer loops" in told
+    assert not session.worker.asked("do")
+    # Without the walk, the move is tried.
+    assert session.setup.switch_loop("walk", False)
+    assert session.book.overruling_loop() == ""
+    assert tried(session, {"right_shoulder_pitch": 60}, 1.0) is not None
+
+
+@pytest.mark.parametrize("name", ["humanoid_balance", "humanoid_fall_guard", "humanoid_sequencer"])
+def test_loops_that_do_not_always_set_the_reference_overrule_no_moves(teach, name):
+    assert teach(name).book.overruling_loop() == ""

@@ -9,9 +9,10 @@ from slx_files import REVOLUTE, TRANSFORM, WORLD, Level, pendulum, write_model
 from test_mechanics import mechanism
 from test_slx_signals import Plant
 
+from simrob_drake.base.messages import in_language
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
-from simrob_drake.extensions.simulink.importing import FATES, block_types, import_simulink
+from simrob_drake.extensions.simulink.importing import FATES, BlockOutcome, block_types, fidelity, import_simulink
 
 GEAR = "sm_lib/Gears and Couplings/Gears/Worm and Gear Constraint"
 
@@ -112,3 +113,32 @@ def test_a_trigger_that_is_not_read_is_told_where_something_moves_by_it(tmp_path
     blocks = blocks_of(tmp_path / "out")
     assert [blocks[name]["fate"] for name in ("Fast", "Fast/When", "Shown")] == ["approximated"] * 2 + ["exact"]
     assert "is not read" in blocks["Fast"]["text"]
+
+
+def test_an_import_is_reported_in_spanish(tmp_path, monkeypatch, capsys):
+    """The headline, the counts, what is lost and the lines below the report."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("SIMROB_LANGUAGE", "es")
+    assert run_command(["import", str(lossy(tmp_path)), "--out", "out"]) == ExitCode.BEYOND
+    shown = capsys.readouterr()
+    lines = shown.out.splitlines()
+    assert lines[0] == "se pierde: 2 Worm and Gear Constraints y 1 Thing of Next Year"
+    assert any(re.match(r"a\.slx: \d+ bloques, \d+ cuerpos, \d+ articulaciones; ", line) for line in lines)
+    assert any(line.startswith("ahora    simrob run ") for line in lines)
+    assert "se pierde: Worm: " in shown.err
+    names = r"\S*[/_.]\S*|Worm and Gear Constraints?|Thing of Next Year|simrob \w+"
+    english = r"\b(the|of|and|is|are|lost|left open|blocks|bodies|joints|its|not|by)\b"
+    assert re.findall(english, re.sub(names, " ", shown.out + shown.err)) == []
+
+
+def test_the_words_of_a_headline_have_plurals_in_spanish():
+    def lost(noun):
+        return BlockOutcome("a", "b", "mechanics", "lost", "", noun)
+
+    opened = BlockOutcome("a", "b", "signals", "open", "", "")
+    text = fidelity([lost("cable"), lost("pulley"), lost("pulley"), opened], prescribed=2, assumed=1)
+    assert text == ("1 cable and 2 pulleys lost; 1 figure assumed; 2 joints prescribed; 1 control block left open")
+    assert in_language(text, "es") == (
+        "se pierde: 1 cable y 2 poleas; 1 número supuesto; 2 articulaciones prescritas; "
+        "1 bloque de control sin conectar"
+    )

@@ -88,6 +88,7 @@ class _Teaching:
         self._session, self._phrases, t = session, phrases, phrases.t
         with card(t("legs.joints"), 1) as plate:
             self._joints = Joints(phrases, robot["axes"], changed=self._tell, entered=self._test)
+            self._overruled = ui.label().classes("text-sm text-warning")
             self._chosen = ui.label().classes("text-sm").props("aria-live=polite")
             self._tested = ui.label().classes("text-sm").props("aria-live=polite")
             with ui.row().classes("w-full items-center gap-2"):
@@ -102,8 +103,16 @@ class _Teaching:
         self._axes = robot["axes"]
         Marks(session, phrases, self._axes, self._joints.dials, plate)
         follow(session, self._tell, "program")
+        follow(session, self._show_overruled, "description")
         follow(session, self._show_where, "phase", "tick")
         follow(session, lambda: self._joints.set(session.hand.asked), "hand")
+
+    def _show_overruled(self) -> None:
+        """Say above the buttons that an outer loop, such as a walk, sets all joints, if one does."""
+        loop = self._session.book.overruling_loop()
+        self._overruled.set_visibility(bool(loop))
+        if loop:
+            self._overruled.text = self._phrases.t("legs.overruled", loop=self._phrases.name(loop))
 
     def _test(self) -> None:
         """Test what is set, or once more what was tested last, in the time that is given now."""

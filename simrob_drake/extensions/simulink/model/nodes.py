@@ -6,13 +6,14 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from simrob_drake.base.errors import InvalidModel
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import compound, message
+from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.extensions.simulink.reading.graph import (
     DEEPEST,
     MOST_BLOCKS,
@@ -183,12 +184,33 @@ class Node:
         self.findings.report.add(kind, self.path, text)
 
     def lose(self, problem: InvalidModel, instead: str = "") -> None:
-        """Note that what the block does to the motion is lost, and why."""
-        self.note("lost", str(problem).rpartition(f"{self.path}: ")[2] + instead)
+        """Note that what the block does to the motion is lost, and why.
+
+        Args:
+            problem: why it is lost.
+            instead: what the station has in its place, appended to the reason; empty if there is nothing.
+        """
+        # The entry of the report names the block, so that the reason begins after its name.
+        reason = _as_message(str(problem).rpartition(f"{self.path}: ")[2], problem.problem)
+        self.note("lost", join_texts([reason, instead], "") if instead else reason)
 
     def refusal(self, problem: str) -> InvalidModel:
         """Return the error for what this block cannot be."""
         return self.findings.report.refusal(self.path, problem)
+
+
+def without_file(problem: Exception, file: Path) -> str:
+    """Message of an error about a model, without the model's file, which a report names once."""
+    text = str(problem).removeprefix(f"{file}: ")
+    if not isinstance(problem, InvalidModel):
+        return text
+    parts = [part for part in (problem.element, problem.problem) if part]
+    return _as_message(text, join_texts(parts, ": "))
+
+
+def _as_message(text: str, expected: str) -> str:
+    """Return the message of which a text is expected to be the English words, or the text if it has others."""
+    return expected if expected == text else text
 
 
 @dataclass

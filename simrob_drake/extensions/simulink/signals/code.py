@@ -115,6 +115,12 @@ _BLOCKS: dict[str, Callable[..., Value]] = {
 """Functions of formulas that are blocks of a flow."""
 
 
+_NOTES = {
+    "zero": message("simulink.noise_is_zero", "its noise is left out: it is 0, its mean"),
+    "mean": message("simulink.noise_is_mean", "its noise is left out: it is its mean"),
+}
+"""Notes of the table of formulas: in what the formula differs from the block."""
+
 _CHOICE = re.compile(r"\{(\w+)(?: or (\w+))?:(.+?)\}")
 
 
@@ -128,7 +134,7 @@ def _formula(reader: Tracer, node: Node, _: int) -> Signal | None:
             return None
         text = text[: choice.start()] + taken + text[choice.end() :]
     if note := row.pop("note", ""):
-        node.note("approximated", note)
+        node.note("approximated", _NOTES[note])
     words = set(re.findall(r"[A-Za-z]\w*", text))
     values = {name: reader.input(node, place) for place, name in enumerate("uvw", start=1) if name in words}
     if "t" in words:

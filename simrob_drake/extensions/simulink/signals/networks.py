@@ -22,7 +22,7 @@ from simrob_drake.base.errors import InvalidModel
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
 from simrob_drake.extensions.simulink.model.network import Connections, Place
-from simrob_drake.extensions.simulink.model.nodes import Node
+from simrob_drake.extensions.simulink.model.nodes import Node, without_file
 from simrob_drake.extensions.simulink.signals.arithmetic import applied, chosen, compared, limited, looked_up
 from simrob_drake.extensions.simulink.signals.descriptors import AT_ONCE, Reduced, reduced, without_fast
 from simrob_drake.extensions.simulink.signals.dynamics import rate_of
@@ -270,7 +270,7 @@ def _solved(reader: Tracer, members: list[Node]) -> list[Signal]:
             )
         return [signal([one]) for one in _outputs(members[0], found, equations)]
     except (InvalidModel, NotUnderstood, ArithmeticError) as problem:
-        why = str(problem).removeprefix(f"{members[0].findings.report.source}: ")
+        why = without_file(problem, members[0].findings.report.source)
         for node in members:
             node.note("lost", message("simulink.network_not_read_why", "its network is not read: {why}", why=why))
         return []

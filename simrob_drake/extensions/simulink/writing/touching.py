@@ -20,7 +20,7 @@ from simrob_drake.extensions.simulink.mechanics.bodies import (
 from simrob_drake.extensions.simulink.mechanics.shapes import NOTHING, Shape, positive
 from simrob_drake.extensions.simulink.mechanics.solids import SolidBody
 from simrob_drake.extensions.simulink.mechanics.trees import Tree
-from simrob_drake.extensions.simulink.model.nodes import Node
+from simrob_drake.extensions.simulink.model.nodes import Node, without_file
 from simrob_drake.extensions.simulink.simulink_model import SimulinkModel
 from simrob_drake.extensions.simulink.writing.spheres import POINT, far_apart, spheres_of
 from simrob_drake.extensions.simulink.writing.urdf import RobotFile, UniqueNames
@@ -31,10 +31,31 @@ from simrob_drake.robots.imports import ImportReport
 
 _PLANE, _GREY = "Infinite Plane", (0.5, 0.5, 0.5, 1.0)
 _MOST_POINTS = 100  # of a cloud that touch
-_TOUCHES = {"sphere": "a mesh that touches: nearly a ball, {}", "box": "a box that touches: {} in its corners",
-            "cylinder": "a cylinder that touches: {} on its rims, on eight of which it stands",
-            "mesh": "a mesh that touches: {} in corners of its convex hull"}  # fmt: skip
 MOST_DISSIPATION = 50.0  # s/m: a contact that damps more does not bounce either way, and is hard to integrate
+
+
+def _touching_text(what: str, spheres: str) -> str:
+    """Describe the spheres that stand for a shape in a contact.
+
+    Args:
+        what: the shape: ``sphere``, ``box``, ``cylinder`` or ``mesh``.
+        spheres: the spheres in words, with their radius.
+    """
+    texts = {
+        "sphere": message("simulink.mesh_as_ball", "a mesh that touches: nearly a ball, {spheres}", spheres=spheres),
+        "box": message("simulink.box_as_spheres", "a box that touches: {spheres} in its corners", spheres=spheres),
+        "cylinder": message(
+            "simulink.cylinder_as_spheres",
+            "a cylinder that touches: {spheres} on its rims, on eight of which it stands",
+            spheres=spheres,
+        ),
+        "mesh": message(
+            "simulink.mesh_as_spheres",
+            "a mesh that touches: {spheres} in corners of its convex hull",
+            spheres=spheres,
+        ),
+    }
+    return texts[what]
 
 
 @dataclass
@@ -65,7 +86,7 @@ def read_touching(model: SimulinkModel, turn: RigidTransform) -> Touching:
             if not all(map(len, points.values())):
                 raise contact.node.refusal(message("simulink.point_cloud_empty", "its point cloud is empty"))
         except (InvalidModel, ValueError) as problem:  # which have not three figures, or cannot be computed
-            why = str(problem).removeprefix(f"{model.report.source}: ")
+            why = without_file(problem, model.report.source)
             contact.node.note(
                 "lost", message("simulink.point_cloud_not_read", "its point cloud is not read: {why}", why=why)
             )
@@ -220,8 +241,8 @@ def feet_of(robot: RobotFile, files: "StationFiles") -> dict[str, Any] | None:
             touching.standing.add(node)
             _, radius, share, what = spheres[0]
             if what != "sphere" or solids[0].shape is None or solids[0].shape.mesh is not None:
-                text = _TOUCHES[what].format(f"spheres of {radius:.3g} m")
-                report.add("approximated", node.path, text)
+                spheres_text = message("simulink.spheres_of", "spheres of {radius:.3g} m", radius=radius)
+                report.add("approximated", node.path, _touching_text(what, spheres_text))
             surface = contact.surface
             for solid, (middles, *_) in zip(solids, spheres, strict=True):
                 pose = robot.frames[body].inverse() @ solid.pose
