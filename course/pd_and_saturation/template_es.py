@@ -23,7 +23,7 @@ def gains():
 
 
 def torque_limit():
-    """Devuelve el menor límite [N·m] de la articulación 2 con el que el brazo hace el movimiento."""
+    """Devuelve un límite [N·m] de la articulación 2: error de 1.5 grados como mucho al final, y más con un 5 % menos."""
     raise NotImplementedError
 
 
