@@ -500,7 +500,7 @@ def test_what_is_written_is_taken_away(tmp_path):
 def test_the_help_lists_the_keys_of_what_is_there():
     async def scenario(user, pendant):
         press(user, button(user, "?"))
-        await user.should_see("Control+Shift+Z")
+        await user.should_see("Ctrl+Shift+Z")
         await user.should_see("Alt+1")
         await user.should_not_see("Alt+2")  # no arm is loaded
         keys = [one.props[KEYS] for one in elements(user) if KEYS in one.props]

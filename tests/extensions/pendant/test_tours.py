@@ -74,6 +74,9 @@ def follow(tour, session, *deeds):
         for what in deed:
             if what == "play":
                 ran(now, now.simulate())
+            elif what == "look":
+                assert not progress.look(now)  # the run alone is not all that was asked
+                now.inspect(["position", "torque"])
             else:
                 assert now.setup.set(*what)
                 now.hear()
@@ -85,7 +88,7 @@ def follow(tour, session, *deeds):
 @pytest.mark.long
 def test_an_arm_moves(session):
     mass, limit = ("pieces.load.mass", 5), ("servo.torque_limit", 10)
-    follow(LESSONS[0], session, ["play"], [mass], ["play"], [limit, "play"])
+    follow(LESSONS[0], session, ["play"], [mass], ["play", "look"], [limit, "play"])
 
 
 @pytest.mark.long
