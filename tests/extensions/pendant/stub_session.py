@@ -54,6 +54,10 @@ class StubSession:
         self.program, self.changes = SimpleNamespace(grid=0.05, moves=[]), ()
         self.closed = False
 
+    def inspect(self, signals):
+        self.inspected.extend(signals)
+        self.told("inspected")
+
     def listen(self, callback):
         self._hearers.append(callback)
         return lambda: self._hearers.remove(callback) if callback in self._hearers else None
