@@ -23,7 +23,7 @@ def gains():
 
 
 def torque_limit():
-    """Devuelve un límite [N·m] de la articulación 2: error de 1.5 grados como mucho al final, y más con un 5 % menos."""
+    """Devuelve un límite [N·m] de la articulación 2: al final falla en 1.5 grados como mucho, y en más con un 5 % menos."""
     raise NotImplementedError
 
 

@@ -303,7 +303,7 @@ def test_numbers_have_the_decimal_sign_of_the_language_and_are_taken_with_either
         field = user.find(content="gravity", kind=ui.input)
         (element,) = field.elements
         assert element.value == "9,80665"
-        assert element.props["hint"].startswith("Gravedad según −z [m/s²]")
+        assert element.props["hint"].startswith("Gravedad según el eje vertical [m/s²]")
         for typed, value in (("3,7", 3.7), ("1.62", 1.62)):
             element.value = typed
             field.trigger("keydown.enter")
