@@ -1,8 +1,9 @@
-"""What touches what, made once for all that look at it, with what force, and the distances between shapes."""
+"""Contacts of a plant, read once for all blocks that need them; sensors of contact forces and of distances."""
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from pydrake.common.value import AbstractValue, Value
@@ -16,23 +17,30 @@ from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.lifetime import weakly
 from simrob_drake.base.messages import message
+from simrob_drake.base.renaming import former_names_of, keep_former_attributes
 from simrob_drake.blocks.block import Block
 from simrob_drake.robots.outlines import lowest_points, shape_corners
+
+Pair = tuple[GeometryId, GeometryId]
+"""Two shapes that touch, or may touch."""
+
+# The moment of a point contact about its point [N·m].
+_NO_MOMENT = np.zeros(3)
 
 
 @dataclass(frozen=True)
 class Contacts:
-    """What touches what at one moment: k points and surfaces, in the world.
+    """The k contacts of a plant at one moment. A contact is a point or a surface. Vectors are in the world's axes.
 
     Attributes:
-        pairs: the first and the second shape of each.
-        points: where the forces act, shape (k, 3) [m].
-        forces: on the first shapes, shape (k, 3) [N].
-        moments: on the first shapes about the points, shape (k, 3) [N·m]; zero for points.
-        normals: of the surfaces, out of the second shapes, shape (k, 3).
+        pairs: the first and the second shape of each contact.
+        points: points at which the forces act, shape (k, 3) [m]: the contact points, or centroids of the surfaces.
+        forces: forces on the first shapes, shape (k, 3) [N].
+        moments: moments on the first shapes about the points, shape (k, 3) [N·m]; zero for contact points.
+        normals: unit normals that point out of the second shapes, shape (k, 3).
     """
 
-    pairs: list[tuple[GeometryId, GeometryId]]
+    pairs: list[Pair]
     points: Vector
     forces: Vector
     moments: Vector
@@ -40,64 +48,100 @@ class Contacts:
 
     @classmethod
     def of(cls, results: "ContactResults | Contacts") -> "Contacts":
-        """Return the contacts of Drake's contact results; those of another engine are contacts already."""
+        """Read the contacts from Drake's contact results. Contacts of another engine are returned as they come."""
         if isinstance(results, Contacts):
             return results
-        pairs, rows = [], []
+
+        pairs = list[Pair]()
+        rows = list[tuple[Vector, Vector, Vector, Vector]]()  # point, force, moment and normal of each contact
         for index in range(results.num_point_pair_contacts()):
             info = results.point_pair_contact_info(index)
-            pair = info.point_pair()
-            pairs.append((pair.id_B, pair.id_A))
-            rows.append((info.contact_point(), info.contact_force(), _NOTHING, -pair.nhat_BA_W))
+            point_pair = info.point_pair()
+            # Drake gives the force on B, and the normal that points from B into A.
+            pairs.append((point_pair.id_B, point_pair.id_A))
+            rows.append((info.contact_point(), info.contact_force(), _NO_MOMENT, -point_pair.nhat_BA_W))
         for index in range(results.num_hydroelastic_contacts()):
-            info = results.hydroelastic_contact_info(index)
-            surface, wrench = info.contact_surface(), info.F_Ac_W()
-            areas = np.array([surface.area(face) for face in range(surface.num_faces())])
-            normals = np.array([surface.face_normal(face) for face in range(surface.num_faces())])
-            normal = areas @ normals  # normals of the faces point out of N, into M
-            if not normal.any():  # bodies that only just touch: a surface without area, and without force
-                continue
+            surface_info = results.hydroelastic_contact_info(index)
+            surface = surface_info.contact_surface()
+            wrench = surface_info.F_Ac_W()
+            faces = range(surface.num_faces())
+            areas = np.array([surface.area(face) for face in faces])
+            face_normals = np.array([surface.face_normal(face) for face in faces])
+            # Drake's normals of the faces point out of shape N, into shape M.
+            normal = areas @ face_normals
+            if not normal.any():
+                continue  # bodies that only just touch: a surface without area, and so without force
             pairs.append((surface.id_M(), surface.id_N()))
-            unit = normal / np.linalg.norm(normal)
-            rows.append((surface.centroid(), wrench.translational(), wrench.rotational(), unit))
-        return cls(pairs, *np.array(rows).reshape(-1, 4, 3).transpose(1, 0, 2))
+            unit_normal = normal / np.linalg.norm(normal)
+            rows.append((surface.centroid(), wrench.translational(), wrench.rotational(), unit_normal))
+
+        # From (contacts, quantities, 3) to (quantities, contacts, 3). The reshape is for zero contacts.
+        quantities = np.array(rows).reshape(-1, 4, 3).transpose(1, 0, 2)
+        return cls(pairs, points=quantities[0], forces=quantities[1], moments=quantities[2], normals=quantities[3])
 
     @classmethod
-    def together(cls, moments: "Sequence[Contacts]") -> "Contacts":
-        """Return the contacts of several moments, one behind the other."""
-        arrays = ([getattr(each, name) for each in moments] for name in ("points", "forces", "moments", "normals"))
-        return cls([pair for each in moments for pair in each.pairs], *map(np.vstack, arrays))
+    def concatenate(cls, instants: "Sequence[Contacts]") -> "Contacts":
+        """Join the contacts of several moments in time into one list, one moment after the other."""
+        return cls(
+            [pair for contacts in instants for pair in contacts.pairs],
+            points=np.vstack([contacts.points for contacts in instants]),
+            forces=np.vstack([contacts.forces for contacts in instants]),
+            moments=np.vstack([contacts.moments for contacts in instants]),
+            normals=np.vstack([contacts.normals for contacts in instants]),
+        )
 
     def __deepcopy__(self, memo: dict[int, object]) -> "Contacts":
-        """Return itself: nothing in it changes, and Drake copies the values of ports when a context is cloned."""
+        """Return the contacts themselves, which never change: Drake copies values of ports when it clones a context."""
         return self
 
     @cached_property
     def normal_forces(self) -> Vector:
-        """The parts of the forces along the normals, shape (k, 3) [N]."""
-        return np.asarray((self.forces * self.normals).sum(axis=1, keepdims=True) * self.normals)
+        """Components of the forces along the normals, shape (k, 3) [N]."""
+        along_normals = (self.forces * self.normals).sum(axis=1, keepdims=True)
+        return np.asarray(along_normals * self.normals)
 
-    def senses(self, body: Collection[GeometryId], other: Collection[GeometryId] | None = None) -> Vector:
-        """Return 1 where a body's shape is a contact's first, -1 where it is the second, shape (k,).
+    def force_signs(self, body: Collection[GeometryId], other: Collection[GeometryId] | None = None) -> Vector:
+        """Signs that turn the forces of the contacts into forces on a body, shape (k,).
 
-        Zero where the body has no part in it, or touches something else than ``other``; unless given that is all but
-        the body itself.
+        A sign is 1 if the first shape of the contact belongs to the body, -1 if the second one does (an equal and
+        opposite force acts on it), and 0 if the contact does not count.
+
+        Args:
+            body: shapes of the body.
+            other: shapes whose contacts with the body count. If it is None, all contacts count but those of the body
+                with itself.
         """
 
-        def between(shape: GeometryId, presses: GeometryId) -> bool:
-            return shape in body and (presses not in body if other is None else presses in other)
+        def acts_on_body(shape: GeometryId, opposite: GeometryId) -> bool:
+            """Check that a shape belongs to the body, and that its contact with the opposite shape counts."""
+            if shape not in body:
+                return False
+            return opposite not in body if other is None else opposite in other
 
-        known = {(a, b): between(a, b) or -1.0 * between(b, a) for a, b in set(self.pairs)}
-        return np.array([known[pair] for pair in self.pairs], dtype=float)
+        # A pair of shapes often has many contacts, so each pair is looked at once.
+        sign_of_pair = dict[Pair, float]()
+        for first, second in set(self.pairs):
+            if acts_on_body(first, second):
+                sign_of_pair[first, second] = 1.0
+            elif acts_on_body(second, first):
+                sign_of_pair[first, second] = -1.0
+            else:
+                sign_of_pair[first, second] = 0.0
+        return np.array([sign_of_pair[pair] for pair in self.pairs], dtype=float)
 
 
-_NOTHING = np.zeros(3)
+keep_former_attributes(Contacts, together="concatenate", senses="force_signs")
 
 
-def pressing(results: ContactResults | Contacts) -> Iterator[tuple[GeometryId, GeometryId]]:
-    """Yield the pairs of shapes that press on each other, without a look at each face as in :meth:`Contacts.of`."""
+def pressing_pairs(results: ContactResults | Contacts) -> Iterator[Pair]:
+    """Yield the pairs of shapes that press on each other with a force.
+
+    It takes less time than :meth:`Contacts.of`, which visits each face of a contact surface.
+    """
     if isinstance(results, Contacts):
-        yield from (pair for pair, force in zip(results.pairs, results.forces, strict=True) if force.any())
+        for pair, force in zip(results.pairs, results.forces, strict=True):
+            if force.any():
+                yield pair
         return
     for index in range(results.num_point_pair_contacts()):
         point = results.point_pair_contact_info(index)
@@ -110,11 +154,11 @@ def pressing(results: ContactResults | Contacts) -> Iterator[tuple[GeometryId, G
 
 
 class ContactReader(Block):
-    """Hand on a plant's contact results as :class:`Contacts`, read once for all blocks that need them.
+    """Convert a plant's contact results to :class:`Contacts`, once for all blocks that need them.
 
     Ports:
-        in  ``contact_results``: of the plant.
-        out ``contacts``.
+        in  ``contact_results``: the contact results of the plant.
+        out ``contacts``: the same as `Contacts`.
     """
 
     def __init__(self) -> None:
@@ -131,11 +175,12 @@ class ForceSensor(Block):
 
     .. math:: f = \sum_i f_i, \qquad m = \sum_i (p_i - p_F) \times f_i + m_i
 
-    over the point contacts and the contact surfaces (:math:`m_i`, about their centroids) between two sets of shapes.
+    The sums are over the contacts i between two sets of shapes: forces :math:`f_i` at points :math:`p_i`, and for
+    contact surfaces the moments :math:`m_i` about their centroids. :math:`p_F` is the origin of the frame.
 
     Ports:
-        in  ``contacts``: those of a plant, of a ContactReader.
-        in  ``body_poses``: of the plant.
+        in  ``contacts``: the contacts of a plant, from a `ContactReader`.
+        in  ``body_poses``: the poses of the plant's bodies.
         out ``wrench`` (6): f [N], then m [N·m], in the axes of the frame.
     """
 
@@ -148,98 +193,165 @@ class ForceSensor(Block):
         frame: Frame | None = None,
         normal_only: bool = False,
     ) -> None:
-        """Make the block for the shapes of ``body`` on which those of ``other`` press; everything unless given.
+        """Create the sensor.
 
-        The frame is the world's unless given. ``normal_only`` leaves friction out, for solvers whose tangential forces
-        cannot be trusted.
+        Args:
+            plant: the finalized plant.
+            body: shapes of the body on which the force is measured.
+            other: shapes that exert the force. If it is None, all shapes count but those of the body.
+            frame: frame of the measured wrench. If it is None, the world's frame is used.
+            normal_only: whether friction is left out, for solvers whose tangential forces cannot be trusted.
         """
         super().__init__()
         frame = plant.world_frame() if frame is None else frame
-        self._body, self._other, self._normal_only = set(body), None if other is None else set(other), normal_only
-        self._index, self._fixed = int(frame.body().index()), frame.GetFixedPoseInBodyFrame()
-        self._moves = not plant.IsAnchored(frame.body())
-        self._pose = frame.CalcPoseInWorld(plant.CreateDefaultContext())  # where it stays, if it does
+        self._body = set(body)
+        self._other = None if other is None else set(other)
+        self._normal_only = normal_only
+
+        # Pose of the frame: in its body, or in the world if the body cannot move.
+        self._body_index = int(frame.body().index())
+        self._pose_in_body = frame.GetFixedPoseInBodyFrame()
+        self._is_moving = not plant.IsAnchored(frame.body())
+        self._fixed_pose = frame.CalcPoseInWorld(plant.CreateDefaultContext())
+
         self._contacts = self.DeclareAbstractInputPort("contacts", Value[object]())
         self._poses = self.DeclareAbstractInputPort("body_poses", Value[list[RigidTransform]]())
         self.DeclareVectorOutputPort("wrench", 6, weakly(self._calc_wrench))
 
     def _calc_wrench(self, context: Context, output: BasicVector) -> None:
+        """Compute the wrench, shape (6,): force [N], then moment [N·m]."""
         contacts: Contacts = self._contacts.Eval(context)
-        if not any(shape in self._body for pair in contacts.pairs for shape in pair):  # at once, for loops ask often
+        # Loops ask often, mostly without a contact of the body: this check takes the least time.
+        if not any(shape in self._body for pair in contacts.pairs for shape in pair):
             output.SetFromVector(np.zeros(6))
             return
-        senses = contacts.senses(self._body, self._other)
-        if not senses.any():
+        signs = contacts.force_signs(self._body, self._other)
+        if not signs.any():
             output.SetFromVector(np.zeros(6))
             return
-        pose = self._poses.Eval(context)[self._index] @ self._fixed if self._moves else self._pose
-        forces = senses[:, np.newaxis] * (contacts.normal_forces if self._normal_only else contacts.forces)
+
+        pose = self._fixed_pose
+        if self._is_moving:
+            pose = self._poses.Eval(context)[self._body_index] @ self._pose_in_body
+        forces = signs[:, np.newaxis] * (contacts.normal_forces if self._normal_only else contacts.forces)
+
+        # With arms r and forces f of all contacts, P[i, j] is the sum of r_i f_j, and the sum of the cross products
+        # r x f has the components P[1, 2] - P[2, 1], P[2, 0] - P[0, 2] and P[0, 1] - P[1, 0].
         products = (contacts.points - pose.translation()).T @ forces
         moment = np.array([products[k - 2, k - 1] - products[k - 1, k - 2] for k in range(3)])
         if not self._normal_only:
-            moment += senses @ contacts.moments
-        turn = pose.rotation().inverse()
-        output.SetFromVector(np.concatenate([turn @ forces.sum(axis=0), turn @ moment]))
+            moment += signs @ contacts.moments
+
+        to_frame = pose.rotation().inverse()
+        output.SetFromVector(np.concatenate([to_frame @ forces.sum(axis=0), to_frame @ moment]))
 
 
-Pair = tuple[GeometryId, GeometryId]
+class _ShapeOverPlane(NamedTuple):
+    """A shape whose distance from a half space is measured.
+
+    Attributes:
+        shape_id: identifier of the shape.
+        shape: the shape.
+        corners: its corners in its frame, shape (m, 3) [m]; empty for round shapes.
+        plane_id: identifier of the half space.
+        world_in_plane: pose of the world in the half space's frame; None if the half space moves.
+    """
+
+    shape_id: GeometryId
+    shape: Shape
+    corners: Vector
+    plane_id: GeometryId
+    world_in_plane: RigidTransform | None
+
+    def distance(self, query: QueryObject) -> float:
+        """Signed distance of the shape's lowest point from the plane [m]."""
+        to_plane = self.world_in_plane
+        if to_plane is None:
+            to_plane = query.GetPoseInWorld(self.plane_id).inverse()
+        shape_in_plane = to_plane @ query.GetPoseInWorld(self.shape_id)
+        heights = lowest_points(self.shape, shape_in_plane, self.corners)[:, 2]
+        return float(heights.min())
 
 
 class Distances:
-    """The signed distances of pairs of shapes, wherever they are.
+    """Signed distances of pairs of shapes, at any poses of their bodies.
 
-    Drake finds them for all pairs of convex shapes (a mesh counts as its convex hull), but of half spaces for spheres
-    alone; of other shapes the lowest point is looked up here.
+    Drake computes the distance of two convex shapes (a mesh counts as its convex hull), but that of a half space only
+    from a sphere. For half spaces, the lowest point of the other shape is found here.
 
     Attributes:
-        pairs: in the order of the distances: those with half spaces come last.
+        pairs: the pairs, in the order of the distances: pairs with a half space are at the end.
     """
 
     def __init__(self, pairs: Collection[Pair], inspector: SceneGraphInspector) -> None:
-        """Look at the shapes of pairs that can touch."""
-        flat = [any(isinstance(inspector.GetShape(shape), HalfSpace) for shape in pair) for pair in pairs]
-        self._above = [self._over_plane(inspector, *pair) for pair, is_flat in zip(pairs, flat, strict=True) if is_flat]
-        self._between = [pair for pair, is_flat in zip(pairs, flat, strict=True) if not is_flat]
-        self.pairs = [*self._between, *(pair for pair, is_flat in zip(pairs, flat, strict=True) if is_flat)]
+        """Prepare the distances of pairs of shapes that can touch.
+
+        Args:
+            pairs: the pairs.
+            inspector: inspector of the scene graph that contains the shapes.
+        """
+        self._convex_pairs = list[Pair]()
+        self._over_planes = list[_ShapeOverPlane]()
+        plane_pairs = list[Pair]()
+        for pair in pairs:
+            if any(isinstance(inspector.GetShape(shape), HalfSpace) for shape in pair):
+                plane_pairs.append(pair)
+                self._over_planes.append(_shape_over_plane(inspector, pair))
+            else:
+                self._convex_pairs.append(pair)
+        self.pairs = [*self._convex_pairs, *plane_pairs]
 
     def of(self, query: QueryObject) -> Vector:
-        """Return the distances, negative where shapes are in each other, shape (k,) [m]."""
-        found = [query.ComputeSignedDistancePairClosestPoints(*pair).distance for pair in self._between]
-        for shape_id, shape, corners, plane in self._above:
-            base = query.GetPoseInWorld(plane).inverse() if isinstance(plane, GeometryId) else plane
-            found.append(lowest_points(shape, base @ query.GetPoseInWorld(shape_id), corners)[:, 2].min())
-        return np.array(found)
+        """Compute the distances of all k pairs, shape (k,) [m]; negative if shapes overlap."""
+        distances = [query.ComputeSignedDistancePairClosestPoints(*pair).distance for pair in self._convex_pairs]
+        distances += [over_plane.distance(query) for over_plane in self._over_planes]
+        return np.array(distances)
 
-    @staticmethod
-    def _over_plane(
-        inspector: SceneGraphInspector, first: GeometryId, second: GeometryId
-    ) -> tuple[GeometryId, Shape, Vector, GeometryId | RigidTransform]:
-        """Return the shape over a half space, its corners, and the half space, or the world in it where it stands."""
-        if isinstance(inspector.GetShape(first), HalfSpace):
-            first, second = second, first
-        stands = inspector.GetFrameId(second) == inspector.world_frame_id()
-        plane = inspector.GetPoseInFrame(second).inverse() if stands else second
-        return first, inspector.GetShape(first).Clone(), shape_corners(inspector, first), plane
+
+def _shape_over_plane(inspector: SceneGraphInspector, pair: Pair) -> _ShapeOverPlane:
+    """Read the properties of a pair of shapes, of which at least one is a half space."""
+    first, second = pair
+    is_first_plane = isinstance(inspector.GetShape(first), HalfSpace)
+    plane_id = first if is_first_plane else second
+    shape_id = second if is_first_plane else first
+
+    is_fixed = inspector.GetFrameId(plane_id) == inspector.world_frame_id()
+    return _ShapeOverPlane(
+        shape_id=shape_id,
+        shape=inspector.GetShape(shape_id).Clone(),
+        corners=shape_corners(inspector, shape_id),
+        plane_id=plane_id,
+        world_in_plane=inspector.GetPoseInFrame(plane_id).inverse() if is_fixed else None,
+    )
 
 
 class DistanceSensor(Block):
-    """Measure the signed distance between two sets of shapes: that of the nearest, or deepest, pair.
+    """Measure the signed distance between two sets of shapes: the smallest distance of all pairs.
 
     Ports:
-        in  ``query``: of the scene graph.
-        out ``distance`` (1): [m], negative where the shapes are in each other.
+        in  ``query``: the query object of the scene graph.
+        out ``distance`` (1): [m], negative if shapes overlap.
     """
 
     def __init__(
         self, *, body: Collection[GeometryId], other: Collection[GeometryId], inspector: SceneGraphInspector
     ) -> None:
-        """Make the block for the shapes of ``body`` and ``other``.
+        """Create the sensor.
+
+        Args:
+            body: first set of shapes.
+            other: second set of shapes.
+            inspector: inspector of the scene graph that contains the shapes.
 
         Raises:
-            InvalidParameter: no pair whose distance can be measured: shapes of one robot, or of one body.
+            InvalidParameter: no pair can touch, since all shapes belong to one robot or to one body.
         """
         super().__init__()
-        pairs = [(a, b) for a in body for b in other if a != b and not inspector.CollisionFiltered(a, b)]
+        pairs = list[Pair]()
+        for first in body:
+            for second in other:
+                if first != second and not inspector.CollisionFiltered(first, second):
+                    pairs.append((first, second))
         if not pairs:
             names = " and ".join(inspector.GetName(next(iter(shapes))) for shapes in (body, other))
             expected = message(
@@ -257,3 +369,7 @@ class DistanceSensor(Block):
 
     def _calc_distance(self, context: Context, output: BasicVector) -> None:
         output.SetAtIndex(0, self._distances.of(self._query.Eval(context)).min())
+
+
+if not TYPE_CHECKING:
+    __getattr__ = former_names_of(__name__, {"pressing": "pressing_pairs"})

@@ -1,15 +1,18 @@
-r"""Laws of time from rest to rest that cruise: trapezoids of speed, and S-curves, whose jerk is limited, too.
+r"""Time laws of motions that cruise: from rest to rest, with a constant speed in the middle.
 
-A way of length L is sped up, gone at an even speed v, and slowed down. With a ramp of duration :math:`T_r`,
+A time law gives the distance along a path as a function of time. A trapezoid of speed accelerates evenly to the speed
+v, goes on with it, and slows down evenly. An S-curve also limits the jerk: its acceleration a rises and falls evenly
+with the jerk j. For a path of length L, the duration T and that of the ramp at each end, :math:`T_r`, are
 
-.. math:: T = L / v + T_r, \qquad T_r = v / a + a / j,
+.. math:: T = L / v + T_r, \qquad T_r = v / a + a / j .
 
-where a trapezoid has no jerk time a / j. On a way too short for the acceleration a it is not reached; on one too short
-for the speed, v is what fits: :math:`v\,T_r = L`.
+A trapezoid has an infinite jerk, so its a / j is zero. On a path too short to reach a or v, lower values are used:
+the speed is then the one for which :math:`v\,T_r = L`, without a part of constant speed.
 """
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -21,25 +24,30 @@ from simrob_drake.base.arguments import LONGEST, SHORTEST
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
+from simrob_drake.base.renaming import former_names_of
 from simrob_drake.blocks.references import BLEND, hold
 
-_ROUNDING = 3.0
-"""Parts of a ramp of an S-curve unless its jerk is told: in the first the acceleration rises, in the last it falls."""
-LONGEST_RAMP = _ROUNDING / (_ROUNDING - 1)
-"""How many times as long it takes as that of a trapezoid of the same speed and acceleration."""
-_RAMP = 0.25  # part of the whole time that a ramp takes where only that time is told
-_NO_WAY = 1e-9  # rad or m
-_QUICKEST = 1e-4  # s: what a ramp takes at least, and its rise, so that they are times that can be told apart
-_LOOKS = 500  # at each polynomial of a law
+# An S-curve without a given jerk has ramps of three equal parts: the acceleration rises, stays and falls [1].
+_RAMP_PARTS = 3.0
+LONGEST_RAMP = _RAMP_PARTS / (_RAMP_PARTS - 1)
+"""Duration of such an S-curve's ramp over that of a trapezoid's with the same speed and acceleration."""
+# Part of the whole duration that a ramp takes if only the duration is given [1].
+_RAMP_SHARE = 0.25
+# A shorter distance is no motion [rad or m].
+_NO_DISTANCE = 1e-9
+# Shortest duration of a ramp, and of the rise of its acceleration: shorter times would be lost in rounding [s].
+_SHORTEST_RAMP = 1e-4
+# Samples of each polynomial from which times are interpolated.
+_SAMPLES_PER_PIECE = 500
 
 
 @dataclass(frozen=True)
 class TimeLaw:
-    """How far along its way a motion is over time: polynomials, one after the other.
+    """Distance along a path as a function of time, as polynomials in sequence (its pieces).
 
     Attributes:
-        breaks: where they meet, from 0 to the end, shape (k + 1,) [s].
-        coefficients: of rising powers of the time since the polynomial began, shape (k, m).
+        breaks: times at which the k pieces meet, from 0 to the end, shape (k + 1,) [s].
+        coefficients: coefficients of each piece in ascending powers of the time since the piece began, shape (k, m).
     """
 
     breaks: Vector
@@ -47,76 +55,127 @@ class TimeLaw:
 
     @property
     def duration(self) -> float:
-        """Of the motion [s]."""
+        """Duration of the motion [s]."""
         return float(self.breaks[-1])
 
     def at(self, times: npt.ArrayLike, piece: int, order: int = 0) -> Vector:
-        """Return a derivative at times (m,) [s] by one of the polynomials, shape (m,)."""
-        since = np.asarray(times, dtype=float) - self.breaks[piece]
-        return np.asarray(polyval(since, polyder(self.coefficients[piece], order)))
+        """Compute the distance at times (m,) [s] by one of the pieces, shape (m,), or its derivative of an order."""
+        since_start_of_piece = np.asarray(times, dtype=float) - self.breaks[piece]
+        return np.asarray(polyval(since_start_of_piece, polyder(self.coefficients[piece], order)))
 
     def times_of(self, parts: Vector) -> Vector:
-        """Return when the motion is at parts (m,) of its way, from 0 to 1, by straight lines between many looks [s]."""
-        looks = [np.linspace(begin, end, _LOOKS) for begin, end in pairwise(self.breaks)]
-        ways = np.concatenate([self.at(times, piece) for piece, times in enumerate(looks)])
-        return np.asarray(np.interp(parts, ways / ways[-1], np.concatenate(looks)))
+        """Find the times at which the motion has covered parts (m,) of the path, each 0 to 1 [s].
+
+        They are interpolated between samples of the pieces.
+        """
+        sample_times = [np.linspace(begin, end, _SAMPLES_PER_PIECE) for begin, end in pairwise(self.breaks)]
+        distances = np.concatenate([self.at(times, piece) for piece, times in enumerate(sample_times)])
+        return np.asarray(np.interp(parts, distances / distances[-1], np.concatenate(sample_times)))
 
     def slower(self, factor: float) -> "TimeLaw":
-        """Return the same motion in ``factor`` times the time."""
+        """Stretch the motion in time by a factor."""
+        # With t' = factor t, the coefficient of the power p becomes c / factor^p.
         powers = factor ** -np.arange(self.coefficients.shape[1], dtype=float)
-        return TimeLaw(self.breaks * factor, self.coefficients * powers)
+        return TimeLaw(breaks=self.breaks * factor, coefficients=self.coefficients * powers)
+
+
+class _Phase(NamedTuple):
+    """A time with constant jerk.
+
+    Attributes:
+        duration: [s].
+        acceleration: acceleration at its start [1/s² of the distance].
+        jerk: [1/s³ of the distance].
+    """
+
+    duration: float
+    acceleration: float
+    jerk: float
 
 
 def smooth_law(duration: float) -> TimeLaw:
-    """Return the law of :func:`~simrob_drake.blocks.references.smooth`, a way of 1 in a time [s]."""
+    """Time law of :func:`~simrob_drake.blocks.references.smooth` for a path of length 1 and a duration [s]."""
     coefficients = np.array([[0.0, 0.0, 0.0, *BLEND]])
-    return TimeLaw(np.array([0.0, 1.0]), coefficients).slower(duration)
+    return TimeLaw(breaks=np.array([0.0, 1.0]), coefficients=coefficients).slower(duration)
 
 
 def cruise(length: float, speed: float, acceleration: float, jerk: float | None = None) -> TimeLaw:
-    """Return the shortest law along a way within a speed, an acceleration and a jerk, all positive.
+    """Compute the shortest time law for a path within limits.
 
-    The jerk of a trapezoid is infinite. None gives an S-curve whose acceleration rises for a third of the ramp.
+    Args:
+        length: length of the path, positive.
+        speed: largest speed, positive [1/s of the length].
+        acceleration: largest acceleration, positive [1/s²].
+        jerk: largest jerk, positive [1/s³]; infinite for a trapezoid. If it is None, the result is an S-curve whose
+            acceleration rises for a third of the ramp.
 
     Raises:
-        InvalidParameter: limits so low that it would take for ever.
+        InvalidParameter: the limits are so low that the motion would last too long.
     """
-    slowest = max(length / speed, np.sqrt(length / acceleration), 0.0 if jerk is None else np.cbrt(length / jerk))
-    if not slowest < LONGEST:
+    _check_limits(length, speed, acceleration, jerk)
+    # Limits so high that times of the law would be lost in rounding are lowered.
+    speed = min(speed, length / _SHORTEST_RAMP)
+    acceleration = min(acceleration, speed / _SHORTEST_RAMP)
+    if jerk is None:
+        # A ramp of three equal parts reaches the speed v = (n - 1) a (a / j), with n = 3 parts, so j = (n - 1) a² / v.
+        reached = min(speed, np.sqrt(acceleration * length / LONGEST_RAMP))
+        jerk = (_RAMP_PARTS - 1) * acceleration**2 / reached
+    elif np.isfinite(jerk):
+        jerk = min(jerk, acceleration / _SHORTEST_RAMP)
+
+    # The ramp to this speed reaches the acceleration for an instant only. Below it, the ramp has no middle part.
+    bend = acceleration**2 / jerk
+    # Speed v without a constant part. With a middle part, v (v / a + a / j) = L; without it, v (2 sqrt(v / j)) = L.
+    speed_that_fits = (np.sqrt(bend**2 + 4 * acceleration * length) - bend) / 2
+    if speed_that_fits < bend:
+        speed_that_fits = (length**2 * jerk / 4) ** (1 / 3)
+    top_speed = min(speed, speed_that_fits)
+
+    rise = min(acceleration / jerk, np.sqrt(top_speed / jerk))  # time in which the acceleration rises [s]
+    top_acceleration = acceleration if rise == 0 else jerk * rise
+    ramp = [
+        _Phase(duration=rise, acceleration=0.0, jerk=jerk),
+        _Phase(duration=top_speed / top_acceleration - rise, acceleration=top_acceleration, jerk=0.0),
+        _Phase(duration=rise, acceleration=top_acceleration, jerk=-jerk),
+    ]
+    constant_time = length / top_speed - (rise + top_speed / top_acceleration)
+    constant = _Phase(duration=constant_time, acceleration=0.0, jerk=0.0)
+    braking = [_Phase(phase.duration, -phase.acceleration, -phase.jerk) for phase in ramp]
+    return _law_of_phases([*ramp, constant, *braking], length)
+
+
+def _check_limits(length: float, speed: float, acceleration: float, jerk: float | None) -> None:
+    """Check that none of the limits alone makes a motion over a length last too long.
+
+    Raises:
+        InvalidParameter: the motion would last longer than times may be.
+    """
+    # Times in which each limit alone would let the motion cover the length, but for factors near 1.
+    time_by_jerk = 0.0 if jerk is None else np.cbrt(length / jerk)
+    longest_time = max(length / speed, np.sqrt(length / acceleration), time_by_jerk)
+    if not longest_time < LONGEST:
         expected = message("blocks.shorter_than", "shorter than {longest:g} s: its limits are too low", longest=LONGEST)
         raise InvalidParameter(
             message("blocks.time_of_motion", "the time of the motion"),
-            compound("{slowest:.2g} s", slowest=slowest),
+            compound("{slowest:.2g} s", slowest=longest_time),
             expected,
         )
-    speed = min(speed, length / _QUICKEST)
-    acceleration = min(acceleration, speed / _QUICKEST)
-    if jerk is None:
-        reached = min(speed, np.sqrt(acceleration * length / LONGEST_RAMP))
-        jerk = (_ROUNDING - 1) * acceleration**2 / reached
-    elif np.isfinite(jerk):
-        jerk = min(jerk, acceleration / _QUICKEST)
-    bend = acceleration**2 / jerk  # the speed at which a ramp just reaches the acceleration, and leaves it at once
-    fits = (np.sqrt(bend**2 + 4 * acceleration * length) - bend) / 2
-    if fits < bend:
-        fits = (length**2 * jerk / 4) ** (1 / 3)
-    top = min(speed, fits)
-    rise = min(acceleration / jerk, np.sqrt(top / jerk))  # s
-    steep = acceleration if rise == 0 else jerk * rise
-    ramp = [(rise, 0.0, jerk), (top / steep - rise, steep, 0.0), (rise, steep, -jerk)]
-    even = (length / top - (rise + top / steep), 0.0, 0.0)
-    braking = [(time, -push, -change) for time, push, change in ramp]
-    return _of_phases([*ramp, even, *braking], length)
 
 
 def cruise_in(duration: float, *, rounded: bool) -> TimeLaw:
-    """Return the law of a way of 1 that takes a time [s], a quarter of it to speed up: an S-curve, or a trapezoid."""
-    speed = 1 / (1 - _RAMP)
-    acceleration = speed / _RAMP * (LONGEST_RAMP if rounded else 1.0)
+    """Compute the time law of a path of length 1 for a duration, a quarter of which is the ramp.
+
+    Args:
+        duration: duration of the motion [s].
+        rounded: whether the law is an S-curve; otherwise it is a trapezoid.
+    """
+    # In the duration 1 with ramps of r at each end, the length 1 is v (1 - r).
+    speed = 1 / (1 - _RAMP_SHARE)
+    acceleration = speed / _RAMP_SHARE * (LONGEST_RAMP if rounded else 1.0)
     return cruise(1.0, speed, acceleration, None if rounded else np.inf).slower(duration)
 
 
-def cruising(
+def cruise_to(
     start: npt.ArrayLike,
     target: npt.ArrayLike,
     speeds: Vector,
@@ -125,32 +184,64 @@ def cruising(
     *,
     start_time: float = 0.0,
 ) -> Trajectory:
-    """Go straight from ``start`` to ``target``, each (n,) [rad], all axes at the same time, within limits (n,).
+    """Plan a straight motion of n axes that all start and arrive together, within limits.
 
-    The axis that has furthest to go for its limits cruises at its speed [rad/s], or speeds up with its acceleration
-    [rad/s²]; the others follow. Jerks [rad/s³] are infinite for a trapezoid; None are those of :func:`cruise`.
+    The axis that needs most time for its distance reaches its speed or its acceleration; the other axes follow it.
+
+    Args:
+        start: positions at the start, shape (n,) [rad or m].
+        target: positions at the end, shape (n,) [rad or m].
+        speeds: largest speeds, shape (n,) [rad/s or m/s].
+        accelerations: largest accelerations, shape (n,) [rad/s² or m/s²].
+        jerks: largest jerks, shape (n,) [rad/s³ or m/s³]; infinite for a trapezoid. If they are None, those of
+            :func:`cruise` are used.
+        start_time: time at which the motion starts [s].
     """
-    low, way = np.asarray(start, dtype=float), np.asarray(target, dtype=float) - np.asarray(start, dtype=float)
-    moves = np.abs(way) > _NO_WAY
-    if not moves.any():
+    first = np.asarray(start, dtype=float)
+    distances = np.asarray(target, dtype=float) - first
+    is_moving = np.abs(distances) > _NO_DISTANCE
+    if not is_moving.any():
         return hold(target)
-    shares = np.abs(way[moves])
-    speed, acceleration = (float((limits[moves] / shares).min()) for limits in (speeds, accelerations))
-    law = cruise(1.0, speed, acceleration, None if jerks is None else float((jerks[moves] / shares).min()))
-    pieces = [
-        np.array([[Polynomial([q + d * powers[0], *(d * powers[1:])])] for q, d in zip(low, way, strict=True)])
-        for powers in law.coefficients
-    ]
+
+    # All axes follow one law of the part 0 to 1 of their distance, within the strictest limit.
+    lengths = np.abs(distances[is_moving])
+    speed = float((speeds[is_moving] / lengths).min())
+    acceleration = float((accelerations[is_moving] / lengths).min())
+    jerk = None if jerks is None else float((jerks[is_moving] / lengths).min())
+    law = cruise(1.0, speed, acceleration, jerk)
+
+    pieces = []
+    for coefficients in law.coefficients:
+        polynomials = []
+        for position, distance in zip(first, distances, strict=True):
+            constant = position + distance * coefficients[0]
+            polynomials.append([Polynomial([constant, *(distance * coefficients[1:])])])
+        pieces.append(np.array(polynomials))
     return PiecewisePolynomial(pieces, start_time + law.breaks)
 
 
-def _of_phases(phases: list[tuple[float, float, float]], length: float) -> TimeLaw:
-    """Join phases, each a duration, its first acceleration and its jerk; those that are no time drop out."""
-    breaks, rows, place, speed = [0.0], [], 0.0, 0.0
-    for time, push, change in phases:
-        if time >= SHORTEST:
-            rows.append([place, speed, push / 2, change / 6])
-            place = float(polyval(time, rows[-1]))
-            speed += push * time + change * time**2 / 2
-            breaks.append(breaks[-1] + time)
-    return TimeLaw(np.array(breaks), np.array(rows) * length / place)
+def _law_of_phases(phases: list[_Phase], length: float) -> TimeLaw:
+    """Join phases to a time law from rest. Phases without duration are left out.
+
+    Args:
+        phases: the phases, in sequence.
+        length: distance at the end, to which the law is scaled: it removes the rounding of the phases.
+    """
+    breaks = [0.0]
+    rows = list[list[float]]()
+    distance = 0.0
+    speed = 0.0
+    for phase in phases:
+        if phase.duration < SHORTEST:
+            continue
+        # Over a phase, s = s0 + v0 t + a t²/2 + j t³/6 and v = v0 + a t + j t²/2.
+        row = [distance, speed, phase.acceleration / 2, phase.jerk / 6]
+        rows.append(row)
+        distance = float(polyval(phase.duration, row))
+        speed += phase.acceleration * phase.duration + phase.jerk * phase.duration**2 / 2
+        breaks.append(breaks[-1] + phase.duration)
+    return TimeLaw(breaks=np.array(breaks), coefficients=np.array(rows) * length / distance)
+
+
+if not TYPE_CHECKING:
+    __getattr__ = former_names_of(__name__, {"cruising": "cruise_to"})

@@ -1,4 +1,4 @@
-"""The poses of frames of a robot, such as its base and its tool centre points."""
+"""Block that computes the poses of frames of a robot, such as its base and its tool centre points."""
 
 import weakref
 from collections.abc import Mapping
@@ -15,11 +15,11 @@ from simrob_drake.blocks.block import Block
 
 
 class FramePoses(Block):
-    """Give the poses of frames in the world, from the state of their plant.
+    """Compute the poses of frames in the world from the state of their plant.
 
-    Neither the plant nor the block need be part of the diagram, so it serves dynamic and kinematic stations alike, and
-    :meth:`at` recorded states. One block serves all frames of a robot: each block that reads the state costs a solver
-    time at every change of it.
+    Neither the plant nor the block has to be part of a diagram, so the block serves dynamic and kinematic stations, and
+    :meth:`at` serves recorded states. One block computes all frames of a robot: each block that reads the state costs a
+    solver time at every change of the state.
 
     Ports:
         in  ``state`` (nq + nv): positions and velocities of the whole plant.
@@ -27,36 +27,59 @@ class FramePoses(Block):
     """
 
     def __init__(self, *, plant: MultibodyPlant, frames: Mapping[str, Frame]) -> None:
-        """Make the block for ``frames`` of a finalized ``plant``, by the names of their ports."""
+        """Create the block.
+
+        Args:
+            plant: the finalized plant.
+            frames: frames of the plant, by the names of their output ports.
+        """
         super().__init__()
         self._plant = weakref.proxy(plant)
-        self._scratch = plant.CreateDefaultContext()  # nothing is remembered in it: every evaluation sets it anew
+        self._scratch = plant.CreateDefaultContext()  # work space: every evaluation sets its positions anew
         self._state = self.DeclareVectorInputPort("state", plant.num_multibody_states())
-        moving = {self.input_port_ticket(self._state.get_index())}
         self._frames = {name: frame.index() for name, frame in frames.items()}
         self._moving = {name for name, frame in frames.items() if not plant.IsAnchored(frame.body())}
+
+        state_ticket = self.input_port_ticket(self._state.get_index())
         for name in frames:
-            depends_on = moving if name in self._moving else {self.nothing_ticket()}
+            # Drake computes the pose of an anchored frame only once.
+            prerequisite = state_ticket if name in self._moving else self.nothing_ticket()
             calc = partial(weakly(self._calc_pose), name)
-            self.DeclareVectorOutputPort(name, len(XYZ_QUATERNION_NAMES), calc, depends_on)
+            self.DeclareVectorOutputPort(name, len(XYZ_QUATERNION_NAMES), calc, {prerequisite})
 
     def at(self, name: str, states: Vector) -> Vector:
-        """Return the poses (m, 7) of a frame in states (m, nq + nv) of the plant, as its port gives them."""
+        """Compute the poses of a frame in many states, as its port gives them.
+
+        Args:
+            name: name of the frame's port.
+            states: states of the plant, shape (m, nq + nv).
+
+        Returns:
+            The poses x y z [m] qw qx qy qz, shape (m, 7).
+        """
         if name not in self._moving:
             return np.tile(self._pose(name), (len(states), 1))
-        plant, scratch, poses = self._plant, self._scratch, np.empty((len(states), len(XYZ_QUATERNION_NAMES)))
-        frame, positions = plant.get_frame(self._frames[name]), states[:, : plant.num_positions()]
-        for row, own in enumerate(positions):
-            plant.SetPositions(scratch, own)
-            pose = frame.CalcPoseInWorld(scratch)
-            poses[row, :3], poses[row, 3:] = pose.translation(), pose.rotation().ToQuaternion().wxyz()
+        plant = self._plant
+        frame = plant.get_frame(self._frames[name])
+        poses = np.empty((len(states), len(XYZ_QUATERNION_NAMES)))
+        for row, positions in enumerate(states[:, : plant.num_positions()]):
+            plant.SetPositions(self._scratch, positions)
+            pose = frame.CalcPoseInWorld(self._scratch)
+            poses[row, :3] = pose.translation()
+            poses[row, 3:] = pose.rotation().ToQuaternion().wxyz()
+        # A quaternion and its negative are the same rotation. Ports give the one whose qw is not negative.
         poses[poses[:, 3] < 0, 3:] *= -1
         return poses
 
     def _calc_pose(self, name: str, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(self._pose(name, self._state.Eval(context) if name in self._moving else None))
+        """Compute the pose that a port gives."""
+        state = self._state.Eval(context) if name in self._moving else None
+        output.SetFromVector(self._pose(name, state))
 
     def _pose(self, name: str, state: Vector | None = None) -> Vector:
+        """Compute the pose (7,) of a frame in a state (nq + nv,). An anchored frame needs no state."""
         if state is not None:
-            self._plant.SetPositions(self._scratch, state[: self._plant.num_positions()])
-        return xyz_quaternion_from_transform(self._plant.get_frame(self._frames[name]).CalcPoseInWorld(self._scratch))
+            positions = state[: self._plant.num_positions()]
+            self._plant.SetPositions(self._scratch, positions)
+        frame = self._plant.get_frame(self._frames[name])
+        return xyz_quaternion_from_transform(frame.CalcPoseInWorld(self._scratch))

@@ -1,12 +1,15 @@
-r"""Torques that the model of a plant predicts, by Drake's own inverse dynamics.
+r"""Torques that the model of a plant predicts, computed by Drake's inverse dynamics.
 
 .. math:: \tau = M(q)\,\dot v + C(q, v)\,v + \tau_g(q)
 
-For the motion that is asked for it is a feedforward, for the measured state and a wanted acceleration a computed
-torque, and for none at all what keeps an arm on its way.
+For a desired motion, this torque is a feedforward. For the measured state and a desired acceleration it is a computed
+torque. For the measured state without acceleration it is the torque that keeps an arm moving as it does.
+
+A robot's axes are the coordinates of its servos; `AxisMap` converts between axes and the joints of the plant.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -15,7 +18,7 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import AffineSystem, LinearSystem, MatrixGain
 
 from simrob_drake.base.frames import Vector
-from simrob_drake.blocks.block import fed, joined, mapped, summed
+from simrob_drake.blocks.block import add_and_connect, add_matrix_gain, add_multiplexer, add_sum
 from simrob_drake.blocks.servo import ServoGains, ServoSignals
 from simrob_drake.robots.axis_map import AxisMap
 
@@ -23,48 +26,92 @@ from simrob_drake.robots.axis_map import AxisMap
 def add_model_torque(
     builder: DiagramBuilder, plant: MultibodyPlant, state: OutputPort, acceleration: OutputPort | None, *, name: str
 ) -> OutputPort:
-    """Add the generalized forces (nv) that give a finalized plant an acceleration (nv); None for what gravity takes.
+    """Add the inverse dynamics of a finalized plant.
 
-    The state is of size nq + nv. Against gravity alone it is half of the work.
+    Args:
+        builder: builder of the diagram.
+        plant: the finalized plant.
+        state: positions and velocities of the plant, size nq + nv.
+        acceleration: desired acceleration, size nv. If it is None, the result only balances gravity, which takes half
+            of the computing time.
+        name: name of the block.
+
+    Returns:
+        The generalized forces, size nv.
     """
     mode = InverseDynamics.InverseDynamicsMode
     if acceleration is None:
-        return fed(builder, name, InverseDynamics(plant, mode.kGravityCompensation), state)
-    return fed(builder, name, InverseDynamics(plant, mode.kInverseDynamics), state, acceleration)
+        return add_and_connect(builder, name, InverseDynamics(plant, mode.kGravityCompensation), state)
+    return add_and_connect(builder, name, InverseDynamics(plant, mode.kInverseDynamics), state, acceleration)
+
+
+class _SpreadPort(NamedTuple):
+    """A port of a robot, and the matrix that spreads its values into a vector of the plant.
+
+    Attributes:
+        port: the port, size n.
+        matrix: shape (size of the plant's vector, n).
+    """
+
+    port: OutputPort
+    matrix: Vector
 
 
 def add_feedforward(
     builder: DiagramBuilder, plant: MultibodyPlant, robots: Sequence[tuple[AxisMap, ServoSignals]], *, name: str
 ) -> list[OutputPort]:
-    """Add the torques (n) [N·m] that robots of a finalized plant take on the way that each is asked to go.
+    """Add the torques that robots of a finalized plant need for their reference motions.
 
-    One whose signals have no reference acceleration is taken to rest at each position: its torques are those against
-    gravity. What else there is in the plant rests where it is by default.
+    A robot without a reference acceleration is taken to rest at each position: its torques only balance gravity. All
+    other joints of the plant stay at their default positions.
+
+    Args:
+        builder: builder of the diagram.
+        plant: the finalized plant.
+        robots: axes of each robot in the plant, and the signals of its servos, which contain the reference.
+        name: name of the block, and prefix of the names of blocks around it.
+
+    Returns:
+        The torques of each robot in axis order, size n [N·m].
     """
     rest = plant.GetPositionsAndVelocities(plant.CreateDefaultContext())
-    states, rates = [], []  # ports, each with the matrix that puts it into the vectors of the plant
+    states = list[_SpreadPort]()
+    accelerations = list[_SpreadPort]()
     for axes, signals in robots:
-        count, spread = len(axes.signs), axes.state_matrix.T
+        count = len(axes.signs)
+        spread = axes.state_matrix.T
         rest[spread.any(axis=1)] = 0.0
-        states.append((signals.reference, spread[:, :count]))
+        states.append(_SpreadPort(signals.reference, spread[:, :count]))
         if signals.reference_velocity is not None and signals.reference_acceleration is not None:
-            states.append((signals.reference_velocity, spread[:, count:]))
-            rates.append((signals.reference_acceleration, axes.velocity_matrix.T))
-    state = _spread(builder, f"{name}.state", states, rest)
-    rate = _spread(builder, f"{name}.acceleration", rates, np.zeros(plant.num_velocities())) if rates else None
-    force = add_model_torque(builder, plant, state, rate, name=name)
+            states.append(_SpreadPort(signals.reference_velocity, spread[:, count:]))
+            accelerations.append(_SpreadPort(signals.reference_acceleration, axes.velocity_matrix.T))
+
+    state = _add_spread(builder, f"{name}.state", states, rest)
+    acceleration = None
+    if accelerations:
+        no_acceleration = np.zeros(plant.num_velocities())
+        acceleration = _add_spread(builder, f"{name}.acceleration", accelerations, no_acceleration)
+    force = add_model_torque(builder, plant, state, acceleration, name=name)
     return [
-        mapped(builder, f"{name}.axes_{index}", axes.velocity_matrix, force) for index, (axes, _) in enumerate(robots)
+        add_matrix_gain(builder, f"{name}.axes_{index}", axes.velocity_matrix, force)
+        for index, (axes, _) in enumerate(robots)
     ]
 
 
-def _spread(builder: DiagramBuilder, name: str, parts: Sequence[tuple[OutputPort, Vector]], rest: Vector) -> OutputPort:
-    """Return a vector of the plant: that of its rest, and what the parts' matrices make of their ports."""
-    matrix = np.hstack([part for _, part in parts])
-    bus = joined(builder, f"{name}.bus", *(port for port, _ in parts))
-    return (
-        fed(builder, name, AffineSystem(D=matrix, y0=rest), bus) if rest.any() else mapped(builder, name, matrix, bus)
-    )
+def _add_spread(builder: DiagramBuilder, name: str, parts: Sequence[_SpreadPort], rest: Vector) -> OutputPort:
+    """Add the block that computes a vector of the plant: its values at rest plus the spread values of ports.
+
+    Args:
+        builder: builder of the diagram.
+        name: name of the block.
+        parts: ports, with the matrices that spread their values.
+        rest: values at rest, of which those that a port sets are 0.
+    """
+    matrix = np.hstack([part.matrix for part in parts])
+    bus = add_multiplexer(builder, f"{name}.bus", *(part.port for part in parts))
+    if rest.any():
+        return add_and_connect(builder, name, AffineSystem(D=matrix, y0=rest), bus)
+    return add_matrix_gain(builder, name, matrix, bus)
 
 
 def add_computed_torque(
@@ -77,62 +124,90 @@ def add_computed_torque(
     *,
     name: str,
 ) -> OutputPort:
-    r"""Add the torques (n) [N·m] of a robot whose error obeys :math:`\ddot e + k_d\,\dot e + k_p\,e = 0`.
+    r"""Add the computed torque of a robot, whose error then obeys :math:`\ddot e + k_d\,\dot e + k_p\,e = 0`.
 
     .. math:: \tau = M(q)\,(\ddot q_r + k_d\,(\dot q_r - v) + k_p\,(q_r - q)) + C(q, v)\,v + \tau_g(q) + \tau_{ff}
 
-    The gains are by inertia: kp [1/s²], kd [1/s]; others are not used. The torques are not saturated.
+    The torques are not saturated.
 
     Args:
-        builder: of the diagram.
-        plant: finalized.
-        state: of the plant, size nq + nv.
-        axes: where the robot's are in it.
-        signals: what its servos read; the velocity and the acceleration that are asked for are among them.
-        gains: of its servos.
-        name: of the block, and what those around it begin with.
+        builder: builder of the diagram.
+        plant: the finalized plant.
+        state: positions and velocities of the plant, size nq + nv.
+        axes: the robot's axes in the plant.
+        signals: signals of the robot's servos. They must contain the reference's velocity and acceleration.
+        gains: gains kp [1/s²] and kd [1/s] of the servos, which are per inertia; other gains are not used.
+        name: name of the block, and prefix of the names of blocks around it.
+
+    Returns:
+        The torques in axis order, size n [N·m].
     """
-    position, velocity, acceleration = signals.reference, signals.reference_velocity, signals.reference_acceleration
-    assert velocity is not None
-    assert acceleration is not None
-    stiffness, damping, each = np.diag(gains.kp), np.diag(gains.kd), np.eye(len(gains.kp))
-    law = axes.velocity_matrix.T @ np.hstack([stiffness, -stiffness, -damping, damping, each])
-    bus = joined(builder, f"{name}.bus", position, signals.state, velocity, acceleration)
-    force = add_model_torque(builder, plant, state, fed(builder, f"{name}.law", MatrixGain(law), bus), name=name)
-    torque = mapped(builder, f"{name}.axes", axes.velocity_matrix, force)
-    feedforward = [port for port in (signals.feedforward,) if port is not None]
-    return summed(builder, f"{name}.sum", torque, *feedforward)
+    assert signals.reference_velocity is not None
+    assert signals.reference_acceleration is not None
+    kp = np.diag(gains.kp)
+    kd = np.diag(gains.kd)
+    identity = np.eye(len(gains.kp))
+
+    # Columns: reference, measured position, measured velocity, reference velocity, reference acceleration.
+    law = axes.velocity_matrix.T @ np.hstack([kp, -kp, -kd, kd, identity])
+    bus = add_multiplexer(
+        builder,
+        f"{name}.bus",
+        signals.reference,
+        signals.state,
+        signals.reference_velocity,
+        signals.reference_acceleration,
+    )
+    acceleration = add_and_connect(builder, f"{name}.law", MatrixGain(law), bus)
+    force = add_model_torque(builder, plant, state, acceleration, name=name)
+    torque = add_matrix_gain(builder, f"{name}.axes", axes.velocity_matrix, force)
+    if signals.feedforward is None:
+        return torque
+    return add_sum(builder, f"{name}.sum", torque, signals.feedforward)
 
 
 def add_admittance(
     builder: DiagramBuilder, signals: ServoSignals, gains: ServoGains, model: OutputPort, *, gain: float, prefix: str
 ) -> OutputPort:
-    r"""Add the integrator of a gain K_t [1/s], positive, that gives a robot's servos their admittance.
+    r"""Add the integrator by which a robot's servos yield to external forces.
 
-    They give in to forces from outside; the law of the Simulink station ``D30S2_Irb120_qLC_Fext``. To the torque of a
-    servo comes the integral of what the model of the arm does not explain,
+    It is the law of the Simulink station ``D30S2_Irb120_qLC_Fext``. The torque of a servo gets an additional part x,
+    the integral of the torque that the model of the arm does not explain:
 
     .. math::
         \tau = k_p (q_r - q) - k_d v + \tau_{ff} + x, \qquad \dot x = K_t\,(\mathrm{ID}(q, v) - \tau),
 
-    with ID the torque that would keep the arm's velocity as it is (inverse dynamics without acceleration, without any
-    external force). So below :math:`K_t` [rad/s] the servo's stiffness fades: what is left of it is a damping
-    :math:`k_p/K_t`, gravity is balanced, and the arm yields to a hand. With :math:`K_t = 0` it is the servo alone.
+    where ID is the inverse dynamics without acceleration and without external forces. At frequencies below
+    :math:`K_t`, the servo's stiffness fades and a damping :math:`k_p/K_t` is left: gravity stays balanced, and the arm
+    gives way when it is pushed. With :math:`K_t = 0` the servo acts alone.
 
-    Here x has the form :math:`\dot x = K_t\,(\mathrm{ID} - k_p (q_r - q) + k_d v - \tau_{ff}) - K_t\,x`, the same as
-    long as the servo is not saturated; when it is, x does not wind up. It reads what the servos read, and the torque of
-    the arm's model, size n [N·m].
+    The block computes :math:`\dot x = K_t\,(\mathrm{ID} - k_p (q_r - q) + k_d v - \tau_{ff}) - K_t\,x`. This is the
+    same as long as the servo is not saturated; if the servo saturates, x does not wind up.
+
+    Args:
+        builder: builder of the diagram.
+        signals: signals of the servos.
+        gains: gains of the servos.
+        model: the torque ID of the arm's model in axis order, size n [N·m].
+        gain: the gain :math:`K_t` [1/s], positive.
+        prefix: prefix of the names of the blocks.
 
     Returns:
-        x, size n [N·m], which belongs into the sum before the saturation.
+        The torque x, size n [N·m], to be added before the saturation.
     """
-    count = len(gains.kp)
-    each, stiffness, damping = np.eye(count), np.diag(gains.kp), np.diag(gains.kd)
-    parts, columns = [model, signals.reference, signals.state], [each, -stiffness, stiffness, damping]
+    identity = np.eye(len(gains.kp))
+    kp = np.diag(gains.kp)
+    kd = np.diag(gains.kd)
+    ports = [model, signals.reference, signals.state]
+    columns = [identity, -kp, kp, kd]
     if signals.reference_velocity is not None:
-        parts, columns = [*parts, signals.reference_velocity], [*columns, -damping]
+        ports.append(signals.reference_velocity)
+        columns.append(-kd)
     if signals.feedforward is not None:
-        parts, columns = [*parts, signals.feedforward], [*columns, -each]
+        ports.append(signals.feedforward)
+        columns.append(-identity)
+
     inputs = gain * np.hstack(columns)
-    block = LinearSystem(A=-gain * each, B=inputs, C=each, D=np.zeros_like(inputs))
-    return fed(builder, f"{prefix}admittance", block, joined(builder, f"{prefix}admittance.bus", *parts))
+    integrator = LinearSystem(A=-gain * identity, B=inputs, C=identity, D=np.zeros_like(inputs))
+    bus = add_multiplexer(builder, f"{prefix}admittance.bus", *ports)
+    return add_and_connect(builder, f"{prefix}admittance", integrator, bus)

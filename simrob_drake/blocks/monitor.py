@@ -1,4 +1,7 @@
-"""Blocks that may end a simulation once a condition has lasted, or that make its steps end at given times."""
+"""Monitors, which end a run when a condition has lasted for a given time; blocks that set where steps end.
+
+A solver chooses its own steps. A monitor only looks at the ends of these steps, so it does not change the motion.
+"""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,20 +13,22 @@ from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.lifetime import weakly
 from simrob_drake.base.messages import message
+from simrob_drake.base.renaming import keep_former_attributes
 from simrob_drake.blocks.block import Block
 
 NOT_YET = np.inf
-"""The onset of a condition that does not hold [s]."""
+"""Onset of a condition that does not hold [s]. The onset is the time since which the condition holds."""
 
 
 @dataclass(frozen=True)
 class Condition:
-    """What signals may come to, told by functions of their values, one vector a signal.
+    """A condition on signals.
 
     Attributes:
-        watched: the sizes of the signals by their names; a station's are named as its output ports.
-        excess: by how much the condition is exceeded; it holds where this is not negative.
-        why: the reason, in words and figures, where it holds.
+        watched: size of each signal, by its name; signals of a station have the names of its output ports.
+        excess: function of the signals' values (one vector each, in the order of `watched`) that returns by how much
+            the condition is exceeded. The condition holds if the result is not negative.
+        why: function of the same values that returns the reason as text, if the condition holds.
     """
 
     watched: Mapping[str, int]
@@ -33,12 +38,12 @@ class Condition:
 
 @dataclass(frozen=True)
 class Trigger:
-    """When a condition ends a run: at the first step's end at which it holds, and has lasted.
+    """A condition that ends a run: at the end of the first step at which it holds and has lasted long enough.
 
     Attributes:
-        condition: to be looked at.
-        hold: how long it must last [s].
-        after: when watching begins [s].
+        condition: the condition.
+        hold: how long the condition must last [s].
+        after: time from which the condition is evaluated [s].
     """
 
     condition: Condition
@@ -51,36 +56,50 @@ class Trigger:
                 raise InvalidParameter(name, value, message("blocks.finite_time", "a finite time, not negative [s]"))
 
     def holds(self, time: float, values: Sequence[Vector]) -> bool:
-        """Tell whether the condition holds at a time [s] at which the watched signals have these values."""
+        """Whether the condition holds at a time [s] with these values of the watched signals."""
         return time >= self.after and self.condition.excess(*values) >= 0
 
-    def since(self, onset: float, time: float, values: Sequence[Vector]) -> float:
-        """Return since when the condition holds [s], or NOT_YET, at a step's end; it held since ``onset`` before."""
+    def next_onset(self, onset: float, time: float, values: Sequence[Vector]) -> float:
+        """Onset of the condition at the end of a step [s], or NOT_YET if it does not hold.
+
+        Args:
+            onset: onset at the end of the step before [s], or NOT_YET.
+            time: time at the end of the step [s].
+            values: values of the watched signals at that time.
+        """
         if not self.holds(time, values):
             return NOT_YET
         return time if onset == NOT_YET else onset
 
-    def ends(self, onset: float, time: float) -> bool:
-        """Tell whether the run ends at a step's end, at which the condition holds since ``onset``."""
+    def ends_run(self, onset: float, time: float) -> bool:
+        """Whether a condition that holds since its onset [s] has lasted long enough at a time [s] to end the run."""
         return time - onset >= self.hold
+
+
+keep_former_attributes(Trigger, since="next_onset", ends="ends_run")
 
 
 class Monitor(Block):
     """End a run once a condition has lasted for a given time.
 
-    Between the steps nothing is forced, so a monitor does not change the motion. The time of the condition's onset is
-    kept in discrete state.
+    The condition is evaluated at the ends of the steps only, so a monitor does not change the motion. The onset of the
+    condition is a discrete state.
 
     Ports:
-        in  what the condition watches.
-        out ``excess`` (1): by how much the condition is exceeded; it holds where this is not negative.
+        in  the signals that the condition watches, each by its name.
+        out ``excess`` (1): by how much the condition is exceeded. The condition holds if it is not negative.
     """
 
     def __init__(self, condition: Condition, *, hold: float = 0.0, after: float = 0.0) -> None:
-        """Make the block; times are those of a :class:`Trigger`.
+        """Create the block.
+
+        Args:
+            condition: the condition.
+            hold: how long the condition must last [s].
+            after: time from which the condition is evaluated [s].
 
         Raises:
-            InvalidParameter: a time that is negative or not finite.
+            InvalidParameter: a time is negative or not finite.
         """
         super().__init__()
         self._trigger = Trigger(condition, hold, after)
@@ -88,8 +107,8 @@ class Monitor(Block):
         self._onset = self.DeclareDiscreteState(np.array([NOT_YET]))
         self.DeclareVectorOutputPort("excess", 1, weakly(self._calc_excess))
         self.DeclarePerStepPublishEvent(self._watch)
-        if hold > 0:
-            self.DeclarePerStepDiscreteUpdateEvent(self._remember)
+        if hold > 0:  # else the first step at which the condition holds ends the run
+            self.DeclarePerStepDiscreteUpdateEvent(self._update_onset)
 
     def _values(self, context: Context) -> list[Vector]:
         return [port.Eval(context) for port in self._watched]
@@ -98,7 +117,8 @@ class Monitor(Block):
         output.SetAtIndex(0, self._trigger.condition.excess(*self._values(context)))
 
     def _watch(self, context: Context) -> EventStatus:
-        if self._trigger.ends(self._since(context), context.get_time()):
+        """End the run if the condition has lasted long enough."""
+        if self._trigger.ends_run(self._present_onset(context), context.get_time()):
             return EventStatus.ReachedTermination(self, str(self.reason(context)))
         return EventStatus.DidNothing()
 
@@ -106,30 +126,31 @@ class Monitor(Block):
         """Reason why the block ends the run, for a context in which its condition holds."""
         return self._trigger.condition.why(*self._values(context))
 
-    def _remember(self, context: Context, state: DiscreteValues) -> None:
-        state.set_value(self._onset, np.array([self._since(context)]))
+    def _update_onset(self, context: Context, state: DiscreteValues) -> None:
+        state.set_value(self._onset, np.array([self._present_onset(context)]))
 
-    def _since(self, context: Context) -> float:
-        onset = float(context.get_discrete_state(self._onset).value()[0])
-        return self._trigger.since(onset, context.get_time(), self._values(context))
+    def _present_onset(self, context: Context) -> float:
+        """Onset of the condition at the time of a context [s], or NOT_YET."""
+        last_onset = float(context.get_discrete_state(self._onset).value()[0])
+        return self._trigger.next_onset(last_onset, context.get_time(), self._values(context))
 
 
-_NEVER_AGAIN = 1e9  # period [s] of an event that is meant to happen once
+# Period of an event that happens once: longer than any run [s].
+_NEVER_AGAIN = 1e9
 
 
 class EventTimes(Block):
-    """Make a simulation's steps end at given times; the block does nothing else.
+    """Make the steps of a simulation end at given times. The block has no ports.
 
-    Error control measures steps that are smooth: a corner inside of one is smeared over it, and a scheme that
-    freezes its inputs at the start of a step misses part of a push. Steps end at events, so each time is one.
-    The block has no ports.
+    Error control assumes that a signal is smooth over a step, so a corner within a step is blurred. A scheme that holds
+    its inputs constant over a step misses part of a push. Steps end at events, so each time is an event.
     """
 
     def __init__(self, times: Iterable[float]) -> None:
-        """Make the block for ``times`` [s].
+        """Create the block for ``times`` [s].
 
         Raises:
-            InvalidParameter: a time that is negative or not finite.
+            InvalidParameter: a time is negative or not finite.
         """
         super().__init__()
         for time in times:
@@ -137,20 +158,20 @@ class EventTimes(Block):
                 raise InvalidParameter(
                     "times", time, message("blocks.finite_not_negative", "finite and not negative [s]")
                 )
-            self.DeclarePeriodicPublishEvent(period_sec=_NEVER_AGAIN, offset_sec=float(time), publish=self._pass)
+            self.DeclarePeriodicPublishEvent(period_sec=_NEVER_AGAIN, offset_sec=float(time), publish=self._do_nothing)
 
-    def _pass(self, context: Context) -> None:
-        """Let the simulation go on."""
+    def _do_nothing(self, context: Context) -> None:
+        """Do nothing: that the event happens ends the step."""
 
 
 class SteadySteps(Block):
-    """Make a simulation take steps of at most a given length, where nothing else would; the block has no ports."""
+    """Limit the length of a simulation's steps, if nothing else in the diagram does. The block has no ports."""
 
     def __init__(self, period: float) -> None:
-        """Make the block for steps of ``period`` [s].
+        """Create the block for steps of at most ``period`` [s].
 
         Raises:
-            InvalidParameter: a period that is not positive.
+            InvalidParameter: the period is not positive.
         """
         super().__init__()
         if not (np.isfinite(period) and period > 0):

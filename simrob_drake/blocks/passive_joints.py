@@ -1,4 +1,7 @@
-"""Forces on a plant, of C++ primitives alone: at points of bodies, Coulomb friction and end stops of joints."""
+"""Forces on a plant that need no motor: at points of bodies, Coulomb friction of joints, and end stops of joints.
+
+All are made of C++ blocks of Drake, which take little time.
+"""
 
 from collections.abc import Sequence
 
@@ -6,12 +9,19 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant, Propeller, PropellerInfo
-from pydrake.multibody.tree import Frame, Joint, JointActuatorIndex, JointIndex, PdControllerGains
+from pydrake.multibody.tree import Frame, Joint, JointActuator, JointActuatorIndex, JointIndex, PdControllerGains
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Saturation
 
 from simrob_drake.base.frames import Vector
-from simrob_drake.blocks.block import fed, joined, mapped
+from simrob_drake.blocks.block import add_and_connect, add_matrix_gain, add_multiplexer
+
+# Rotations of a frame after which its z axis is the x, y and z axis of the frame before.
+_Z_TO_AXES = (
+    RotationMatrix.MakeYRotation(np.pi / 2),
+    RotationMatrix.MakeXRotation(-np.pi / 2),
+    RotationMatrix.Identity(),
+)
 
 
 def add_external_force(
@@ -23,27 +33,33 @@ def add_external_force(
     point: npt.ArrayLike = (0.0, 0.0, 0.0),
     turns: bool = False,
 ) -> Propeller:
-    """Add a force along the three axes of a frame, as three propellers without drag, at a ``point`` (3,) [m] in it.
+    """Add a force or a torque in the three axes of a frame.
 
-    Drake's Propeller pushes along the z axis of a frame fixed to a body, or ``turns`` it about that axis; three of them
-    make a vector.
+    Drake's Propeller pushes along the z axis of a frame fixed to a body, or turns the body about it. Three of them,
+    without drag, make a vector.
+
+    Args:
+        builder: builder of the diagram.
+        plant: the finalized plant.
+        frame: frame in whose axes the force acts.
+        name: name of the block.
+        point: point of the frame at which the force acts, shape (3,) [m].
+        turns: whether the vector is a torque; otherwise it is a force.
 
     Returns:
-        the block: its ``command`` input (3) is the force [N], or the torque [N·m]; its ``spatial_forces`` output goes
-        to the plant.
+        The block. Its input ``command`` (3) is the force [N] or torque [N·m], and its output ``spatial_forces`` is to
+        be connected to the plant.
     """
     body = frame.body()
     pose = frame.GetFixedPoseInBodyFrame() @ RigidTransform(np.asarray(point, dtype=float))
-    along_z = {
-        "x": RotationMatrix.MakeYRotation(np.pi / 2),
-        "y": RotationMatrix.MakeXRotation(-np.pi / 2),
-        "z": RotationMatrix.Identity(),
-    }
     propellers = [
         PropellerInfo(
-            body.index(), RigidTransform(pose.rotation() @ turn, pose.translation()), float(not turns), float(turns)
+            body_index=body.index(),
+            X_BP=RigidTransform(pose.rotation() @ rotation, pose.translation()),
+            thrust_ratio=float(not turns),
+            moment_ratio=float(turns),
         )
-        for turn in along_z.values()
+        for rotation in _Z_TO_AXES
     ]
     block = builder.AddNamedSystem(name, Propeller(propellers))
     builder.Connect(plant.get_body_poses_output_port(), block.get_body_poses_input_port())
@@ -51,63 +67,103 @@ def add_external_force(
 
 
 def set_friction(plant: MultibodyPlant, joints: Sequence[Joint], friction: Vector, speed: float) -> None:
-    r"""Add Coulomb friction c (n,) [N·m or N] to joints, not negative, before their plant is finalized.
+    r"""Add Coulomb friction to joints of a plant that is not yet finalized.
 
     .. math:: \tau = -c \,\mathrm{sat}(v / v_s), \qquad \mathrm{sat}(x) = \max(-1, \min(1, x))
 
-    is a servo that wants the joint to rest, with no stiffness, the damping c / v_s and the effort limit c. So it is an
-    actuator of the plant beside the motor's, which every scheme of Drake treats alike: the implicit ones without a
-    limit of steps. Stiction is not more than sliding friction, and a load below c creeps by at most v_s, the speed
-    below which it fades [rad/s or m/s]. Whoever wires the plant gives the robot's desired state.
+    This is the law of a servo that holds the joint at rest without stiffness, with the damping :math:`c / v_s` and the
+    effort limit c. So each joint gets a further actuator, in addition to the motor's. Every scheme of Drake treats it
+    alike, and the implicit schemes need no small steps for it. Static friction is not larger than sliding friction, and
+    a load below c moves the joint by at most :math:`v_s`.
+
+    The caller must wire the desired state of the model instance, which then contains the further actuators.
+
+    Args:
+        plant: the plant.
+        joints: n joints.
+        friction: friction c of each joint, shape (n,) [N·m or N], not negative; 0 adds nothing.
+        speed: speed :math:`v_s` below which the friction fades [rad/s or m/s].
     """
-    motors = [plant.get_joint_actuator(JointActuatorIndex(index)) for index in range(plant.num_actuators())]
-    for joint, most in zip(joints, friction.tolist(), strict=True):
-        if most > 0:
-            brake = plant.AddJointActuator(f"{joint.name()}_friction", joint, most)
-            brake.set_controller_gains(PdControllerGains(p=0.0, d=most / speed))
-            motor = next((motor for motor in motors if motor.joint().index() == joint.index()), None)
-            if motor is None:
-                continue  # a passive joint: it has no rotor that Drake could count twice
-            brake.set_default_gear_ratio(motor.default_gear_ratio())
-            brake.set_default_rotor_inertia(motor.default_rotor_inertia())
-            motor.set_default_rotor_inertia(0.0)  # Drake counts the rotor of a joint's last actuator alone
+    motor_of_joint = dict[JointIndex, JointActuator]()  # the first actuator of each joint
+    for index in range(plant.num_actuators()):
+        motor = plant.get_joint_actuator(JointActuatorIndex(index))
+        motor_of_joint.setdefault(motor.joint().index(), motor)
+
+    for joint, effort_limit in zip(joints, friction.tolist(), strict=True):
+        if effort_limit <= 0:
+            continue
+        brake = plant.AddJointActuator(f"{joint.name()}_friction", joint, effort_limit)
+        brake.set_controller_gains(PdControllerGains(p=0.0, d=effort_limit / speed))
+        joint_motor = motor_of_joint.get(joint.index())
+        if joint_motor is not None:
+            # Drake counts the rotor inertia of a joint's last actuator only, so the brake takes over the motor's rotor.
+            brake.set_default_gear_ratio(joint_motor.default_gear_ratio())
+            brake.set_default_rotor_inertia(joint_motor.default_rotor_inertia())
+            joint_motor.set_default_rotor_inertia(0.0)
 
 
 def add_joint_stops(
-    builder: DiagramBuilder, plant: MultibodyPlant, *, stiffness: npt.ArrayLike, damping: npt.ArrayLike
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    *,
+    stiffness: npt.ArrayLike,
+    damping: npt.ArrayLike,
+    joints: Sequence[Joint] | None = None,
 ) -> OutputPort | None:
-    r"""Return the generalized forces (nv) of stops at all finite limits of a plant's one-axis joints; None without any.
+    r"""Add elastic stops at all finite limits of a plant's one-axis joints.
 
-    They are for schemes that know no joint limits: springs and dampers that only push, with :math:`w = q + (d/k)\,v`,
+    They are for schemes that do not know joint limits: springs with dampers, which only push. With
+    :math:`w = q + (d/k)\,v`,
 
     .. math:: \tau = -k\,\bigl(w - \mathrm{clip}(w, q_{lower}, q_{upper})\bigr).
 
-    Inside its range a joint feels nothing, but that the damper already acts d/k (1 ms) before the limit is reached.
-    Figures: the joints of the Simulink models, 1e4 N·m/deg and 10 N·m·s/deg, whose transition of 0.1 deg takes the same
-    place. They have the stiffness k [N·m/rad, and N/m of joints that slide], positive, and the damping d [N·m·s/rad,
-    and N·s/m], not negative: one figure for all joints, or one for each of the plant's velocities (nv,).
+    Within its range a joint feels nothing, except that the damper acts d/k (about 1 ms) before the limit is reached.
+
+    The joints of the Simulink models have 1e4 N·m/deg and 10 N·m·s/deg, with a transition of 0.1 deg at the limit.
+
+    Args:
+        builder: builder of the diagram.
+        plant: the finalized plant.
+        stiffness: stiffness k, positive [N·m/rad, or N/m for prismatic joints]: one value for all joints, or one for
+            each velocity of the plant, shape (nv,).
+        damping: damping d, not negative [N·m·s/rad, or N·s/m], of the same shapes.
+        joints: the joints that get stops if they have limits, or None for all joints of the plant.
+
+    Returns:
+        The generalized forces, size nv. Returns None if no joint has a limit.
     """
-    joints = [plant.get_joint(JointIndex(index)) for index in range(plant.num_joints())]
-    limited = [
-        joint
-        for joint in joints
-        if joint.num_velocities() == 1
-        and np.isfinite([joint.position_lower_limit(), joint.position_upper_limit()]).any()
-    ]
+    if joints is None:
+        joints = [plant.get_joint(JointIndex(index)) for index in range(plant.num_joints())]
+    limited = [joint for joint in joints if joint.num_velocities() == 1 and _has_limit(joint)]
     if not limited:
         return None
-    count, rows = len(limited), np.arange(len(limited))
+    count = len(limited)
+    rows = np.arange(count)
+    position_columns = [joint.position_start() for joint in limited]
     velocities = [joint.velocity_start() for joint in limited]
-    k, d = (np.broadcast_to(values, plant.num_velocities())[velocities] for values in (stiffness, damping))
-    pick = np.zeros((count, plant.num_multibody_states()))
-    pick[rows, [joint.position_start() for joint in limited]] = 1.0
-    pick[rows, [plant.num_positions() + velocity for velocity in velocities]] = d / k
-    push = np.zeros((plant.num_velocities(), 2 * count))
-    push[velocities, rows] = -k
-    push[velocities, count + rows] = k
+    k = np.broadcast_to(stiffness, plant.num_velocities())[velocities]
+    d = np.broadcast_to(damping, plant.num_velocities())[velocities]
 
-    ahead = mapped(builder, "stops.position_ahead", pick, plant.get_state_output_port())
+    # w = q + (d/k) v, from the state of the plant.
+    to_damped_position = np.zeros((count, plant.num_multibody_states()))
+    to_damped_position[rows, position_columns] = 1.0
+    to_damped_position[rows, [plant.num_positions() + velocity for velocity in velocities]] = d / k
+    # tau = -k w + k clip(w), from w and its clipped value.
+    to_force = np.zeros((plant.num_velocities(), 2 * count))
+    to_force[velocities, rows] = -k
+    to_force[velocities, count + rows] = k
+
+    damped_position = add_matrix_gain(
+        builder, "stops.position_ahead", to_damped_position, plant.get_state_output_port()
+    )
     lower = np.array([joint.position_lower_limit() for joint in limited])
     upper = np.array([joint.position_upper_limit() for joint in limited])
-    clip = fed(builder, "stops.range", Saturation(lower, upper), ahead)
-    return mapped(builder, "stops.force", push, joined(builder, "stops.penetration", ahead, clip))
+    clipped = add_and_connect(builder, "stops.range", Saturation(lower, upper), damped_position)
+    both = add_multiplexer(builder, "stops.penetration", damped_position, clipped)
+    return add_matrix_gain(builder, "stops.force", to_force, both)
+
+
+def _has_limit(joint: Joint) -> bool:
+    """Whether a joint with one axis has a finite limit."""
+    limits = [joint.position_lower_limit(), joint.position_upper_limit()]
+    return bool(np.isfinite(limits).any())

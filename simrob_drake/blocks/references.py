@@ -1,9 +1,14 @@
-"""References: desired joint positions over time, as Drake trajectories and the sources that play them."""
+"""References: desired positions of axes as functions of time, and the blocks that play them in a diagram.
+
+A reference is a trajectory of Drake or a sine. The functions of this module make trajectories from samples or targets,
+and answer questions about references of both kinds.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from itertools import pairwise
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -17,15 +22,19 @@ from simrob_drake.base.arguments import SHORTEST
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector, numbers
 from simrob_drake.base.messages import compound, message
-from simrob_drake.blocks.block import fed, summed
+from simrob_drake.base.renaming import former_names_of
+from simrob_drake.blocks.block import add_and_connect, add_sum
 
 BLEND = (10.0, -15.0, 6.0)
-"""Factors of :math:`s^3, s^4, s^5` in the shortest polynomial from 0 to 1 with zero velocity and acceleration there."""
+"""Factors of :math:`s^3, s^4, s^5` in the polynomial from 0 to 1 with zero velocity and acceleration at both ends."""
 PEAK = 1.875
-"""Largest over mean speed of it."""
-_JUMP = 1e-9  # largest change of a position [rad or m] or velocity [rad/s or m/s] that counts as rounding
-_RATE = 1000.0  # samples of a trajectory that is no cubic, or of a sine [Hz]
-_CUBIC = 4  # order of a spline, as of a polynomial of so many coefficients
+"""Largest speed of this polynomial over its mean speed."""
+# Largest change of a position [rad or m] or velocity [rad/s or m/s] that counts as rounding.
+_JUMP = 1e-9
+# Sampling rate of sines, and of trajectories that are not made of cubics [Hz].
+_RATE = 1000.0
+# Order of cubic splines: the count of coefficients of a cubic polynomial.
+_CUBIC_ORDER = 4
 
 
 Samples = tuple[npt.ArrayLike, npt.ArrayLike]
@@ -52,7 +61,7 @@ class ReferenceSignal(ABC):
     @property
     @abstractmethod
     def oscillates(self) -> bool:
-        """Whether the motion repeats for ever, so that samples between two times cannot stand for it."""
+        """Whether the motion repeats for ever, so that samples of a time span do not describe it."""
 
     @property
     @abstractmethod
@@ -139,7 +148,9 @@ class SineReference(ReferenceSignal):
     def values(self, times: Vector, order: int = 0) -> Vector:
         """Compute the positions at times (m,) [s], shape (m, n) [rad], or their derivative of an order."""
         rate = 2 * np.pi * self.frequency
-        swing = self.amplitude * rate**order * np.sin(rate * times[:, np.newaxis] + self.phase + order * np.pi / 2)
+        # Each derivative multiplies the amplitude by the rate, and shifts the phase by a quarter of a turn.
+        angle = rate * times[:, np.newaxis] + self.phase + order * np.pi / 2
+        swing = self.amplitude * rate**order * np.sin(angle)
         return np.asarray(swing if order else self.centre + swing)
 
     @property
@@ -161,7 +172,8 @@ class SineReference(ReferenceSignal):
     def player_key(self) -> Hashable:
         """A source plays one sine only: the key consists of all parameters."""
         parameters = [self.centre, self.amplitude, self.phase]
-        return ("sine", self.frequency, *(tuple(np.asarray(values).tolist()) for values in parameters))
+        entries = [tuple(np.asarray(values).tolist()) for values in parameters]
+        return ("sine", self.frequency, *entries)
 
     @property
     def corner_times(self) -> list[float]:
@@ -186,8 +198,8 @@ class SineReference(ReferenceSignal):
         """
         angular_frequency = np.full(len(self.centre), 2 * np.pi * self.frequency)  # [rad/s]
         wave = builder.AddNamedSystem(name, Sine(self.amplitude, angular_frequency, self.phase))
-        centre = fed(builder, f"{name}.centre", ConstantVectorSource(self.centre))
-        position = summed(builder, f"{name}.sum", wave.get_output_port(0), centre)
+        centre = add_and_connect(builder, f"{name}.centre", ConstantVectorSource(self.centre))
+        position = add_sum(builder, f"{name}.sum", wave.get_output_port(0), centre)
         return ReferenceSource(
             position=position, velocity=wave.get_output_port(1), acceleration=wave.get_output_port(2)
         )
@@ -263,11 +275,15 @@ class TrajectoryReference(ReferenceSignal):
 
         Before the start the position is that at the start, and after the end that at the end.
         """
-        inside = np.clip(times, *self.span)
+        start, end = self.span
+        inside = np.clip(times, start, end)
         derivative = self.trajectory.MakeDerivative(order) if order else self.trajectory
         values = np.asarray(derivative.vector_values(inside.tolist())).T
+        if order == 0:
+            return values
         # Derivatives are zero before the start and after the end.
-        return np.asarray(values * (inside == times)[:, np.newaxis]) if order else values
+        is_inside = inside == times
+        return np.asarray(values * is_inside[:, np.newaxis])
 
     def later(self, time: float) -> Trajectory:
         """Shift the trajectory so that `time` [s] becomes zero. The part before is kept, at negative times.
@@ -277,7 +293,7 @@ class TrajectoryReference(ReferenceSignal):
         """
         if time >= self.trajectory.end_time():
             return hold(self.values(np.array([time]))[0])
-        return _moved(self.trajectory, time)
+        return _shift(self.trajectory, time)
 
     def as_sine(self) -> SineReference | None:
         """A sine without amplitude if the trajectory stands still. Returns None if it moves."""
@@ -285,8 +301,10 @@ class TrajectoryReference(ReferenceSignal):
         position = self.values(np.array([start]))[0]
         if np.isfinite([start, end]).all():
             # A motion to and fro ends where it began, so the samples in between count, too.
-            _, positions, velocities = hermite_samples(self.trajectory, start, end, _RATE)
-            if max(np.abs(positions - position).max(initial=0.0), np.abs(velocities).max(initial=0.0)) > _JUMP:
+            samples = hermite_samples(self.trajectory, start, end, _RATE)
+            largest_distance = np.abs(samples.positions - position).max(initial=0.0)
+            largest_speed = np.abs(samples.velocities).max(initial=0.0)
+            if max(largest_distance, largest_speed) > _JUMP:
                 return None
         zero = np.zeros(len(position))
         return SineReference(centre=position, amplitude=zero, frequency=0.0, phase=zero)
@@ -335,8 +353,9 @@ class TrajectoryReference(ReferenceSignal):
             return ReferenceTable(
                 interpolation="hermite", times=np.array([0.0, duration]), values=np.tile(sample, (2, 1))
             )
-        times, positions, velocities = hermite_samples(self.trajectory, start, end, _RATE)
-        return ReferenceTable(interpolation="hermite", times=times, values=np.hstack([positions, velocities]))
+        samples = hermite_samples(self.trajectory, start, end, _RATE)
+        values = np.hstack([samples.positions, samples.velocities])
+        return ReferenceTable(interpolation="hermite", times=samples.times, values=values)
 
 
 Reference: TypeAlias = Trajectory | ReferenceSignal
@@ -344,7 +363,7 @@ Reference: TypeAlias = Trajectory | ReferenceSignal
 
 
 def as_reference(reference: Reference) -> ReferenceSignal:
-    """Return a reference with the questions of `ReferenceSignal`. A plain trajectory is wrapped."""
+    """Return the reference as a `ReferenceSignal`. A trajectory of Drake is wrapped."""
     return TrajectoryReference(reference) if isinstance(reference, Trajectory) else reference
 
 
@@ -354,8 +373,9 @@ class ReferenceSource:
 
     Attributes:
         position: port of size n [rad].
-        velocity, acceleration: its derivatives [rad/s, rad/s²]; None where they were not asked for.
-        player: the block that plays a trajectory; None of a sine.
+        velocity: port of size n [rad/s], or None if the derivative was not asked for.
+        acceleration: port of size n [rad/s²], or None if the derivative was not asked for.
+        player: the block that plays a trajectory, or None for a sine.
     """
 
     position: OutputPort
@@ -373,122 +393,204 @@ def reference_values(reference: Reference, times: Vector, order: int = 0) -> Vec
 
 
 def smooth(part: Vector) -> Vector:
-    """Return :math:`10 s^3 - 15 s^4 + 6 s^5`, the part of a way from rest to rest at a part s of its time, 0 to 1."""
+    """Compute :math:`10 s^3 - 15 s^4 + 6 s^5`: the part of a path, gone from rest to rest, at a part s of its time."""
     return np.asarray(part**3 * (BLEND[0] + BLEND[1] * part + BLEND[2] * part**2))
 
 
 def hold(position: npt.ArrayLike) -> Trajectory:
-    """Stay at ``position``, shape (n,) [rad]."""
+    """Trajectory that stays at a position, shape (n,) [rad]."""
     return PiecewisePolynomial(np.asarray(position, dtype=float)[:, np.newaxis])
 
 
 def ramp(
     start: npt.ArrayLike, target: npt.ArrayLike, *, duration: float, start_time: float = 0.0, blend: float = 0.0
 ) -> Trajectory:
-    """Go from ``start`` to ``target``, each (n,) [rad], at constant speed.
+    """Trajectory at constant speed from a start to a target.
 
-    With a ``blend`` [s] the speed grows and falls evenly for so long at either end, less than half of the duration.
+    Args:
+        start: positions at the start, shape (n,) [rad].
+        target: positions at the end, shape (n,) [rad].
+        duration: duration of the motion [s].
+        start_time: time at which the motion starts [s].
+        blend: time in which the speed grows evenly at the start, and falls at the end [s]. It must be less than half of
+            the duration. If it is 0, the speed jumps.
     """
     ends = np.array([start, target], dtype=float)
     if not blend:
-        return table([start_time, start_time + duration], ends, linear=True)
+        return interpolate_samples([start_time, start_time + duration], ends, linear=True)
+    # Over a blend the mean speed is half of v, so the distance is v (duration - blend).
     speed = (ends[1] - ends[0]) / (duration - blend)
-    reached, rest = speed * blend / 2, np.zeros_like(speed)
+    blend_distance = speed * blend / 2
+    rest = np.zeros_like(speed)
     times = start_time + np.array([0.0, blend, duration - blend, duration])
-    return hermite(times, [ends[0], ends[0] + reached, ends[1] - reached, ends[1]], [rest, speed, speed, rest])
+    positions = [ends[0], ends[0] + blend_distance, ends[1] - blend_distance, ends[1]]
+    return hermite(times, positions, velocities=[rest, speed, speed, rest])
 
 
 def move(start: npt.ArrayLike, target: npt.ArrayLike, *, duration: float, start_time: float = 0.0) -> Trajectory:
-    """Go from ``start`` to ``target``, each (n,) [rad], resting at both ends, with continuous acceleration."""
+    """Trajectory from a start to a target, each (n,) [rad], from rest to rest with continuous acceleration."""
     return sequence(start, [start_time + duration], [target], start_time=start_time)
 
 
 def sequence(
     start: npt.ArrayLike, times: Sequence[float], targets: Sequence[npt.ArrayLike], *, start_time: float = 0.0
 ) -> Trajectory:
-    """Go through ``targets``, each (n,) [rad], at ``times`` [s], resting at each.
+    """Trajectory through targets that rests at each of them.
 
-    Between two of them by the polynomial of :func:`smooth`.
+    Between two targets it follows the polynomial of :func:`smooth`.
+
+    Args:
+        start: positions at the start, shape (n,) [rad].
+        times: times of arrival at the targets [s].
+        targets: the targets, shape (n,) each [rad].
+        start_time: time at which the motion starts [s].
 
     Raises:
-        InvalidParameter: times that do not rise.
+        InvalidParameter: the times do not rise.
     """
-    breaks = _rising(np.array([start_time, *times], dtype=float), "times")
+    breaks = _check_rising(np.array([start_time, *times], dtype=float), "times")
     points = [np.asarray(point, dtype=float) for point in (start, *targets)]
     segments = []
-    for low, high, before, after in zip(points, points[1:], breaks, breaks[1:], strict=False):
-        span, distance = after - before, high - low
-        shape = BLEND / span ** np.array([3, 4, 5])
-        segments.append(
-            np.array([[Polynomial([q, 0.0, 0.0, *(shape * d)])] for q, d in zip(low, distance, strict=True)])
-        )
+    for (begin, end), (low, high) in zip(pairwise(breaks), pairwise(points), strict=False):
+        # With s = t / T, the factor of s^k becomes that of t^k over T^k.
+        shape = BLEND / (end - begin) ** np.array([3, 4, 5])
+        polynomials = []
+        for position, distance in zip(low, high - low, strict=True):
+            polynomials.append([Polynomial([position, 0.0, 0.0, *(shape * distance)])])
+        segments.append(np.array(polynomials))
     return PiecewisePolynomial(segments, breaks)
 
 
-def table(times: npt.ArrayLike, positions: npt.ArrayLike, *, linear: bool = False) -> Trajectory:
-    """Follow samples, ``times`` (m,) [s] and ``positions`` (m, n) [rad], by a cubic spline or straight lines.
+def interpolate_samples(times: npt.ArrayLike, positions: npt.ArrayLike, *, linear: bool = False) -> Trajectory:
+    """Trajectory through samples, as a cubic spline or as straight lines.
+
+    Args:
+        times: shape (m,) [s].
+        positions: shape (m, n) [rad].
+        linear: whether straight lines join the samples. They always join two samples.
 
     Raises:
-        InvalidParameter: fewer than two samples, times that do not rise, or values that are not finite.
+        InvalidParameter: there are fewer than two samples, the times do not rise, or values are not finite.
     """
-    breaks, samples = _checked(times, positions)
+    breaks, samples = _check_samples(times, positions)
     if linear or len(breaks) < 3:
         return PiecewisePolynomial.FirstOrderHold(breaks, samples.T)
     return PiecewisePolynomial.CubicWithContinuousSecondDerivatives(breaks, samples.T)
 
 
 def hermite(times: npt.ArrayLike, positions: npt.ArrayLike, velocities: npt.ArrayLike) -> Trajectory:
-    """Go through samples with given velocities, both (m, n) [rad, rad/s], by a cubic between each two ``times`` [s].
+    """Trajectory through samples with given velocities, as a cubic between each two samples.
 
-    It is a spline with double knots, since a piecewise polynomial of Drake takes thirty times the memory.
+    It is a spline with double knots: a piecewise polynomial of Drake takes thirty times the memory.
+
+    Args:
+        times: shape (m,) [s].
+        positions: shape (m, n) [rad].
+        velocities: shape (m, n) [rad/s].
 
     Raises:
-        InvalidParameter: as :func:`table`.
+        InvalidParameter: there are fewer than two samples, the times do not rise, or values are not finite.
     """
-    breaks, samples = _checked(times, positions)
-    rates, third = _checked(times, velocities)[1], np.diff(breaks)[:, np.newaxis] / 3
+    breaks, samples = _check_samples(times, positions)
+    _, rates = _check_samples(times, velocities)
+    # The control points of a cubic over the time T, in Bézier form: q0, q0 + v0 T/3, q1 - v1 T/3, q1.
+    thirds = np.diff(breaks)[:, np.newaxis] / 3
     points = np.repeat(samples, 2, axis=0)
-    points[1:-1:2] += third * rates[:-1]
-    points[2::2] -= third * rates[1:]
+    points[1:-1:2] += thirds * rates[:-1]
+    points[2::2] -= thirds * rates[1:]
     knots = np.concatenate([breaks[[0, 0]], np.repeat(breaks, 2), breaks[[-1, -1]]])
-    return BsplineTrajectory(BsplineBasis(_CUBIC, knots.tolist()), list(points[:, :, np.newaxis]))
+    return BsplineTrajectory(BsplineBasis(_CUBIC_ORDER, knots.tolist()), list(points[:, :, np.newaxis]))
 
 
-def hermite_samples(trajectory: Trajectory, start: float, end: float, rate: float) -> tuple[Vector, Vector, Vector]:
-    """Return times (m,) and positions and velocities (m, n) that give a trajectory back from ``start`` to ``end`` [s].
+class HermiteSamples(NamedTuple):
+    """Samples of a trajectory from which cubics reconstruct it.
 
-    Exactly, if it is made of cubics with continuous velocity: then its own breaks are enough. Another is sampled
-    ``rate`` times a second between them.
+    Attributes:
+        times: shape (m,) [s].
+        positions: shape (m, n) [rad].
+        velocities: shape (m, n) [rad/s].
     """
-    breaks, cubic = _breaks(trajectory)
-    grid = np.linspace(start, end, 2 if cubic else max(int((end - start) * rate), 1) + 1)
+
+    times: Vector
+    positions: Vector
+    velocities: Vector
+
+
+def hermite_samples(trajectory: Trajectory, start: float, end: float, rate: float) -> HermiteSamples:
+    """Sample a trajectory so that :func:`hermite` reconstructs it.
+
+    The result is exact if the trajectory is made of cubics with continuous velocity: then its breaks are sampled. Other
+    trajectories are also sampled between their breaks.
+
+    Args:
+        trajectory: the trajectory.
+        start: time of the first sample [s].
+        end: time of the last sample [s].
+        rate: sampling rate between the breaks [Hz].
+    """
+    pieces = _find_pieces(trajectory)
+    count = 2 if pieces.are_smooth_cubics else max(int((end - start) * rate), 1) + 1
+    grid = np.linspace(start, end, count)
+    breaks = pieces.breaks
     inner = breaks[(breaks > start + SHORTEST) & (breaks < end - SHORTEST)]
-    apart = np.abs(np.subtract.outer(grid, inner)).min(axis=1, initial=np.inf) > SHORTEST
-    grid = np.union1d(grid[apart], inner)
-    return grid, trajectory.vector_values(grid).T, trajectory.MakeDerivative().vector_values(grid).T
+    # Samples of the grid that are too close to a break are left out: times of samples must rise.
+    distances = np.abs(np.subtract.outer(grid, inner)).min(axis=1, initial=np.inf)
+    times = np.union1d(grid[distances > SHORTEST], inner)
+    return HermiteSamples(
+        times=times,
+        positions=trajectory.vector_values(times).T,
+        velocities=trajectory.MakeDerivative().vector_values(times).T,
+    )
 
 
-def _breaks(trajectory: Trajectory) -> tuple[Vector, bool]:
-    """Return where the pieces of a trajectory meet [s], and whether they are cubics with continuous velocity."""
+class _Pieces(NamedTuple):
+    """Pieces of a trajectory.
+
+    Attributes:
+        breaks: times at which the pieces meet, with both ends [s]; empty if the trajectory has no pieces.
+        are_smooth_cubics: whether the pieces are cubics, or simpler, and join with continuous velocity.
+    """
+
+    breaks: Vector
+    are_smooth_cubics: bool
+
+
+def _find_pieces(trajectory: Trajectory) -> _Pieces:
+    """Find the pieces of a trajectory."""
     if isinstance(trajectory, BsplineTrajectory):
-        breaks, counts = np.unique(trajectory.basis().knots(), return_counts=True)
-        if trajectory.basis().order() <= _CUBIC and (counts[1:-1] <= _CUBIC - 2).all():
-            return breaks, True
+        knots, repetitions = np.unique(trajectory.basis().knots(), return_counts=True)
+        # A spline of order k is k - 1 - r times continuously differentiable at a knot that occurs r times.
+        is_smooth = (repetitions[1:-1] <= _CUBIC_ORDER - 2).all()
+        if trajectory.basis().order() <= _CUBIC_ORDER and is_smooth:
+            return _Pieces(breaks=knots, are_smooth_cubics=True)
     if isinstance(trajectory, CompositeTrajectory):
-        return np.array(trajectory.get_segment_times()), False
+        return _Pieces(breaks=np.array(trajectory.get_segment_times()), are_smooth_cubics=False)
     if not isinstance(trajectory, PiecewisePolynomial):
-        return np.zeros(0), False
-    pieces = range(trajectory.get_number_of_segments())
-    degrees = [
-        trajectory.getSegmentPolynomialDegree(piece, row) for piece in pieces for row in range(trajectory.rows())
-    ]
-    corners = set(corner_times(trajectory)) - {trajectory.start_time(), trajectory.end_time()}
-    return np.array(trajectory.get_segment_times()), max(degrees) < _CUBIC and not corners
+        return _Pieces(breaks=np.zeros(0), are_smooth_cubics=False)
+
+    largest_degree = max(
+        trajectory.getSegmentPolynomialDegree(piece, row)
+        for piece in range(trajectory.get_number_of_segments())
+        for row in range(trajectory.rows())
+    )
+    inner_corners = set(corner_times(trajectory)) - {trajectory.start_time(), trajectory.end_time()}
+    return _Pieces(
+        breaks=np.array(trajectory.get_segment_times()),
+        are_smooth_cubics=largest_degree < _CUBIC_ORDER and not inner_corners,
+    )
 
 
-def _checked(times: npt.ArrayLike, values: npt.ArrayLike) -> tuple[Vector, Vector]:
-    breaks, samples = numbers(times), numbers(values)
-    if breaks.ndim != 1 or samples.ndim != 2 or len(breaks) != len(samples) or len(breaks) < 2:
+def _check_samples(times: npt.ArrayLike, values: npt.ArrayLike) -> tuple[Vector, Vector]:
+    """Check samples of a reference, and convert them to arrays: times (m,) and values (m, n).
+
+    Raises:
+        InvalidParameter: the shapes do not fit, there are fewer than two samples, the times do not rise, or values are
+            not finite.
+    """
+    breaks = numbers(times)
+    samples = numbers(values)
+    has_shapes = breaks.ndim == 1 and samples.ndim == 2 and len(breaks) == len(samples) and len(breaks) >= 2
+    if not has_shapes:
         shapes = message(
             "blocks.times_and_positions",
             "{times} times, {positions} positions",
@@ -496,8 +598,9 @@ def _checked(times: npt.ArrayLike, values: npt.ArrayLike) -> tuple[Vector, Vecto
             positions=samples.shape,
         )
         raise InvalidParameter("reference", shapes, message("blocks.of_shape_m_n", "(m,) and (m, n), m > 1"))
-    if not (np.isfinite(breaks).all() and np.isfinite(samples).all()):
-        row = int(np.flatnonzero(~(np.isfinite(breaks) & np.isfinite(samples).all(axis=1)))[0])
+    is_finite = np.isfinite(breaks) & np.isfinite(samples).all(axis=1)
+    if not is_finite.all():
+        row = int(np.flatnonzero(~is_finite)[0])
         raise InvalidParameter(
             "reference",
             message(
@@ -509,16 +612,22 @@ def _checked(times: npt.ArrayLike, values: npt.ArrayLike) -> tuple[Vector, Vecto
             ),
             "finite",
         )
-    return _rising(breaks, message("blocks.reference_times", "reference times")), samples
+    return _check_rising(breaks, message("blocks.reference_times", "reference times")), samples
 
 
-def _rising(times: Vector, name: str) -> Vector:
-    """Check that each time (m,) [s] is later than the one before, by more than rounding."""
-    close = np.flatnonzero(~(np.diff(times) >= SHORTEST))
-    if close.size:
-        expected = message("blocks.rising_by", "rising by {shortest:g} s or more each [s]", shortest=SHORTEST)
+def _check_rising(times: Vector, name: str) -> Vector:
+    """Check that each time (m,) [s] is later than the one before, by more than rounding, and return the times.
+
+    Raises:
+        InvalidParameter: a time is not later. It is reported under `name`.
+    """
+    too_close = np.flatnonzero(~(np.diff(times) >= SHORTEST))  # a negation, so that it also finds NaN
+    if too_close.size:
+        first = too_close[0]
         raise InvalidParameter(
-            name, compound("{first:g}, {second:g}", first=times[close[0]], second=times[close[0] + 1]), expected
+            name,
+            compound("{first:g}, {second:g}", first=times[first], second=times[first + 1]),
+            message("blocks.rising_by", "rising by {shortest:g} s or more each [s]", shortest=SHORTEST),
         )
     return times
 
@@ -532,21 +641,21 @@ def later(reference: Reference, time: float) -> Reference:
     return as_reference(reference).later(time)
 
 
-def _moved(trajectory: Trajectory, time: float) -> Trajectory:
+def _shift(trajectory: Trajectory, time: float) -> Trajectory:
+    """Shift a trajectory so that `time` [s] becomes zero."""
     if isinstance(trajectory, PiecewisePolynomial):
-        moved = trajectory.Clone()
-        moved.shiftRight(-time)
-        return moved
+        shifted = trajectory.Clone()
+        shifted.shiftRight(-time)
+        return shifted
     if isinstance(trajectory, BsplineTrajectory):
         basis = trajectory.basis()
-        return BsplineTrajectory(
-            BsplineBasis(basis.order(), [knot - time for knot in basis.knots()]), trajectory.control_points()
-        )
+        knots = [knot - time for knot in basis.knots()]
+        return BsplineTrajectory(BsplineBasis(basis.order(), knots), trajectory.control_points())
     if isinstance(trajectory, CompositeTrajectory):
         segments = range(trajectory.get_number_of_segments())
-        return CompositeTrajectory([_moved(trajectory.segment(number), time) for number in segments])
-    times, *samples = hermite_samples(trajectory, trajectory.start_time(), trajectory.end_time(), _RATE)
-    return hermite(times - time, *samples)
+        return CompositeTrajectory([_shift(trajectory.segment(number), time) for number in segments])
+    samples = hermite_samples(trajectory, trajectory.start_time(), trajectory.end_time(), _RATE)
+    return hermite(samples.times - time, samples.positions, samples.velocities)
 
 
 def corner_times(reference: Reference) -> list[float]:
@@ -561,22 +670,22 @@ def corner_times(reference: Reference) -> list[float]:
 def add_reference(
     builder: DiagramBuilder, reference: Reference, *, name: str = "reference_source", derivatives: int = 0
 ) -> ReferenceSource:
-    """Add the source of a reference; that of a trajectory holds its ends.
+    """Add the source that plays a reference. A trajectory is held at both its ends.
 
-    Steps must end at its :func:`corner_times`: error control measures steps that are smooth, and a scheme that
-    freezes its inputs over a step misses what happens within it.
+    Steps of the simulation must end at the reference's :func:`corner_times`: error control assumes that signals are
+    smooth over a step, and a scheme that holds its inputs constant over a step misses changes within it.
 
     Args:
-        builder: of the diagram.
-        reference: to play.
-        name: of the source.
-        derivatives: how many are given, too; a sine gives both.
+        builder: builder of the diagram.
+        reference: the reference.
+        name: name of the source.
+        derivatives: count of derivatives that are needed, 0 to 2. A sine gives both in any case.
 
     Raises:
-        InvalidParameter: a trajectory that is no column.
+        InvalidParameter: a trajectory is no column.
     """
     return as_reference(reference).add_source(builder, name, derivatives)
 
 
-add_course = add_reference
-"""Its former name."""
+if not TYPE_CHECKING:
+    __getattr__ = former_names_of(__name__, {"add_course": "add_reference", "table": "interpolate_samples"})

@@ -18,32 +18,34 @@ A cascade has a loop for the velocity inside of the one for the position, whose 
 
 Without an integral part it is the law above, as long as the speed is not limited.
 
-A motor on a voltage has less torque the faster it turns (:mod:`simrob_drake.robots.motors`). Its line of stall torque
-:math:`\tau_s` and slope D is a damper beside a servo of constant limit,
+A motor on a voltage has less torque the faster it turns (:mod:`simrob_drake.robots.motors`): its stall torque
+:math:`\tau_s` at rest falls with the slope D. Such a motor acts as a damper D together with a servo of constant limit,
 
 .. math:: \tau = \mathrm{clip}_{\tau_p}\bigl(\mathrm{clip}_{\tau_s}(\tau_c + D v) - D v\bigr),
 
-with the command :math:`\tau_c` and, where its current is limited below that of the stall, the limit :math:`\tau_p`.
+with the commanded torque :math:`\tau_c`. If the motor's current is limited below that of the stall, :math:`\tau_p` is
+the torque of the limited current.
 
-Drake's PidController has no such clamp, and keeps an integrator state even where ki is 0, which made an implicit
-integrator 1.4 times slower on six joints; so the PD part is a MatrixGain here. ``per_joint`` gives each joint blocks
-of its own, as the Simulink picture does; ``vector`` is the same with one group that holds all joints.
+Drake's PidController has no clamped integrator, and keeps an integrator state even if ki is 0, which made an implicit
+integrator 1.4 times slower on six joints. So the PD part is a MatrixGain here. Servos get blocks for each joint, as in
+the Simulink picture (``per_joint``), or the same blocks once for all joints as a vector.
 
-Inside the plant's own actuators discrete and convex solvers treat the same law implicitly; PD and torque limit are set
-in them before the plant is finalized. Feedforward, integral part and reference velocity, torques
-:math:`\tau_e = \tau_{ff} + i + k_d v_r`, enter through the desired position,
+Inside the plant's own actuators, discrete and convex solvers treat the same law implicitly. PD gains and torque limits
+are set in the actuators before the plant is finalized. Feedforward, integral part and reference velocity are torques
+:math:`\tau_e = \tau_{ff} + i + k_d v_r`, which enter through the desired position,
 
 .. math:: k_p (q_r + \tau_e / k_p - q) - k_d v = k_p (q_r - q) - k_d (v - v_r) + i + \tau_{ff},
 
-which the actuator clamps as one. So no other port of the plant is wired: the scheme ``cenic`` differentiates each of
-them at every step. (Drake 1.51 to 1.58 take a desired velocity with the wrong sign under it, too.) Where a joint has no
-stiffness, :math:`\tau_e` of the whole robot enters through the actuation port. A motor's line whose limit of torque is
-its stall torque is exact and implicit there, too: the joint has the damper D, and the servo the gain :math:`k_d - D`
-and the constant limit :math:`\tau_s`.
+so that the actuator clamps their sum. No other port of the plant is then wired: the scheme ``cenic`` differentiates
+each of them at every step. (Drake 1.51 to 1.58 also take a desired velocity with the wrong sign in this scheme.) If a
+joint has no stiffness, :math:`\tau_e` of the whole robot enters through the actuation port. A motor whose torque limit
+is its stall torque is exact and implicit there, too: the joint has the damper D, and the servo has the gain
+:math:`k_d - D` and the constant limit :math:`\tau_s`.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -63,24 +65,28 @@ from simrob_drake.base.constants import LARGEST_GAIN
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Flags, Vector
 from simrob_drake.base.messages import message
-from simrob_drake.blocks.block import fed, joined, mapped
+from simrob_drake.base.renaming import keep_former_attributes
+from simrob_drake.blocks.block import add_and_connect, add_matrix_gain, add_multiplexer
 
 AT_LIMIT = 0.999
 """A motor is at its limit if it takes at least this share of what it can give, see `ServoGains.torque_shares`."""
 NO_TORQUE = 1e-6
 """Torque below which a passive axis rests by itself [N·m or N]: rounding of sums of weights."""
 CLAMP_TIME = 0.02
-"""T [s]: slow enough for fixed steps of 10 ms, far faster than the load that an integrator is there to find."""
+"""Time constant T of the integrator's clamp [s].
+
+It is slow enough for fixed steps of 10 ms, and far faster than loads, which the integrator has to find.
+"""
 
 
 @dataclass(frozen=True)
 class MotorLine:
-    """How the torque of n motors falls with their speed.
+    """Torque of n motors that falls linearly with their speed.
 
     Attributes:
-        stall: torque at rest by the voltage, shape (n,) [N·m]; infinite of axes without a motor.
-        slope: D, shape (n,) [N·m·s/rad]; 0 of axes without a motor.
-        damping: the part of D that the plant's joints have as dampers, shape (n,).
+        stall: torque at rest, which the voltage limits, shape (n,) [N·m]; infinite for axes without a motor.
+        slope: fall D of the torque with the speed, shape (n,) [N·m·s/rad]; 0 for axes without a motor.
+        damping: the part of D that dampers of the plant's joints represent, shape (n,) [N·m·s/rad].
     """
 
     stall: Vector
@@ -88,38 +94,68 @@ class MotorLine:
     damping: Vector
 
     def bounds(self, speed: Vector, limit: Vector) -> tuple[Vector, Vector]:
-        """Return the least and the largest torque (..., n) at a speed (..., n), within a limit (n,) to both sides.
+        """Compute the least and the largest torque at a speed.
 
-        A limit that the line reaches at rest alone is none: against its turning a motor has more than its stall torque.
+        A limit that equals the stall torque is no limit of its own: while a motor is turned against its torque, it has
+        more than its stall torque.
+
+        Args:
+            speed: speeds of the axes, shape (..., n) [rad/s].
+            limit: torque limits of the motors in both directions, shape (n,) [N·m].
+
+        Returns:
+            The lower and the upper bounds, each shape (..., n) [N·m].
         """
         cap = self.cap(limit)
-        lower, upper = (np.clip(side * self.stall - self.slope * speed, -cap, cap) for side in (-1.0, 1.0))
+        lower = np.clip(-self.stall - self.slope * speed, -cap, cap)
+        upper = np.clip(self.stall - self.slope * speed, -cap, cap)
         return lower, upper
 
     def share(self, torque: Vector, speed: Vector, limit: Vector) -> Vector:
-        """Return which part of the voltage or of the current torques (..., n) take at their speeds; 1 is all."""
-        return np.asarray(np.fmax(np.abs(torque + self.slope * speed) / self.stall, np.abs(torque) / self.cap(limit)))
+        """Compute the part of the motors' voltage or current, whichever is larger, that torques need at their speeds.
+
+        Args:
+            torque: torques, shape (..., n) [N·m].
+            speed: speeds of the axes, shape (..., n) [rad/s].
+            limit: torque limits of the motors in both directions, shape (n,) [N·m].
+
+        Returns:
+            The shares, shape (..., n); 1 is all.
+        """
+        voltage_share = np.abs(torque + self.slope * speed) / self.stall
+        current_share = np.abs(torque) / self.cap(limit)
+        return np.asarray(np.fmax(voltage_share, current_share))
 
     def cap(self, limit: Vector) -> Vector:
-        """Return the limit (n,) where it is below the stall torque, else infinity."""
+        """Limits that hold at any speed, shape (n,) [N·m]: those below the stall torque; the others are infinite."""
         return np.where(limit < self.stall, limit, np.inf)
 
 
 @dataclass(frozen=True)
 class ServoGains:
-    """Gains and limits of n servos, each of shape (n,): gains are not negative, limits are positive.
+    """Gains and limits of n servos, each of shape (n,).
 
-    An axis without a motor is passive: its gains and its limits are 0, and its torque is always 0. Of joints that slide
-    the units are N for N·m and m for rad.
+    Gains are not negative, limits are positive. An axis without a motor is passive: its gains and its limits are 0, and
+    its torque is always 0. For prismatic joints, read N instead of N·m and m instead of rad.
+
+    Attributes:
+        kp: stiffness [N·m/rad].
+        ki: integral gain [N·m/(rad·s)].
+        kd: damping [N·m·s/rad].
+        torque_limit: limit of the whole torque [N·m].
+        integral_limit: limit of the integral part alone [N·m].
+        speed_limit: largest speed that the outer loop of a cascade commands [rad/s]. If it is None, the servo is no
+            cascade.
+        line: torque of the motors over their speed. If it is None, only the torque limit counts.
     """
 
-    kp: Vector  # N·m/rad
-    ki: Vector  # N·m/(rad·s)
-    kd: Vector  # N·m·s/rad
-    torque_limit: Vector  # N·m
-    integral_limit: Vector  # N·m, of the integral part alone
-    speed_limit: Vector | None = None  # rad/s, of what the outer loop of a cascade commands; None: no cascade
-    line: MotorLine | None = None  # of the motors; None: the limit is all
+    kp: Vector
+    ki: Vector
+    kd: Vector
+    torque_limit: Vector
+    integral_limit: Vector
+    speed_limit: Vector | None = None
+    line: MotorLine | None = None
 
     @property
     def passive(self) -> Flags:
@@ -173,20 +209,20 @@ class ServoGains:
 
     @property
     def damping(self) -> Vector:
-        """What the plant's joints have as dampers of the motors' lines, (n,) [N·m·s/rad]."""
+        """Damping of the plant's joints that represents the fall of the torque with speed, shape (n,) [N·m·s/rad]."""
         return np.zeros(len(self.kp)) if self.line is None else self.line.damping
 
     @property
-    def cap(self) -> Vector:
-        """What bounds torques at any speed, (n,) [N·m]; infinite of motors that their voltage bounds alone."""
+    def limit_at_any_speed(self) -> Vector:
+        """Torque limits that hold at any speed, shape (n,) [N·m]; infinite for motors limited by their voltage only."""
         return self.torque_limit if self.line is None else self.line.cap(self.torque_limit)
 
     @property
     def actuator_limit(self) -> Vector:
-        """The limit of actuators beside those dampers, (n,) [N·m]: the stall torque where there is one."""
-        return (
-            self.torque_limit if self.line is None else np.where(self.damping > 0, self.line.stall, self.torque_limit)
-        )
+        """Torque limits of the plant's actuators, shape (n,) [N·m]: the stall torque if the joint has the damper."""
+        if self.line is None:
+            return self.torque_limit
+        return np.where(self.line.damping > 0, self.line.stall, self.torque_limit)
 
     def __post_init__(self) -> None:
         """Check the values.
@@ -231,15 +267,26 @@ class ServoGains:
                     )
 
 
+keep_former_attributes(ServoGains, cap="limit_at_any_speed")
+
+
 @dataclass(frozen=True)
 class ServoSignals:
-    """What a bank of n servos reads: output ports of size n, but ``state`` of 2n."""
+    """Output ports that the servos of n joints read, each of size n, except ``state`` of size 2n.
 
-    reference: OutputPort  # desired positions [rad]
-    state: OutputPort  # measured positions and velocities [rad, rad/s]
-    reference_velocity: OutputPort | None = None  # [rad/s]
-    feedforward: OutputPort | None = None  # [N·m], added before the saturation
-    reference_acceleration: OutputPort | None = None  # [rad/s²], of which only the model's torques tell
+    Attributes:
+        reference: desired positions [rad].
+        state: measured positions and velocities [rad, rad/s].
+        reference_velocity: desired velocities [rad/s]. If it is None, the servos damp towards rest.
+        feedforward: torques that are added before the saturation [N·m], or None.
+        reference_acceleration: desired accelerations [rad/s²], or None. Only torques of the model use them.
+    """
+
+    reference: OutputPort
+    state: OutputPort
+    reference_velocity: OutputPort | None = None
+    feedforward: OutputPort | None = None
+    reference_acceleration: OutputPort | None = None
 
 
 def add_servos(
@@ -252,28 +299,42 @@ def add_servos(
     per_joint: bool = True,
     saturated: bool = True,
 ) -> OutputPort:
-    """Add servos for n joints and wire them to the signals that they read.
+    """Add servos for n joints, and connect them to the signals that they read.
 
-    Blocks are called ``<prefix><name>.pd`` and so on, by the names of the joints (``servo.pd`` for a vector):
-    ``per_joint`` blocks for each of them, or one group for all. They saturate, unless the actuators that take the
-    torques do.
+    Args:
+        builder: builder of the diagram.
+        signals: the signals.
+        gains: gains and limits of the servos.
+        names: names of the joints.
+        prefix: prefix of the names of all blocks.
+        per_joint: whether each joint gets blocks of its own, with the name of the joint; otherwise, there is one group
+            of blocks for all joints, with the name ``servo``.
+        saturated: whether the blocks limit the torques; not needed if the actuators that take the torques do.
 
     Returns:
-        the torques, after saturation if the blocks saturate, size n [N·m].
+        The torques, size n [N·m], limited if `saturated`.
     """
     count = len(names)
     groups = {name: [index] for index, name in enumerate(names)} if per_joint else {"servo": list(range(count))}
     selector = _add_selector(builder, signals, list(groups.values()), f"{prefix}joint_signals")
     name_of_all = f"{prefix}torque" if saturated else f"{prefix}command"
     torque = builder.AddNamedSystem(name_of_all, Multiplexer([len(group) for group in groups.values()]))
-    for place, (name, group) in enumerate(groups.items()):
-        bus, row = selector.get_output_port(place), f"{prefix}{name}"
-        command = _add_group(builder, bus, gains, group, signals, row)
+    for number, (name, group) in enumerate(groups.items()):
+        bus = selector.get_output_port(number)
+        group_name = f"{prefix}{name}"
+        command = _add_group(builder, bus, gains, group, signals, group_name)
         if saturated:
-            speed = _speeds_of_bus(signals, len(group))
-            limiter = f"{row}.saturation"
-            command = add_motor(builder, command, gains, group, row, bus=bus, speed=speed, limiter=limiter)
-        builder.Connect(command, torque.get_input_port(place))
+            command = add_motor(
+                builder,
+                command,
+                gains,
+                group,
+                group_name,
+                bus=bus,
+                speed=_speeds_of_bus(signals, len(group)),
+                limiter=f"{group_name}.saturation",
+            )
+        builder.Connect(command, torque.get_input_port(number))
     return torque.get_output_port()
 
 
@@ -288,134 +349,252 @@ def add_motor(
     speed: Vector,
     limiter: str,
 ) -> OutputPort:
-    """Add what bounds the torques that a group of n joints is commanded: its motors' lines, if any, and its limits.
+    """Add the limits of motors to commanded torques: the fall of the torque with speed, if any, and the torque limits.
 
-    Their speeds are ``speed`` (n, size of the bus) times what the bus carries; the last block is called ``limiter``.
+    Args:
+        builder: builder of the diagram.
+        command: commanded torques of n joints [N·m].
+        gains: gains and limits of all servos of the robot.
+        group: indices of the n joints among these servos.
+        name: prefix of the names of the blocks.
+        bus: port that contains the speeds of the joints.
+        speed: matrix from the bus to the speeds, shape (n, size of the bus).
+        limiter: name of the last block, the saturation.
+
+    Returns:
+        The limited torques, size n [N·m].
     """
     if gains.line is not None and gains.line.slope[group].any():
-        each, slope = np.eye(len(group)), gains.line.slope[group, np.newaxis] * speed
-        driven = mapped(
-            builder, f"{name}.drive", np.hstack([each, slope]), joined(builder, f"{name}.drives", command, bus)
-        )
+        identity = np.eye(len(group))
+        slope = gains.line.slope[group, np.newaxis] * speed
+        # The module's equation: add D v, clip to the stall torque, subtract D v.
+        command_and_bus = add_multiplexer(builder, f"{name}.drives", command, bus)
+        to_drive = np.hstack([identity, slope])
+        driven = add_matrix_gain(builder, f"{name}.drive", to_drive, command_and_bus)
         driven = add_saturation(builder, driven, gains.line.stall[group], f"{name}.stall")
-        pair = joined(builder, f"{name}.brakes", driven, bus)
-        command = mapped(builder, f"{name}.brake", np.hstack([each, -slope]), pair)
-    return add_saturation(builder, command, gains.cap[group], limiter)
+        driven_and_bus = add_multiplexer(builder, f"{name}.brakes", driven, bus)
+        to_torque = np.hstack([identity, -slope])
+        command = add_matrix_gain(builder, f"{name}.brake", to_torque, driven_and_bus)
+    return add_saturation(builder, command, gains.limit_at_any_speed[group], limiter)
 
 
 def add_saturation(builder: DiagramBuilder, command: OutputPort, limit: Vector, name: str) -> OutputPort:
-    """Add a saturation at ``limit`` (n,) [N·m] to both sides, and return what it lets through."""
-    return fed(builder, name, Saturation(-limit, limit), command)
+    """Add a saturation at a limit (n,) [N·m] in both directions, and return the saturated port."""
+    return add_and_connect(builder, name, Saturation(-limit, limit), command)
+
+
+class _BusEntry(NamedTuple):
+    """Part of a port that the bus contains for each joint.
+
+    Attributes:
+        port: the port.
+        offset: index in the port of the value of the first joint.
+    """
+
+    port: OutputPort
+    offset: int
 
 
 def _add_selector(builder: DiagramBuilder, signals: ServoSignals, groups: list[list[int]], name: str) -> Selector:
-    """Add the bus: for each group of joints its references, positions, velocities and what else is wired."""
+    """Add the block that sorts the signals by groups of joints.
+
+    Its outputs are the buses of the groups: references, positions, velocities, then reference velocities and
+    feedforward if they are wired, each for all joints of the group.
+
+    Args:
+        builder: builder of the diagram.
+        signals: signals of all joints.
+        groups: indices of the joints of each group.
+        name: name of the block.
+    """
     count = signals.reference.size()
-    rows = [(signals.reference, 0), (signals.state, 0), (signals.state, count)]
-    rows += [(port, 0) for port in (signals.reference_velocity, signals.feedforward) if port is not None]
-    inputs = list(dict.fromkeys(port for port, _ in rows))
-    params = SelectorParams(
-        inputs=[SelectorParams.InputPortParams(name=f"u{k}", size=port.size()) for k, port in enumerate(inputs)],
-        outputs=[
-            SelectorParams.OutputPortParams(
-                name=f"joints_{group[0]}",
-                selections=[
-                    SelectorParams.OutputSelection(input_port_index=inputs.index(port), input_offset=offset + joint)
-                    for port, offset in rows
-                    for joint in group
-                ],
-            )
-            for group in groups
-        ],
-    )
-    selector = Selector(params)
-    fed(builder, name, selector, *inputs)
+    entries = [_BusEntry(signals.reference, 0), _BusEntry(signals.state, 0), _BusEntry(signals.state, count)]
+    if signals.reference_velocity is not None:
+        entries.append(_BusEntry(signals.reference_velocity, 0))
+    if signals.feedforward is not None:
+        entries.append(_BusEntry(signals.feedforward, 0))
+    inputs = list(dict.fromkeys(entry.port for entry in entries))  # each port once, in order
+
+    input_parameters = [
+        SelectorParams.InputPortParams(name=f"u{number}", size=port.size()) for number, port in enumerate(inputs)
+    ]
+    output_parameters = []
+    for group in groups:
+        selections = [
+            SelectorParams.OutputSelection(input_port_index=inputs.index(entry.port), input_offset=entry.offset + joint)
+            for entry in entries
+            for joint in group
+        ]
+        output_parameters.append(SelectorParams.OutputPortParams(name=f"joints_{group[0]}", selections=selections))
+    selector = Selector(SelectorParams(inputs=input_parameters, outputs=output_parameters))
+    add_and_connect(builder, name, selector, *inputs)
     return selector
 
 
 def _add_group(
     builder: DiagramBuilder, bus: OutputPort, gains: ServoGains, group: list[int], signals: ServoSignals, name: str
 ) -> OutputPort:
-    """Add the law of one group of joints, whose signals ``bus`` carries, and return what it commands."""
+    """Add the law of one group of n joints.
+
+    Args:
+        builder: builder of the diagram.
+        bus: signals of the group, see `_add_selector`.
+        gains: gains and limits of all servos.
+        group: indices of the joints among these servos.
+        signals: signals of all joints, which define what the bus contains.
+        name: prefix of the names of the blocks.
+
+    Returns:
+        The commanded torques before saturation, size n [N·m].
+    """
     if gains.speed_limit is not None:
         return _add_cascade(builder, bus, gains, group, signals, name)
-    proportional, derivative = np.diag(gains.kp[group]), np.diag(gains.kd[group])
-    matrix = _of_bus(signals, proportional, -proportional, -derivative, derivative, np.eye(len(group)))
+    identity = np.eye(len(group))
+    kp = np.diag(gains.kp[group])
+    kd = np.diag(gains.kd[group])
+    law = _bus_matrix(signals, reference=kp, position=-kp, velocity=-kd, reference_velocity=kd, feedforward=identity)
     if (gains.ki[group] > 0).any():
         integral = add_integral(builder, [bus], gains, group, name)
-        matrix, bus = np.hstack([matrix, np.eye(len(group))]), joined(builder, f"{name}.signals", bus, integral)
-    return fed(builder, f"{name}.pd", MatrixGain(matrix), bus)
+        law = np.hstack([law, identity])
+        bus = add_multiplexer(builder, f"{name}.signals", bus, integral)
+    return add_and_connect(builder, f"{name}.pd", MatrixGain(law), bus)
 
 
-def _of_bus(signals: ServoSignals, *parts: Vector) -> Vector:
-    """Return the matrix from a bus: parts of references, positions, velocities, reference velocities, feedforward."""
-    wired = (True, True, True, signals.reference_velocity is not None, signals.feedforward is not None)
-    return np.hstack([part for part, there in zip(parts, wired, strict=True) if there])
+def _bus_matrix(
+    signals: ServoSignals,
+    *,
+    reference: Vector,
+    position: Vector,
+    velocity: Vector,
+    reference_velocity: Vector,
+    feedforward: Vector,
+) -> Vector:
+    """Put together a matrix (n, size of the bus) that multiplies the bus of a group, see `_add_selector`.
+
+    Args:
+        signals: signals of all joints. Reference velocity and feedforward are left out if they are not wired.
+        reference: factors of the reference, shape (n, n), as all factors.
+        position: factors of the position.
+        velocity: factors of the velocity.
+        reference_velocity: factors of the reference velocity.
+        feedforward: factors of the feedforward.
+    """
+    blocks = [reference, position, velocity]
+    if signals.reference_velocity is not None:
+        blocks.append(reference_velocity)
+    if signals.feedforward is not None:
+        blocks.append(feedforward)
+    return np.hstack(blocks)
 
 
 def _speeds_of_bus(signals: ServoSignals, count: int) -> Vector:
-    """Return the matrix from the bus of a group of joints to their speeds."""
-    each, none = np.eye(count), np.zeros((count, count))
-    return _of_bus(signals, none, none, each, none, none)
+    """Matrix (count, size of the bus) from the bus of a group of joints to the joints' speeds."""
+    zero = np.zeros((count, count))
+    return _bus_matrix(
+        signals,
+        reference=zero,
+        position=zero,
+        velocity=np.eye(count),
+        reference_velocity=zero,
+        feedforward=zero,
+    )
 
 
 def _add_cascade(
     builder: DiagramBuilder, bus: OutputPort, gains: ServoGains, group: list[int], signals: ServoSignals, name: str
 ) -> OutputPort:
-    """Add the loop of the positions of one group of joints, and within it that of the velocities."""
+    """Add the cascade of one group of n joints: a loop for the velocities inside of the one for the positions.
+
+    The arguments and the result are those of `_add_group`.
+    """
     assert gains.speed_limit is not None
-    each, none = np.eye(len(group)), np.zeros((len(group), len(group)))
-    rate, damping = np.diag(gains.kp[group] / gains.kd[group]), np.diag(gains.kd[group])
-    outer = MatrixGain(_of_bus(signals, rate, -rate, none, each, none))
-    desired = fed(builder, f"{name}.position_loop", outer, bus)
+    identity = np.eye(len(group))
+    zero = np.zeros((len(group), len(group)))
+    kd = np.diag(gains.kd[group])
+
+    # Outer loop: v_c = clip(kp / kd (q_r - q) + v_r).
+    rate = np.diag(gains.kp[group] / gains.kd[group])
+    outer = _bus_matrix(
+        signals, reference=rate, position=-rate, velocity=zero, reference_velocity=identity, feedforward=zero
+    )
+    desired = add_and_connect(builder, f"{name}.position_loop", MatrixGain(outer), bus)
     speed = add_saturation(builder, desired, gains.speed_limit[group], f"{name}.speed_limit")
-    parts, columns = [speed, bus], [damping, _of_bus(signals, none, none, -damping, none, each)]
+
+    # Inner loop: kd (v_c - v) + feedforward + integral part.
+    inner = _bus_matrix(
+        signals, reference=zero, position=zero, velocity=-kd, reference_velocity=zero, feedforward=identity
+    )
+    ports = [speed, bus]
+    columns = [kd, inner]
     if (gains.ki[group] > 0).any():
-        measured = mapped(builder, f"{name}.speed", _speeds_of_bus(signals, len(group)), bus)
-        scaled = replace(gains, ki=gains.ki * gains.kd / gains.kp)
-        parts.append(add_integral(builder, [speed, measured], scaled, group, name))
-        columns.append(each)
-    inner = MatrixGain(np.hstack(columns))
-    return fed(builder, f"{name}.velocity_loop", inner, joined(builder, f"{name}.signals", *parts))
+        measured = add_matrix_gain(builder, f"{name}.speed", _speeds_of_bus(signals, len(group)), bus)
+        scaled_gains = replace(gains, ki=gains.ki * gains.kd / gains.kp)
+        ports.append(add_integral(builder, [speed, measured], scaled_gains, group, name))
+        columns.append(identity)
+    law = MatrixGain(np.hstack(columns))
+    all_ports = add_multiplexer(builder, f"{name}.signals", *ports)
+    return add_and_connect(builder, f"{name}.velocity_loop", law, all_ports)
 
 
 def add_integral(
     builder: DiagramBuilder, ports: Sequence[OutputPort], gains: ServoGains, group: list[int], name: str
 ) -> OutputPort:
-    """Add the clamped integrator of a group: x' = ki e + (clip(x) - x) / T, with clip(x) as its output.
+    """Add the clamped integrator of a group of n joints: x' = ki (r - y) + (clip(x) - x) / T, with the output clip(x).
 
-    The ports carry the group's references and positions first, or speeds; what follows them is not used.
+    Args:
+        builder: builder of the diagram.
+        ports: ports whose first 2n values are the desired values r and the measured values y: positions, or speeds in
+            a cascade. Further values are not used.
+        gains: gains and limits of all servos.
+        group: indices of the joints among these servos.
+        name: prefix of the names of the blocks.
     """
-    count, ki, limit = len(group), np.diag(gains.ki[group]), gains.integral_limit[group]
+    count = len(group)
+    identity = np.eye(count)
+    ki = np.diag(gains.ki[group])
+    leak = identity / CLAMP_TIME
     size = sum(port.size() for port in ports)
     unused = np.zeros((count, size - 2 * count))
-    leak = np.eye(count) / CLAMP_TIME
-    nothing = np.zeros((count, size + count))
-    integrator = LinearSystem(A=-leak, B=np.hstack([ki, -ki, unused, leak]), C=np.eye(count), D=nothing)
+    integrator = LinearSystem(
+        A=-leak,
+        B=np.hstack([ki, -ki, unused, leak]),
+        C=identity,
+        D=np.zeros((count, size + count)),
+    )
     builder.AddNamedSystem(f"{name}.integrator", integrator)
-    clipped = add_saturation(builder, integrator.get_output_port(), limit, f"{name}.integral_clip")
-    fed_back = joined(builder, f"{name}.integrator_input", *ports, clipped)
-    builder.Connect(fed_back, integrator.get_input_port())
+    clipped = add_saturation(
+        builder, integrator.get_output_port(), gains.integral_limit[group], f"{name}.integral_clip"
+    )
+    inputs = add_multiplexer(builder, f"{name}.integrator_input", *ports, clipped)
+    builder.Connect(inputs, integrator.get_input_port())
     return clipped
 
 
 def set_actuators(
     plant: MultibodyPlant, joints: list[JointIndex], gains: ServoGains, *, with_servos: bool = True
 ) -> None:
-    """Put torque limits and, ``with_servos``, PD gains into the actuators of ``joints``, before the plant is finalized.
+    """Set torque limits, dampers and PD gains of the actuators of joints, before the plant is finalized.
 
-    Limits without gains are for the scheme ``cenic``, which clamps the torque of every actuator inside of its convex
-    problem. It linearises what feeds an actuator at the start of a step: behind a block that saturates there is no
-    slope, and a stiff servo, then stepped explicitly, collapses. Other solvers of Drake 1.51 clamp actuators with gains
-    alone.
+    Limits without gains are for the scheme ``cenic``, which clamps the torque of every actuator within its convex
+    problem. The scheme linearises the input of an actuator at the start of a step. A block that saturates has no slope
+    there, so a stiff servo would be stepped explicitly, and become unstable. Other solvers of Drake 1.51 only clamp
+    actuators with gains.
+
+    Args:
+        plant: the plant.
+        joints: joints of the n axes.
+        gains: gains and limits of the servos.
+        with_servos: whether PD gains are set, too.
     """
-    for index in range(plant.num_actuators()):  # the indices of a model instance are known after Finalize() only
+    # All actuators are visited: those of one model instance are known only after Finalize().
+    for index in range(plant.num_actuators()):
         actuator = plant.get_joint_actuator(JointActuatorIndex(index))
-        if actuator.joint().index() not in joints:
+        joint = actuator.joint()
+        if joint.index() not in joints:
             continue
-        axis = joints.index(actuator.joint().index())
+        axis = joints.index(joint.index())
         actuator.set_effort_limit(float(gains.actuator_limit[axis]))
-        actuator.joint().set_default_damping(actuator.joint().default_damping() + float(gains.damping[axis]))
+        joint.set_default_damping(joint.default_damping() + float(gains.damping[axis]))
         if with_servos:
             derivative = float(gains.kd[axis] - gains.damping[axis])
             actuator.set_controller_gains(PdControllerGains(p=float(gains.kp[axis]), d=derivative))
@@ -431,57 +610,86 @@ def add_actuator_servos(
     actuation_map: Vector,
     prefix: str = "",
 ) -> OutputPort:
-    """Wire the desired state of a finalized plant's model instance whose actuators hold the PD gains.
+    """Connect the desired state of a model instance whose actuators contain the PD gains.
 
-    Signals and gains are in axis order; ``actuation_map`` is the matrix (actuators, n) from axis torques to actuator
-    torques.
+    Args:
+        builder: builder of the diagram.
+        plant: the finalized plant.
+        instance: the model instance.
+        signals: signals of the servos, in axis order.
+        gains: gains and limits of the servos, in axis order.
+        actuation_map: matrix from axis torques to actuator torques, shape (actuators, n).
+        prefix: prefix of the names of the blocks.
 
     Returns:
-        the torques that the actuators apply, size n [N·m], in axis order.
+        The torques that the actuators apply, in axis order, size n [N·m].
     """
     if len(actuation_map) == 0:  # a robot without any motor has no actuators to connect
-        return fed(builder, f"{prefix}applied_torque", ConstantVectorSource(np.zeros(len(gains.kp))))
-    extra, torque_of = _extra_torques(builder, signals, gains, prefix)
+        return add_and_connect(builder, f"{prefix}applied_torque", ConstantVectorSource(np.zeros(len(gains.kp))))
+    extra_torques = _extra_torques(builder, signals, gains, prefix)
     driven = ~gains.passive
-    stiff = bool((gains.kp[driven] > 0).all())
+    is_stiff = bool((gains.kp[driven] > 0).all())
     ports = [signals.reference]
     columns: list[Vector] = [np.eye(len(gains.kp))]
-    if stiff:
-        # An axis without a motor has no kp, and no actuator that would read its position: its rows are zero.
-        ports = [*ports, *extra]
-        for matrix in torque_of:
-            offsets = np.zeros(matrix.shape)
-            offsets[driven] = matrix[driven] / gains.kp[driven, np.newaxis]
+    if is_stiff:
+        # Each torque becomes an offset torque / kp of the desired position. An axis without a motor has no kp, and no
+        # actuator that would read its position: its rows are zero.
+        for extra in extra_torques:
+            offsets = np.zeros(extra.matrix.shape)
+            offsets[driven] = extra.matrix[driven] / gains.kp[driven, np.newaxis]
+            ports.append(extra.port)
             columns.append(offsets)
-    elif extra:
-        bus = joined(builder, f"{prefix}extra_torques", *extra)
-        torque = mapped(builder, f"{prefix}actuation", actuation_map @ np.hstack(torque_of), bus)
+    elif extra_torques:
+        bus = add_multiplexer(builder, f"{prefix}extra_torques", *(extra.port for extra in extra_torques))
+        to_actuators = actuation_map @ np.hstack([extra.matrix for extra in extra_torques])
+        torque = add_matrix_gain(builder, f"{prefix}actuation", to_actuators, bus)
         builder.Connect(torque, plant.get_actuation_input_port(instance))
+
+    # The desired velocity is zero: the reference velocity is among the extra torques.
     position = actuation_map @ np.hstack(columns)
-    desired = np.vstack([position, np.zeros_like(position)])
-    source = joined(builder, f"{prefix}desired", *ports)
-    state = mapped(builder, f"{prefix}desired_state", desired, source)
+    to_desired_state = np.vstack([position, np.zeros_like(position)])
+    source = add_multiplexer(builder, f"{prefix}desired", *ports)
+    state = add_matrix_gain(builder, f"{prefix}desired_state", to_desired_state, source)
     builder.Connect(state, plant.get_desired_state_input_port(instance))
-    applied, matrix = plant.get_net_actuation_output_port(instance), actuation_map.T
+
+    applied = plant.get_net_actuation_output_port(instance)
+    to_axes = actuation_map.T
     if gains.damping.any():
-        applied = joined(builder, f"{prefix}applied_and_state", applied, signals.state)
-        matrix = np.hstack([matrix, np.zeros_like(np.diag(gains.kp)), -np.diag(gains.damping)])
-    return mapped(builder, f"{prefix}applied_torque", matrix, applied)
+        # The joints' dampers are a part of the motors: their torques -D v count as the motors'.
+        applied = add_multiplexer(builder, f"{prefix}applied_and_state", applied, signals.state)
+        no_position_part = np.zeros_like(np.diag(gains.kp))
+        to_axes = np.hstack([to_axes, no_position_part, -np.diag(gains.damping)])
+    return add_matrix_gain(builder, f"{prefix}applied_torque", to_axes, applied)
+
+
+class _ExtraTorque(NamedTuple):
+    """A torque of the servos in addition to the PD part.
+
+    Attributes:
+        port: port with n values.
+        matrix: matrix from these values to torques, shape (n, n).
+    """
+
+    port: OutputPort
+    matrix: Vector
 
 
 def _extra_torques(
     builder: DiagramBuilder, signals: ServoSignals, gains: ServoGains, prefix: str
-) -> tuple[list[OutputPort], list[Vector]]:
-    """Return the ports that make torques beside the PD part, and the matrices (n, n) that make these of them."""
-    ports, torque_of = [], []
+) -> list[_ExtraTorque]:
+    """Find the torques in addition to the PD part: of the reference velocity, the feedforward and the integral part.
+
+    Adds the integrators to the diagram.
+    """
+    identity = np.eye(len(gains.kp))
+    extra_torques = list[_ExtraTorque]()
     if signals.reference_velocity is not None:
-        ports.append(signals.reference_velocity)
-        torque_of.append(np.diag(gains.kd))
+        extra_torques.append(_ExtraTorque(signals.reference_velocity, np.diag(gains.kd)))
     if signals.feedforward is not None:
-        ports.append(signals.feedforward)
-        torque_of.append(np.eye(len(gains.kp)))
+        extra_torques.append(_ExtraTorque(signals.feedforward, identity))
     if (gains.ki > 0).any():
-        sources = [signals.reference, signals.state]
-        ports.append(add_integral(builder, sources, gains, list(range(len(gains.kp))), f"{prefix}servo"))
-        torque_of.append(np.eye(len(gains.kp)))
-    return ports, torque_of
+        all_axes = list(range(len(gains.kp)))
+        ports = [signals.reference, signals.state]
+        integral = add_integral(builder, ports, gains, all_axes, f"{prefix}servo")
+        extra_torques.append(_ExtraTorque(integral, identity))
+    return extra_torques

@@ -1,4 +1,8 @@
-"""A net of small blocks, computed as one: whatever is drawn between what is measured and what is commanded."""
+"""A net of small blocks as one system: all blocks between measured and commanded signals, as in a block diagram.
+
+The values of a net are those of :mod:`simrob_drake.blocks.written_net`: the constant 1, the time, the measured values,
+then the outputs of the blocks. An input of a block is a sum of such values with factors.
+"""
 
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
@@ -6,7 +10,7 @@ from functools import reduce
 from graphlib import TopologicalSorter
 from math import gcd, lcm
 from traceback import walk_tb
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.symbolic import Expression, Variable
@@ -15,175 +19,297 @@ from pydrake.systems.primitives import SymbolicVectorSystem
 
 from simrob_drake.base.messages import compound, message
 from simrob_drake.blocks.block import Block
-from simrob_drake.blocks.written_net import SOURCE, WiredBlock, WrittenNet, output_places
+from simrob_drake.blocks.written_net import (
+    FIRST_MEASURED,
+    OUTPUTS,
+    RATES,
+    SAMPLE,
+    SOURCE,
+    WiredBlock,
+    WrittenNet,
+    output_slices,
+)
 
+# Largest count of terms of a net as expressions. An expression that several blocks read is repeated in each of them,
+# and so computed several times.
 _MOST_TERMS = 4000
-"""Of a net as one expression: what several blocks read is written out, and computed, for each of them."""
-_FINEST = 1e-5  # s, of a step that several periods share
+# Shortest common step of several periods [s].
+_SHORTEST_STEP = 1e-5
+# Largest denominator of a period as a fraction of seconds: the resolution is 1 µs.
+_LARGEST_DENOMINATOR = 1_000_000
+# Largest difference of a period from such a fraction, as part of the period [1].
+_PERIOD_ROUNDING = 1e-9
 
 
 def signal_net(blocks: Mapping[str, WiredBlock], measured: int, *, integrated: bool = True) -> LeafSystem:
-    """Return a net of blocks as one system: in C++ unless blocks are sampled, or read each other too often.
+    """Create the system that computes a net of blocks.
 
-    Drake asks expressions for their rates wherever anything is ``integrated``; elsewhere they need no state for that.
+    It is a system of symbolic expressions, which Drake computes in C++. If blocks are sampled, or the expressions would
+    become too long, it is a `SignalNet`.
 
-    Ports:
-        in  the ``measured`` values, if there are any.
-        out the outputs of all blocks, one after the other.
+    Args:
+        blocks: the blocks, by name.
+        measured: count of measured values.
+        integrated: whether the diagram has continuous states. Drake then asks a system of expressions for its time
+            derivatives, for which it needs a state.
+
+    Returns:
+        The system. Its input is the vector of the measured values, if there are any, and its output the vector of all
+        outputs of blocks, block after block.
 
     Raises:
-        graphlib.CycleError: an algebraic loop.
-        ValueError: periods without a common step.
+        graphlib.CycleError: the net has an algebraic loop.
+        ValueError: the periods of the blocks have no common step.
     """
-    order = _sorted(blocks, measured)
-    if any(one.block.period for one in blocks.values()) or _terms(blocks, measured, order) > _MOST_TERMS:
+    order = _computing_order(blocks, measured)
+    wired = list(blocks.values())
+    is_sampled = any(wired_block.block.period for wired_block in wired)
+    if is_sampled or _count_terms(wired, measured, order) > _MOST_TERMS:
         return SignalNet(blocks, measured)
-    return _symbolic(list(blocks.values()), measured, order, integrated=integrated)
+    return _symbolic_net(wired, measured, order, integrated=integrated)
 
 
-def _sorted(blocks: Mapping[str, WiredBlock], measured: int) -> list[int]:
-    names, places = list(blocks), output_places(list(blocks.values()), measured)
-    owner = {place: name for name, found in zip(names, places, strict=True) for place in range(found.start, found.stop)}
-    graph = {
-        name: [owner[place] for terms in one.inputs for place, _ in terms if place in owner and one.block.fed_through]
-        for name, one in blocks.items()
-    }
-    number = {name: place for place, name in enumerate(names)}
-    return [number[name] for name in TopologicalSorter(graph).static_order()]
+def _computing_order(blocks: Mapping[str, WiredBlock], measured: int) -> list[int]:
+    """Sort blocks so that each comes after the blocks whose outputs it needs at the same time.
+
+    Args:
+        blocks: the blocks, by name.
+        measured: count of measured values.
+
+    Returns:
+        The indices of the blocks.
+
+    Raises:
+        graphlib.CycleError: the net has an algebraic loop. It contains the names of its blocks.
+    """
+    slices = output_slices(list(blocks.values()), measured)
+    owner = dict[int, str]()  # name of the block that gives a value, by the value's index
+    for name, own in zip(blocks, slices, strict=True):
+        owner.update(dict.fromkeys(range(own.start, own.stop), name))
+
+    needed = dict[str, list[str]]()
+    for name, wired_block in blocks.items():
+        needed[name] = []
+        if not wired_block.block.has_feedthrough:
+            continue
+        for terms in wired_block.inputs:
+            needed[name] += [owner[index] for index, _ in terms if index in owner]
+
+    number_of = {name: number for number, name in enumerate(blocks)}
+    return [number_of[name] for name in TopologicalSorter(needed).static_order()]
 
 
-def _terms(blocks: Mapping[str, WiredBlock], measured: int, order: Sequence[int]) -> int:
-    """Return how many terms a net has as expressions of what is measured."""
-    wired, places = list(blocks.values()), output_places(list(blocks.values()), measured)
-    counts = [1] * (places[-1].stop if places else 2)
+def _count_terms(wired: Sequence[WiredBlock], measured: int, order: Sequence[int]) -> int:
+    """Estimate the count of terms of a net as expressions of the measured values and the states.
 
-    def taken(one: WiredBlock) -> int:
-        return sum(counts[place] for terms in one.inputs for place, _ in terms)
+    Args:
+        wired: the blocks.
+        measured: count of measured values.
+        order: indices of the blocks in the order of their computation.
+    """
+    slices = output_slices(wired, measured)
+    # Count of terms of each value, if written as an expression.
+    counts = [1] * (slices[-1].stop if slices else FIRST_MEASURED)
+
+    def count_inputs(wired_block: WiredBlock) -> int:
+        """Count the terms of all inputs of a block."""
+        return sum(counts[index] for terms in wired_block.inputs for index, _ in terms)
 
     for number in order:
         block = wired[number].block
-        if block.fed_through:
-            each = 1 + taken(wired[number]) * block.repeats
-            counts[places[number]] = [min(each, _MOST_TERMS)] * block.size
-    return sum(counts) + sum(taken(one) * one.block.repeats for one in wired if one.block.start)
+        if block.has_feedthrough:
+            count = 1 + count_inputs(wired[number]) * block.input_repetitions
+            # Counts grow exponentially along a chain of blocks, so they are limited.
+            counts[slices[number]] = [min(count, _MOST_TERMS)] * block.size
+    # The derivatives of states contain the inputs once more.
+    rate_count = 0
+    for wired_block in wired:
+        if wired_block.block.start:
+            rate_count += count_inputs(wired_block) * wired_block.block.input_repetitions
+    return sum(counts) + rate_count
 
 
-def _symbolic(wired: Sequence[WiredBlock], measured: int, order: Sequence[int], *, integrated: bool) -> LeafSystem:
-    """Return a net of continuous blocks as Drake's own system of expressions, whose states are 0 at the start."""
-    time, zero = Variable("t"), Expression(0.0)
-    inputs = [Variable(f"u{number}") for number in range(measured)]
-    values: list[Any] = [1.0, Expression(time), *map(Expression, inputs)]
-    values += [zero] * sum(one.block.size for one in wired)
-    places = output_places(wired, measured)
-    states = [[Variable(f"x{number}_{k}") for k in range(len(one.block.start))] for number, one in enumerate(wired)]
-    current = [[start + x for start, x in zip(one.block.start, own, strict=True)]
-               for one, own in zip(wired, states, strict=True)]  # fmt: skip
+def _symbolic_net(wired: Sequence[WiredBlock], measured: int, order: Sequence[int], *, integrated: bool) -> LeafSystem:
+    """Create a net of continuous blocks as Drake's system of symbolic expressions.
 
-    def taken(number: int) -> list[Any]:
-        return [sum((k * values[place] for place, k in terms), start=zero) for terms in wired[number].inputs]
+    Args:
+        wired: the blocks.
+        measured: count of measured values.
+        order: indices of the blocks in the order of their computation.
+        integrated: whether the system needs a state, see `signal_net`.
+    """
+    time = Variable("t")
+    zero = Expression(0.0)
+    measured_variables = [Variable(f"u{number}") for number in range(measured)]
+    values: list[Any] = [1.0, Expression(time), *map(Expression, measured_variables)]
+    values += [zero] * sum(wired_block.block.size for wired_block in wired)
+    slices = output_slices(wired, measured)
+
+    # Drake's states are 0 at the start of a run, so each is the difference of a block's state from its start.
+    state_variables = list[Variable]()
+    states = list[list[Any]]()  # states of each block, as expressions
+    for number, wired_block in enumerate(wired):
+        own_variables = [Variable(f"x{number}_{index}") for index in range(len(wired_block.block.start))]
+        state_variables += own_variables
+        states.append([start + x for start, x in zip(wired_block.block.start, own_variables, strict=True)])
+
+    def inputs_of(number: int) -> list[Any]:
+        """Inputs of a block as expressions, with the values so far."""
+        return [sum((factor * values[index] for index, factor in terms), start=zero) for terms in wired[number].inputs]
 
     for number in order:
         block = wired[number].block
-        u = taken(number) if block.fed_through else []
-        values[places[number]] = [zero + value for value in block.output(values[1], current[number], u)]
-    rates = [
-        zero + rate
-        for number, one in enumerate(wired)
-        if one.block.start
-        for rate in one.block.following(current[number], taken(number))
-    ]
-    every = [x for own in states for x in own]
-    if integrated and not every:
-        every, rates = [Variable("none")], [zero]
+        inputs = inputs_of(number) if block.has_feedthrough else []
+        outputs = block.output(values[1], states[number], inputs)
+        # `zero +` makes an expression of a plain number.
+        values[slices[number]] = [zero + value for value in outputs]
+    rates = list[Any]()
+    for number, wired_block in enumerate(wired):
+        if wired_block.block.start:
+            updates = wired_block.block.state_update(states[number], inputs_of(number))
+            rates += [zero + rate for rate in updates]
+
+    if integrated and not state_variables:
+        state_variables = [Variable("none")]
+        rates = [zero]
     return SymbolicVectorSystem(
-        time=time, state=every, input=inputs, dynamics=rates, output=values[2 + measured :], time_period=0.0
+        time=time,
+        state=state_variables,
+        input=measured_variables,
+        dynamics=rates,
+        output=values[FIRST_MEASURED + measured :],
+        time_period=0.0,
     )
 
 
 def _common_step(periods: Sequence[float]) -> float:
-    """Return the longest step of which all periods are multiples; a ValueError without one long enough."""
-    exact = [Fraction(period).limit_denominator(1_000_000) for period in periods]
-    below = reduce(lcm, (one.denominator for one in exact), 1)
-    step = Fraction(reduce(gcd, (int(one * below) for one in exact)), below)
-    if step < _FINEST or any(
-        abs(float(one) - period) > 1e-9 * period for one, period in zip(exact, periods, strict=True)
-    ):
+    """Find the longest step [s] of which all periods [s] are multiples.
+
+    Raises:
+        ValueError: there is none, or it is too short.
+    """
+    fractions = [Fraction(period).limit_denominator(_LARGEST_DENOMINATOR) for period in periods]
+    denominator = reduce(lcm, (fraction.denominator for fraction in fractions), 1)
+    numerators = [int(fraction * denominator) for fraction in fractions]
+    step = Fraction(reduce(gcd, numerators), denominator)
+
+    are_exact = all(
+        abs(float(fraction) - period) <= _PERIOD_ROUNDING * period
+        for fraction, period in zip(fractions, periods, strict=True)
+    )
+    if step < _SHORTEST_STEP or not are_exact:
         listed = ", ".join(f"{period:g}" for period in sorted(set(periods)))
         raise ValueError(message("blocks.periods_of", "periods of {periods} s", periods=listed))
     return float(step)
 
 
-class SignalNet(Block):
-    """Compute a net of blocks in the order in which they depend on each other, by Python that is written out of them.
+class _NetStates(NamedTuple):
+    """States of a net, as lists of numbers.
 
-    Continuous blocks share the station's integration. Sampled ones, whose periods are multiples of a common step, take
-    their samples together, each with what the blocks before it give at that very time, and hold their outputs between.
+    Attributes:
+        continuous: continuous states.
+        sample: number of the next sample.
+        held: states and outputs that sampled blocks hold.
+    """
+
+    continuous: list[float]
+    sample: float
+    held: list[float]
+
+
+class SignalNet(Block):
+    """Compute a net of blocks by Python source that is written for it, see `WrittenNet`.
+
+    Continuous blocks share the station's integration. Sampled blocks, whose periods are multiples of a common step,
+    sample together, each with the outputs of the blocks before it at that very time, and hold their outputs in between.
 
     Ports:
-        in  ``measured`` (m).
+        in  ``measured`` (m): the measured values.
         out ``values``: the outputs of all blocks, one after the other.
     """
 
     def __init__(self, blocks: Mapping[str, WiredBlock], measured: int) -> None:
-        """Make the block, of blocks by name and the size of what is measured.
+        """Create the block.
+
+        Args:
+            blocks: blocks of the net, by name.
+            measured: count m of measured values.
 
         Raises:
-            graphlib.CycleError: an algebraic loop.
-            ValueError: periods without a common step.
+            graphlib.CycleError: the net has an algebraic loop.
+            ValueError: the periods of the blocks have no common step.
         """
         super().__init__()
         self._input = self.DeclareVectorInputPort("measured", measured)
+        self._names = list(blocks)
         wired = list(blocks.values())
-        periods = {number: one.block.period for number, one in enumerate(wired) if one.block.period}
+        periods = {
+            number: wired_block.block.period for number, wired_block in enumerate(wired) if wired_block.block.period
+        }
         step = _common_step(list(periods.values())) if periods else 0.0
         every = {number: round(period / step) for number, period in periods.items()}
-        self._written = WrittenNet(wired, measured, _sorted(blocks, measured), every)
-        self._names = list(blocks)
+        self._written = WrittenNet(wired, measured, _computing_order(blocks, measured), every)
+
         if self._written.continuous:
             self.DeclareContinuousState(BasicVector(self._written.continuous))
         if periods:
-            self.DeclareDiscreteState(np.array([0.0, *self._written.sampled]))  # the number of the sample stands first
+            first_sample = 0.0
+            self.DeclareDiscreteState(np.array([first_sample, *self._written.sampled]))
             self.DeclarePeriodicDiscreteUpdateEvent(step, 0.0, self._sample)
-        size = sum(one.block.size for one in wired)
-        self._output = self.DeclareVectorOutputPort("values", size, self._give)
+        size = sum(wired_block.block.size for wired_block in wired)
+        self._output = self.DeclareVectorOutputPort("values", size, self._calc_values)
 
-    def _known(self, context: Context) -> list[float]:
-        return [1.0, context.get_time(), *(self._input.Eval(context).tolist() if self._input.size() else [])]
+    def _known_values(self, context: Context) -> list[float]:
+        """Values before the outputs of the blocks: the constant 1, the time and the measured values."""
+        measured = self._input.Eval(context).tolist() if self._input.size() else []
+        return [1.0, context.get_time(), *measured]
 
-    def _states(self, context: Context) -> tuple[list[float], list[float]]:
-        """Return the continuous states, and the number of the sample with what is sampled."""
-        discrete = context.num_discrete_state_groups()
-        kept = context.get_discrete_state_vector().CopyToVector().tolist() if discrete else [0.0]
-        return context.get_continuous_state_vector().CopyToVector().tolist(), kept
+    def _states(self, context: Context) -> _NetStates:
+        """Read the states of the net from a context."""
+        continuous = context.get_continuous_state_vector().CopyToVector().tolist()
+        if not context.num_discrete_state_groups():
+            return _NetStates(continuous, sample=0.0, held=[])
+        sample, *held = context.get_discrete_state_vector().CopyToVector().tolist()
+        return _NetStates(continuous, sample=sample, held=held)
 
-    def _computed(self, part: str, *known: Any) -> list[float]:
-        """Return what a function of the net gives; RuntimeError: a block that cannot be computed."""
+    def _compute(self, function: str, *arguments: Any) -> list[float]:
+        """Call a function of the net, see `WrittenNet`.
+
+        Raises:
+            RuntimeError: a block cannot be computed, such as a division by 0.
+        """
         try:
-            found: list[float] = self._written.functions[part](*known)
+            computed: list[float] = self._written.functions[function](*arguments)
         except (ArithmeticError, ValueError) as problem:
             steps = walk_tb(problem.__traceback__)
             frame, line = next(step for step in steps if step[0].f_code.co_filename == SOURCE)
-            number, taken = self._written.at(line)
+            number, input_names = self._written.find_block(line)
             text = message(
                 "blocks.block_cannot_compute",
                 "the block {block} cannot be computed of {values}",
                 block=self._names[number],
-                values=[frame.f_locals[name] for name in taken],
+                values=[frame.f_locals[name] for name in input_names],
             )
             raise RuntimeError(compound("{message}: {problem}", message=text, problem=problem)) from problem
-        return found
+        return computed
 
-    def _give(self, context: Context, output: BasicVector) -> None:
-        x, (_, *held) = self._states(context)
-        output.SetFromVector(self._computed("outputs", self._known(context), x, held, None))
+    def _calc_values(self, context: Context, output: BasicVector) -> None:
+        """Compute the outputs of all blocks. Sampled blocks give what they hold."""
+        states = self._states(context)
+        known = self._known_values(context)
+        no_sample = None
+        output.SetFromVector(self._compute(OUTPUTS, known, states.continuous, states.held, no_sample))
 
     def DoCalcTimeDerivatives(self, context: Context, derivatives: ContinuousState) -> None:  # noqa: N802 - Drake's
-        """Work out how the continuous states change."""
+        """Compute the derivatives of the continuous states."""
         if derivatives.size():
-            values = [*self._known(context), *self._output.Eval(context).tolist()]
-            derivatives.SetFromVector(self._computed("rates", values, self._states(context)[0]))
+            values = [*self._known_values(context), *self._output.Eval(context).tolist()]
+            derivatives.SetFromVector(self._compute(RATES, values, self._states(context).continuous))
 
     def _sample(self, context: Context, discrete: DiscreteValues) -> None:
-        known, (x, (count, *held)) = self._known(context), self._states(context)
-        values = self._computed("outputs", known, x, held, count)
-        discrete.set_value([count + 1, *self._computed("following", [*known, *values], held, count)])
+        """Take a sample of all blocks whose period ends; writes the new state to `discrete`."""
+        states = self._states(context)
+        known = self._known_values(context)
+        outputs = self._compute(OUTPUTS, known, states.continuous, states.held, states.sample)
+        held = self._compute(SAMPLE, [*known, *outputs], states.held, states.sample)
+        discrete.set_value([states.sample + 1, *held])

@@ -46,8 +46,11 @@ def _format_option(name: str, exporter: Exporter | SimrobError) -> tuple[str, An
         name: name of the format.
         exporter: the exporter, or the error that says why it cannot be used.
     """
-    is_broken = isinstance(exporter, SimrobError)
-    text = message("cli.cannot_be_used", "Cannot be used: {problem}", problem=exporter) if is_broken else exporter.help
+    text: str
+    if isinstance(exporter, SimrobError):
+        text = message("cli.cannot_be_used", "Cannot be used: {problem}", problem=exporter)
+    else:
+        text = exporter.help
     option = Annotated[Path | None, typer.Option(flag_of(name), metavar="FILE", help=text)]
     return name, option, None
 

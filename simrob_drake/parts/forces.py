@@ -18,7 +18,7 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Duration, Frequency, Instant, Number, Positive, Strict, Triple
 from simrob_drake.base.signals import applied_signal
-from simrob_drake.blocks.block import fed
+from simrob_drake.blocks.block import add_and_connect
 from simrob_drake.blocks.passive_joints import add_external_force
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.kinds import Kinds
@@ -156,7 +156,8 @@ class Push(ForceSection):
 
     def caption(self) -> str:
         """Return it in words."""
-        return f"{float(np.linalg.norm(self.force)):.3g} N at {self.start:g} s"
+        size = float(np.linalg.norm(self.force))
+        return message("parts.force_push", "{size:.3g} N at {start:g} s", size=size, start=self.start)
 
 
 class SineForce(ForceSection):
@@ -177,7 +178,12 @@ class SineForce(ForceSection):
 
     def caption(self) -> str:
         """Return it in words."""
-        return f"sine ±{float(np.linalg.norm(self.amplitude)):g} N, {self.frequency:.3g} Hz"
+        return message(
+            "parts.force_sine",
+            "sine ±{size:g} N, {frequency:.3g} Hz",
+            size=float(np.linalg.norm(self.amplitude)),
+            frequency=self.frequency,
+        )
 
 
 _PERIOD = 0.01  # s between samples
@@ -233,11 +239,11 @@ class Drag(ForceSection):
         stiffness = self.stiffness or max(whole, _LIGHTEST) * gravity / _LIFT
         gains = stiffness, float(np.sqrt(stiffness * max(body.default_mass(), _LIGHTEST)))
         spring = DragSpring(period=_PERIOD, plant=plant, frame=frame, point=point, gains=gains)
-        return fed(builder, f"{name}.spring", spring, applied, site.state)
+        return add_and_connect(builder, f"{name}.spring", spring, applied, site.state)
 
     def caption(self) -> str:
         """Return it in words."""
-        return f"drag from {self.start:g} to {self.end:g} s"
+        return message("parts.force_drag", "drag from {start:g} to {end:g} s", start=self.start, end=self.end)
 
 
 class DragSpring(SampledBlock):

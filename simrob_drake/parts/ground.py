@@ -1,89 +1,156 @@
-"""What robots stand on: a floor, level or inclined, and boxes: of its terrain, and of pieces fixed in the world.
+"""Ground of a station: a level or inclined floor, and boxes to stand on.
 
-Everything that asks how high something is over the ground, or which way is up from it, asks here.
+The boxes are those of the floor's terrain, and pieces that are fixed in the world. All heights above the ground, and
+all directions away from it, are computed here.
 """
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.renaming import keep_former_attributes
 
-_PRESSED_IN = 5e-3  # a point that lies so little below a surface is on it: contacts give way [m]
-_UPRIGHT = 1e-12
-_TOGETHER = 500  # points that are looked at in one go
+# A point that is less deep below a surface counts as on it, since contacts give way [m].
+_CONTACT_DEPTH = 5e-3
+# Replaces smaller components of the vertical in a box's axes, by which a division would be infinite or undefined [1].
+_SMALLEST_COMPONENT = 1e-12
+# Count of points for which heights are computed at once: it bounds the memory.
+_POINTS_AT_ONCE = 500
+
+Box = tuple[RigidTransform, Vector]
+"""Pose of a box's middle in the world, and half of its sides, shape (3,) [m]."""
+
+
+class _Boxes(NamedTuple):
+    """Boxes as arrays.
+
+    Attributes:
+        rotations: rotations to the world, shape (k, 3, 3).
+        middles: middles in the world, shape (k, 1, 3) [m].
+        halves: half of the sides, shape (k, 1, 3) [m].
+    """
+
+    rotations: Vector
+    middles: Vector
+    halves: Vector
 
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """The ground of a station; without a floor it is the plane z = 0, which carries nothing."""
+    """The ground of a station. Without a floor it is the plane z = 0, on which nothing can stand.
 
-    incline: float = 0.0  # angle of the floor, a plane through the world's origin [rad]
-    heading: float = 0.0  # which way it rises, counterclockwise from the world's x [rad]
-    has_floor: bool = True  # whether there is a floor
-    depth: float = 0.0  # how far below the origin the plane lies that all else of the floor lies on [m]
-    # further bodies to stand on: pose in the world, and half of the sides, shape (3,) [m]
-    boxes: tuple[tuple[RigidTransform, Vector], ...] = field(default=())
+    Attributes:
+        incline: angle of the floor, a plane through the world's origin [rad].
+        heading: direction in which the floor rises, counterclockwise from the world's x axis [rad].
+        has_floor: whether there is a floor.
+        depth: depth below the floor's plane at which there is ground between the boxes [m]; above 0 if the boxes are
+            stones over a ditch.
+        boxes: the boxes.
+    """
+
+    incline: float = 0.0
+    heading: float = 0.0
+    has_floor: bool = True
+    depth: float = 0.0
+    boxes: tuple[Box, ...] = field(default=())
 
     @property
-    def plain(self) -> bool:
-        """Whether it is the plane z = 0 and no more."""
+    def is_level_plane(self) -> bool:
+        """Whether the ground is only the plane z = 0."""
         return not (self.incline or self.boxes)
 
     @cached_property
-    def tilt(self) -> RigidTransform:
-        """Pose of the floor in the world: its z axis is the normal."""
-        about = np.array([np.sin(self.heading), -np.cos(self.heading), 0.0])
-        return RigidTransform(RotationMatrix(AngleAxis(self.incline, about)), np.zeros(3))
+    def floor_pose(self) -> RigidTransform:
+        """Pose of the floor in the world. Its z axis is the floor's normal."""
+        rotation_axis = np.array([np.sin(self.heading), -np.cos(self.heading), 0.0])
+        return RigidTransform(RotationMatrix(AngleAxis(self.incline, rotation_axis)), np.zeros(3))
 
     def floor_heights(self, points: Vector) -> Vector:
-        """Return the level heights of the floor over or under points (m, 3), shape (m,) [m]."""
-        normal = self.tilt.rotation().col(2)
+        """Compute the height of the floor below or above each of m points (m, 3), shape (m,) [m]."""
+        # A point of the plane fulfils n_x x + n_y y + n_z z = 0.
+        normal = self.floor_pose.rotation().col(2)
         return np.asarray(-(points[:, :2] @ normal[:2]) / normal[2])
 
     def beneath(self, points: Vector) -> Vector:
-        """Return the height of the ground beneath each of some points (m, 3): the highest there is, shape (m,) [m]."""
-        parts = np.array_split(points, 1 + len(points) // _TOGETHER)
+        """Compute the height of the highest ground beneath each of m points (m, 3), shape (m,) [m]."""
+        parts = np.array_split(points, 1 + len(points) // _POINTS_AT_ONCE)
         return np.concatenate([self._beneath(part) for part in parts])
 
     def _beneath(self, points: Vector) -> Vector:
-        lowest = self.floor_heights(points) - self.depth / self.tilt.rotation().matrix()[2, 2]
-        tops = self._tops(points)
-        beneath = np.where(tops <= points[:, 2] + _PRESSED_IN, tops, -np.inf)
-        return np.asarray(np.maximum(lowest, beneath.max(axis=0, initial=-np.inf)))
+        """Compute the height of the highest ground beneath each of m points (m, 3), shape (m,) [m]."""
+        # The depth is measured along the normal, so its vertical part is depth / n_z.
+        normal_z = self.floor_pose.rotation().matrix()[2, 2]
+        floor_heights = self.floor_heights(points) - self.depth / normal_z
+        tops = self._box_tops(points)
+        is_beneath = tops <= points[:, 2] + _CONTACT_DEPTH
+        tops_beneath = np.where(is_beneath, tops, -np.inf)
+        return np.asarray(np.maximum(floor_heights, tops_beneath.max(axis=0, initial=-np.inf)))
 
     def height(self, pose: Vector) -> float:
-        """Return how high a pose (7,) or a point (3,) is over the ground beneath [m]: quickly, for every step."""
-        return float(pose[2]) if self.plain else float(pose[2] - self.beneath(pose[np.newaxis, :3])[0])
+        """Compute the height of a pose (7,) or a point (3,) above the ground beneath [m].
+
+        It is fast if the ground is the plane z = 0, for calls in every step.
+        """
+        if self.is_level_plane:
+            return float(pose[2])
+        return float(pose[2] - self.beneath(pose[np.newaxis, :3])[0])
 
     def carries(self, points: Vector, within: float) -> bool:
-        """Tell whether there is something to stand on ``within`` a distance [m] beneath each of some points (m, 3)."""
+        """Check that each of m points (m, 3) has something to stand on beneath, within a distance [m]."""
         if self.has_floor:
             return True
-        tops = self._tops(points)
-        near = (tops <= points[:, 2] + _PRESSED_IN) & (tops >= points[:, 2] - within)
-        return bool(near.size and near.any(axis=0).all())
+        tops = self._box_tops(points)
+        is_beneath = tops <= points[:, 2] + _CONTACT_DEPTH
+        is_close = tops >= points[:, 2] - within
+        can_stand = is_beneath & is_close
+        return bool(can_stand.size and can_stand.any(axis=0).all())
 
     @cached_property
-    def _stacked(self) -> tuple[Vector, Vector, Vector]:
-        """The boxes' rotations (k, 3, 3), middles (k, 1, 3) and halves (k, 1, 3)."""
-        turns = np.array([pose.rotation().matrix() for pose, _ in self.boxes]).reshape(-1, 3, 3)
-        middles = np.array([pose.translation() for pose, _ in self.boxes]).reshape(-1, 1, 3)
-        return turns, middles, np.array([half for _, half in self.boxes]).reshape(-1, 1, 3)
+    def _all_boxes(self) -> _Boxes:
+        """All boxes as arrays. The reshapes are for a ground without boxes."""
+        return _Boxes(
+            rotations=np.array([pose.rotation().matrix() for pose, _ in self.boxes]).reshape(-1, 3, 3),
+            middles=np.array([pose.translation() for pose, _ in self.boxes]).reshape(-1, 1, 3),
+            halves=np.array([half for _, half in self.boxes]).reshape(-1, 1, 3),
+        )
 
-    def _tops(self, points: Vector) -> Vector:
-        """Return where vertical lines through points (m, 3) leave each of k boxes, (k, m) [m], -inf where they miss."""
-        turns, middles, half = self._stacked
-        reach = np.linalg.norm(half[:, 0], axis=1)[:, np.newaxis]
-        low, high = points[:, :2].min(axis=0) - reach, points[:, :2].max(axis=0) + reach
-        near = ((middles[:, 0, :2] >= low) & (middles[:, 0, :2] <= high)).all(axis=1)
-        turns, middles, half = turns[near], middles[near], half[near]  # of boxes over or under some of the points
-        up = turns[:, 2:]  # in the boxes
-        along = np.where(np.abs(up) < _UPRIGHT, _UPRIGHT, up)
-        foot = (points * [1.0, 1.0, 0.0] - middles) @ turns
-        ends = np.sort(np.stack([(-half - foot) / along, (half - foot) / along]), axis=0)
-        enter, leave = ends[0].max(axis=2), ends[1].min(axis=2)
+    def _boxes_near(self, points: Vector) -> _Boxes:
+        """Select the boxes that may be below or above one of m points (m, 3)."""
+        boxes = self._all_boxes
+        # A box is within half of its diagonal from its middle.
+        radii = np.linalg.norm(boxes.halves[:, 0], axis=1)[:, np.newaxis]
+        low = points[:, :2].min(axis=0) - radii
+        high = points[:, :2].max(axis=0) + radii
+        middles = boxes.middles[:, 0, :2]
+        is_near = ((middles >= low) & (middles <= high)).all(axis=1)
+        return _Boxes(rotations=boxes.rotations[is_near], middles=boxes.middles[is_near], halves=boxes.halves[is_near])
+
+    def _box_tops(self, points: Vector) -> Vector:
+        """Compute the heights at which vertical lines through points leave boxes.
+
+        Args:
+            points: shape (m, 3) [m].
+
+        Returns:
+            The heights, shape (k, m) [m], for k boxes near the points; minus infinity if a line misses a box.
+        """
+        boxes = self._boxes_near(points)
+        # A line in the axes of a box: start + z up, with the height z. It is between the two faces of each axis while
+        # -half <= start + z up <= half, and in the box while this holds for all three axes.
+        vertical = boxes.rotations[:, 2:]
+        up = np.where(np.abs(vertical) < _SMALLEST_COMPONENT, _SMALLEST_COMPONENT, vertical)
+        start = (points * [1.0, 1.0, 0.0] - boxes.middles) @ boxes.rotations
+        at_lower_faces = (-boxes.halves - start) / up
+        at_upper_faces = (boxes.halves - start) / up
+        heights = np.sort(np.stack([at_lower_faces, at_upper_faces]), axis=0)
+        enter = heights[0].max(axis=2)
+        leave = heights[1].min(axis=2)
         return np.asarray(np.where(enter <= leave, leave, -np.inf))
+
+
+keep_former_attributes(Ground, plain="is_level_plane", tilt="floor_pose")

@@ -141,7 +141,7 @@ def _walker(robot: LeggedGeometry, station: ResolvedStation) -> Walker:
     """Return what planners know of a robot: its bodies with what it carries, and gravity as it feels it on a slope."""
     own, gaits = station.robots[robot.name], gaits_file(robot.model)
     skeleton = skeleton_of(own.model, urdf_with_pieces(station, own) if own.carried else None)
-    from_floor = station.ground.tilt.rotation().inverse()
+    from_floor = station.ground.floor_pose.rotation().inverse()
     turn = (from_floor @ robot.base_pose.rotation()).matrix()
     heading = np.arctan2(turn[1, 0], turn[0, 0]) + np.deg2rad(gaits.facing_deg)
     seen = RotationMatrix.MakeZRotation(-heading) @ from_floor

@@ -142,7 +142,7 @@ class StationModel(PosedStation):
             pose = tuple(pose_from_transform(place).tolist())
             pieces[name] = pieces[name].model_copy(update={**on, "free": False, "pose": pose})
         if floor is not None and floor.terrain is None:
-            pose = self.resolved.ground.tilt @ RigidTransform(np.array([0.0, 0.0, -_THICK / 2]))
+            pose = self.resolved.ground.floor_pose @ RigidTransform(np.array([0.0, 0.0, -_THICK / 2]))
             box: Any = {"box": (floor.size, floor.size, _THICK), "pose": tuple(pose_from_transform(pose).tolist())}
             pieces[next(name for number in count() if (name := f"floor_{number}") not in pieces)] = PieceConfig(
                 parent=WORLD, **box

@@ -1,8 +1,12 @@
-"""Where the fingers of a hand grasp, and how they close: where the inner faces of two of them meet first.
+"""How the fingers of a hand close, and the frame in which they grasp.
 
-Fingers are their shapes that collide, meshes as convex hulls. Lines along the direction in which two fingertips close
-tell how far their faces are apart, over a grid across it; they meet where they are nearest. Of faces that are longer
-than wide the outermost square counts.
+The shape of a finger is its collision shapes, meshes as convex hulls. The *opening* of a hand is a fraction: 0 with all
+fingers closed, 1 with all fingers open. The *tips* are the two links that reach farthest from the *palm*, the link that
+holds the fingers. Parallel lines along the direction in which the two tips close, one at each point of a grid, measure
+the *gap* between their inner faces. The faces meet where the gap is smallest. If faces are longer than wide, the
+outermost square of them counts.
+
+All points and directions are in the frame of the palm, unless something else is said.
 """
 
 from dataclasses import dataclass
@@ -18,233 +22,405 @@ from simrob_drake.robots.outlines import shape_outline
 from simrob_drake.robots.parse import lone_robot
 from simrob_drake.robots.urdf import link_of, name_of
 
-GRASP = "grasp"  # the frame in which fingers grasp: z points out of the hand, and the fingers close along y
+GRASP = "grasp"
+"""Name of the frame in which fingers grasp: z points out of the hand, and the fingers close along y."""
 
-_LINES = 80  # along each side of the grid
-_HALVINGS = 12  # of the way, to find where fingers meet
-_NEAR = 1e-3  # m: faces that are so little farther apart than the nearest meet, too
-_SKEW = 0.03  # rad: so far off the axes of the hand is along them
-_LEAST = 1e-6  # m
-_LONG = 0.8  # of the reach of the longest finger: what reaches less far is a link of one, not a finger
-_PARTS = np.linspace(0.0, 1.0, 65)  # of the way, at which it is told how far fingers are apart
+_LINES = 80
+"""Count of lines along each side of the grid."""
+
+_HALVINGS = 12
+"""Count of bisections that find the opening at which fingers meet: to 1/4096 of the stroke."""
+
+_SAME_GAP = 1e-3
+"""Points whose gap exceeds the smallest one by at most this belong to the faces that meet [m]."""
+
+_SKEW = 0.03
+"""Directions that are off the axes of the palm by less than this are along these axes [rad]."""
+
+_SMALLEST = 1e-6
+"""Lengths below this are rounding errors [m]."""
+
+_FINGER_REACH = 0.8
+"""A chain of links is a finger if it reaches this fraction of the longest finger's reach; otherwise a part of one."""
+
+_OPENINGS = np.linspace(0.0, 1.0, 65)
+"""Openings at which the gap is measured."""
 
 
-def grasp_frame(model: RobotModel) -> tuple[str, RigidTransform] | None:
-    """Return the link that holds a robot's fingers, and the pose there of the frame in which they grasp.
+class LinkFrame(NamedTuple):
+    """A frame on a link.
 
-    None without fingers, or where they are no two that have shapes and close on each other.
+    Attributes:
+        link: name of the link.
+        pose: pose of the frame in the frame of the link.
     """
-    hand = _Hand(model) if model.fingers else None
-    met = hand and hand.meeting()
-    return None if not hand or not met else (hand.palm.name(), met.pose)
+
+    link: str
+    pose: RigidTransform
+
+
+def grasp_frame(model: RobotModel) -> LinkFrame | None:
+    """Find the frame in which a robot's fingers grasp, on the link that holds them.
+
+    Returns None if the robot has no fingers, or no two fingers with shapes that close on each other.
+    """
+    if not model.fingers:
+        return None
+    hand = _Hand(model)
+    meeting = hand.meeting()
+    if meeting is None:
+        return None
+    return LinkFrame(hand.palm.name(), meeting.pose)
 
 
 @dataclass(frozen=True)
 class Stroke:
-    """How the fingers of a hand close, seen where the inner faces of two of them meet first."""
+    """How the gap between the two faces that meet first depends on the opening of a hand.
+
+    Attributes:
+        gaps: gap between these faces [m] at evenly spaced openings from 0 to 1. It never decreases.
+        fingers: count of the fingers.
+        travel: sum over all axes of the fingers of their travel from closed to open [rad, or m for prismatic axes].
+    """
 
     gaps: Vector
-    """How far these faces are apart [m], at the parts of the way from closed to open, which are evenly spaced."""
-    fingers: int  # how many there are
-    way: float  # how far all their axes go from closed to open, summed up [rad, or m of those that slide]
+    fingers: int
+    travel: float
 
     @property
     def widest(self) -> float:
-        """How far the faces are apart when open [m]."""
+        """Gap of the open hand [m]."""
         return float(self.gaps[-1])
 
-    def part(self, width: float) -> float:
-        """Return which part of the way fingers are open, their faces so far apart [m]; closed is nought."""
-        return float(np.interp(width, self.gaps, _PARTS))
+    def opening(self, gap: float) -> float:
+        """Opening at which the faces have a gap [m]."""
+        return float(np.interp(gap, self.gaps, _OPENINGS))
 
-    def effort(self, part: float) -> float:
-        """Return the effort of each axis [N·m, or N] a newton with which each finger presses, by virtual work."""
-        slope = float(np.interp(part, _PARTS, np.gradient(self.gaps, _PARTS)))
-        return self.fingers * max(slope, _LEAST) / 2 / self.way
+    def effort(self, opening: float) -> float:
+        """Effort of each axis per newton with which each finger presses [N·m/N, or N/N], by virtual work.
+
+        A change of the opening moves each face by half of the change of the gap, and all axes by their travel:
+        effort * travel = fingers * force * d(gap)/d(opening) / 2.
+        """
+        slope = float(np.interp(opening, _OPENINGS, np.gradient(self.gaps, _OPENINGS)))
+        return self.fingers * max(slope, _SMALLEST) / 2 / self.travel
 
 
 def stroke_of(model: RobotModel) -> Stroke | None:
-    """Return how a robot's fingers close; None where no shapes tell that of fingers that turn, and without fingers.
+    """Compute how a robot's fingers close.
 
-    Without shapes, fingers that slide meet where they are closed.
+    Prismatic fingers without shapes are taken to meet where they are closed. Returns None if the robot has no
+    fingers, or if shapes are missing and the fingers turn.
     """
-    found = _Hand(model).stroke() if model.fingers else None
-    if found or not model.fingers or not all(model.prismatic[place] for place in model.fingers):
+    if not model.fingers:
+        return None
+    found = _Hand(model).stroke()
+    is_sliding = all(model.prismatic[axis] for axis in model.fingers)
+    if found is not None or not is_sliding:
         return found
-    way = sum(abs(opened - closed) for closed, opened in model.fingers.values())
-    return Stroke(way * _PARTS, len(model.fingers), way)
+    travel = _travel(model)
+    return Stroke(gaps=travel * _OPENINGS, fingers=len(model.fingers), travel=travel)
+
+
+def _travel(model: RobotModel) -> float:
+    """Sum over all axes of the fingers of their travel from closed to open [rad or m]."""
+    return sum(abs(opened - closed) for closed, opened in model.fingers.values())
 
 
 class _Meeting(NamedTuple):
-    """Two fingertips, the frame in which they grasp, and how far their faces are apart in it [m]."""
+    """Two fingertips at the opening at which they meet.
+
+    Attributes:
+        tips: the two fingertips.
+        direction: unit vector from the first to the second tip, shape (3,).
+        opening: the opening at which they meet, or 0 if they do not touch when closed.
+        pose: pose of the frame in which they grasp.
+        gap: smallest gap between their faces [m].
+    """
 
     tips: "list[_Tip]"
-    way: Vector  # from the one to the other, a unit vector (3,)
-    part: float  # of the way from closed to open
+    direction: Vector
+    opening: float
     pose: RigidTransform
     gap: float
 
 
+class _Gaps(NamedTuple):
+    """The gap between the faces of two fingertips along the lines that hit both.
+
+    Attributes:
+        gaps: gap along each line, negative if the tips overlap, shape (k,) [m].
+        middles: point in the middle of each gap, shape (k, 3) [m].
+    """
+
+    gaps: Vector
+    middles: Vector
+
+
+class _LineHits(NamedTuple):
+    """Where lines enter and leave a fingertip, as distances along the lines.
+
+    Attributes:
+        enters: distance at which each line enters, shape (k,) [m]; infinite if it misses the tip.
+        leaves: distance at which each line leaves, shape (k,) [m]; minus infinite if it misses the tip.
+    """
+
+    enters: Vector
+    leaves: Vector
+
+
+class _Reach(NamedTuple):
+    """How far a finger reaches.
+
+    Attributes:
+        distance: distance of its outermost point from the origin of the palm, with the hand closed [m].
+        tip: the link with this point.
+    """
+
+    distance: float
+    tip: "_Tip"
+
+
 class _Tip:
-    """The outermost link of a finger: its body, and points of its shapes in its frame, (k, 3) each [m]."""
+    """A link of a finger with its shapes.
+
+    Attributes:
+        body: the link.
+        points: corners of all its shapes in the frame of the link, shape (k, 3) [m].
+    """
 
     def __init__(self, body: RigidBody, shapes: list[Vector]) -> None:
+        """Compute the hulls of a link's shapes from their corners, shape (k, 3) each [m]."""
         from scipy.spatial import ConvexHull  # slow to load, and only hands need it
 
-        self.body, self.points = body, np.vstack(shapes)
-        self.planes = [ConvexHull(points).equations for points in shapes]
+        self.body = body
+        self.points = np.vstack(shapes)
+        # A point x is inside of a hull if normal @ x + offset <= 0 for all of its planes: rows (normal, offset).
+        self._planes = [ConvexHull(points).equations for points in shapes]
 
-    def spans(self, pose: RigidTransform, points: Vector, way: Vector) -> tuple[Vector, Vector]:
-        """Return where lines from (k, 3) along a unit vector enter and leave the tip, (k,) [m]; inf, -inf if never."""
-        inside = pose.inverse()
-        points, way = (inside @ points.T).T, inside.rotation() @ way
-        first, last = np.full(len(points), np.inf), np.full(len(points), -np.inf)
-        for planes in self.planes:
-            slope, height = planes[:, :3] @ way, points @ planes[:, :3].T + planes[:, 3]
+    def hits(self, pose: RigidTransform, points: Vector, direction: Vector) -> _LineHits:
+        """Compute where parallel lines enter and leave the tip.
+
+        A line is inside of a hull between the last plane that it crosses inward and the first that it crosses outward.
+
+        Args:
+            pose: pose of the tip.
+            points: a point of each line, shape (k, 3) [m].
+            direction: unit vector along the lines, shape (3,).
+        """
+        to_tip = pose.inverse()
+        points = (to_tip @ points.T).T
+        direction = to_tip.rotation() @ direction
+        first = np.full(len(points), np.inf)
+        last = np.full(len(points), -np.inf)
+        for planes in self._planes:
+            normals = planes[:, :3]
+            slope = normals @ direction  # (planes,), positive where the line leaves
+            height = points @ normals.T + planes[:, 3]  # (lines, planes), positive outside
             with np.errstate(divide="ignore", invalid="ignore"):
-                at = -height / slope
-            enters = np.where(slope < 0, at, -np.inf).max(axis=1)
-            leaves = np.where(slope > 0, at, np.inf).min(axis=1)
-            hit = (enters < leaves) & ~((slope == 0) & (height > 0)).any(axis=1)
-            first = np.where(hit, np.minimum(first, enters), first)
-            last = np.where(hit, np.maximum(last, leaves), last)
-        return first, last
+                crossing = -height / slope
+            enters = np.where(slope < 0, crossing, -np.inf).max(axis=1)
+            leaves = np.where(slope > 0, crossing, np.inf).min(axis=1)
+            # A line along a plane never crosses it, but misses the hull if it is outside of it.
+            is_outside = ((slope == 0) & (height > 0)).any(axis=1)
+            is_hit = (enters < leaves) & ~is_outside
+            first = np.where(is_hit, np.minimum(first, enters), first)
+            last = np.where(is_hit, np.maximum(last, leaves), last)
+        return _LineHits(first, last)
 
 
 class _Hand:
-    """The fingers of a robot alone, seen from the link that holds them."""
+    """The fingers of a robot by itself, seen from the palm.
+
+    Attributes:
+        palm: frame of the link that holds the fingers.
+    """
 
     def __init__(self, model: RobotModel) -> None:
-        self._model, self._robot = model, lone_robot(model)
+        """Build the plant of a robot with fingers."""
+        self._model = model
+        self._robot = lone_robot(model)
         self._context = self._robot.plant.CreateDefaultContext()
-        first = self._robot.plant.get_joint(JointIndex(self._row(self._joints()[0]))).name()
-        palm = next(link_of(joint, "parent") for joint in model.joints if name_of(joint) == first)
+        innermost = self._innermost_joint(self._finger_joints()[0])
+        name = self._robot.plant.get_joint(JointIndex(innermost)).name()
+        # Links without an own frame in the plant may be merged: the URDF tells which link is the palm.
+        palm = next(link_of(joint, "parent") for joint in model.joints if name_of(joint) == name)
         self.palm = self._robot.plant.GetFrameByName(palm, self._robot.instance)
 
     def stroke(self) -> Stroke | None:
-        """Return how the fingers close; None if no two close on each other."""
-        met = self.meeting()
-        if met is None:
+        """Measure the gap over the opening. Returns None if no two fingers close on each other."""
+        meeting = self.meeting()
+        if meeting is None:
             return None
-        self._put(met.part)
-        ends = [met.pose.translation() + side * met.gap / 2 * met.way for side in (-1, 1)]
-        touching = [self._pose(tip).inverse() @ end for tip, end in zip(met.tips, ends, strict=True)]
+        # Follow the two points of the faces that meet, each fixed to its tip.
+        self._open(meeting.opening)
+        touching = []
+        for tip, side in zip(meeting.tips, (-1, 1), strict=True):
+            point = meeting.pose.translation() + side * meeting.gap / 2 * meeting.direction
+            touching.append(self._pose(tip).inverse() @ point)
         gaps = []
-        for part in _PARTS:
-            self._put(part)
-            left, right = (self._pose(tip) @ end for tip, end in zip(met.tips, touching, strict=True))
-            gaps.append((right - left) @ met.way)
-        ways = sum(abs(opened - closed) for closed, opened in self._model.fingers.values())
-        reaches = [reach for reach, _ in self._reaches().values()]
-        return Stroke(np.maximum.accumulate(gaps), sum(reach > _LONG * max(reaches) for reach in reaches), ways)
+        for opening in _OPENINGS:
+            self._open(opening)
+            left, right = (self._pose(tip) @ point for tip, point in zip(meeting.tips, touching, strict=True))
+            gaps.append((right - left) @ meeting.direction)
+        reaches = [reach.distance for reach in self._reaches().values()]
+        fingers = sum(distance > _FINGER_REACH * max(reaches) for distance in reaches)
+        return Stroke(gaps=np.maximum.accumulate(gaps), fingers=fingers, travel=_travel(self._model))
 
     def meeting(self) -> _Meeting | None:
-        """Return where two fingers meet first when they close, or are nearest; None if no two close on each other."""
+        """Find where two fingers meet first when they close. Returns None if no two fingers close on each other."""
         tips = self._tips()
         if len(tips) < 2:
             return None
-        ends = [self._far_points(tips, part) for part in (0.0, 1.0)]
-        closing = (ends[0][0] - ends[1][0]) - (ends[0][1] - ends[1][1])
-        way = closing / max(np.linalg.norm(closing), _LEAST)
-        out = ends[0].mean(axis=0)
-        out = out - (out @ way) * way
-        if min(np.linalg.norm(closing), np.linalg.norm(out)) < _LEAST:
+        closed = self._tip_middles(tips, 0.0)
+        opened = self._tip_middles(tips, 1.0)
+        # The movement of the second tip with respect to the first while they open.
+        opening_move = (closed[0] - opened[0]) - (closed[1] - opened[1])
+        direction = opening_move / max(np.linalg.norm(opening_move), _SMALLEST)
+        # Outward: from the palm to the tips, across the direction in which they close.
+        outward = closed.mean(axis=0)
+        outward = outward - (outward @ direction) * direction
+        if min(np.linalg.norm(opening_move), np.linalg.norm(outward)) < _SMALLEST:
             return None
-        axes = np.column_stack([way, out / np.linalg.norm(out)])
-        turn = np.column_stack([np.cross(*axes.T), axes])
-        if np.trace(turn) < np.trace(turn * (-1, -1, 1)):  # as near to the axes of the hand as it can be
-            turn = turn * (-1, -1, 1)
-        if np.abs(turn - np.round(turn)).max() < _SKEW:  # hands are drawn along their axes
-            turn, way = np.round(turn), np.round(way)
-        return self._met(tips, way, turn)
+        y_and_z = np.column_stack([direction, outward / np.linalg.norm(outward)])
+        rotation = np.column_stack([np.cross(*y_and_z.T), y_and_z])
+        # The direction's sign depends on the order of the tips. Of the two frames, turned by half a turn about z,
+        # choose the one nearer to that of the palm: it has the larger trace.
+        turned = rotation * (-1, -1, 1)
+        if np.trace(rotation) < np.trace(turned):
+            rotation = turned
+        if np.abs(rotation - np.round(rotation)).max() < _SKEW:
+            rotation = np.round(rotation)
+            direction = np.round(direction)
+        return self._find_meeting(tips, direction, rotation)
 
     def _tips(self) -> list[_Tip]:
-        """Return the tips of the two fingers that reach farthest from the palm when closed, in the robot's order."""
+        """Tips of the two fingers that reach farthest from the palm when closed, in the robot's order."""
         reaches = self._reaches()
-        far = sorted(reaches, key=lambda row: -reaches[row][0])[:2]
-        return [reaches[row][1] for row in sorted(far)]
+        farthest = sorted(reaches, key=lambda joint: -reaches[joint].distance)[:2]
+        return [reaches[joint].tip for joint in sorted(farthest)]
 
-    def _reaches(self) -> dict[int, tuple[float, _Tip]]:
-        """Return how far rows of links that start at the palm reach when closed [m], and the link of each that does."""
-        rows = dict[int, tuple[float, _Tip]]()
-        self._put(0.0)
-        for joint in self._joints():
+    def _reaches(self) -> dict[int, _Reach]:
+        """Measure how far each finger reaches when closed, by the index of its joint at the palm.
+
+        Fingers without shapes are left out.
+        """
+        reaches = dict[int, _Reach]()
+        self._open(0.0)
+        for joint in self._finger_joints():
             tip = self._tip(joint.child_body())
             if tip is None:
                 continue
-            reach = float(np.linalg.norm((self._pose(tip) @ tip.points.T).T, axis=1).max())
-            row = self._row(joint)
-            if row not in rows or rows[row][0] < reach:
-                rows[row] = reach, tip
-        return rows
+            distance = float(np.linalg.norm((self._pose(tip) @ tip.points.T).T, axis=1).max())
+            innermost = self._innermost_joint(joint)
+            if innermost not in reaches or reaches[innermost].distance < distance:
+                reaches[innermost] = _Reach(distance, tip)
+        return reaches
 
-    def _joints(self) -> list[Joint]:
-        return [self._robot.joints[place] for place in self._model.fingers]
+    def _finger_joints(self) -> list[Joint]:
+        """Joints of all fingers, in the robot's order."""
+        return [self._robot.joints[axis] for axis in self._model.fingers]
 
-    def _row(self, joint: Joint) -> int:
-        """Return the index of the joint next to the palm from which a joint of a finger follows."""
-        inboard = {int(own.child_body().index()): own for own in self._joints()}
-        while (index := int(joint.parent_body().index())) in inboard:
-            joint = inboard[index]
+    def _innermost_joint(self, joint: Joint) -> int:
+        """Index of the joint at the palm that moves a joint of a finger: the first of the finger's joints."""
+        joint_of_body = {int(own.child_body().index()): own for own in self._finger_joints()}
+        while (parent := int(joint.parent_body().index())) in joint_of_body:
+            joint = joint_of_body[parent]
         return int(joint.index())
 
     def _tip(self, body: RigidBody) -> _Tip | None:
+        """Collect the collision shapes of a link that have a volume. Returns None if it has none."""
         inspector = self._robot.scene_graph.model_inspector()
-        shapes = self._robot.plant.GetCollisionGeometriesForBody(body)
-        points = [shape_outline(inspector, shape) for shape in shapes]
-        thick = [own for own in points if np.linalg.matrix_rank(own - own.mean(axis=0), tol=_LEAST) == 3]
-        return _Tip(body, thick) if thick else None
+        outlines = []
+        for shape in self._robot.plant.GetCollisionGeometriesForBody(body):
+            outline = shape_outline(inspector, shape)
+            is_solid = np.linalg.matrix_rank(outline - outline.mean(axis=0), tol=_SMALLEST) == 3
+            if is_solid:
+                outlines.append(outline)
+        return _Tip(body, outlines) if outlines else None
 
-    def _put(self, part: float) -> None:
-        """Open the fingers by a part of their way."""
+    def _open(self, opening: float) -> None:
+        """Set all fingers to an opening, and the other axes to their home positions."""
         position = self._model.home.copy()
-        for place, (closed, opened) in self._model.fingers.items():
-            position[place] = closed + part * (opened - closed)
+        for axis, (closed, opened) in self._model.fingers.items():
+            position[axis] = closed + opening * (opened - closed)
         self._robot.axes.set_positions(self._robot.plant, self._context, position)
 
     def _pose(self, tip: _Tip) -> RigidTransform:
+        """Pose of a tip at the present opening."""
         return self._robot.plant.CalcRelativeTransform(self._context, self.palm, tip.body.body_frame())
 
-    def _far_points(self, tips: list[_Tip], part: float) -> Vector:
-        """Return the middle of each tip, the fingers open by a part of their way, shape (2, 3) [m]."""
-        self._put(part)
+    def _tip_middles(self, tips: list[_Tip], opening: float) -> Vector:
+        """Compute the middle of the corners of two tips at an opening, shape (2, 3) [m]."""
+        self._open(opening)
         return np.array([self._pose(tip) @ tip.points.mean(axis=0) for tip in tips])
 
-    def _met(self, tips: list[_Tip], way: Vector, turn: Vector) -> _Meeting | None:
-        """Return where faces meet first when the fingers close along a unit vector, or are nearest."""
-        apart, low, high = self._gaps(tips, way, turn, 0.0), 0.0, 1.0
-        if apart is not None and apart[0].min() < -_LEAST:
-            for _ in range(_HALVINGS):
-                middle = (low + high) / 2
-                tried = self._gaps(tips, way, turn, middle)
-                if tried is not None and tried[0].min() < 0:
-                    apart, low = tried, middle
-                else:
-                    high = middle
-        if apart is None:
-            return None
-        gaps, middles = apart
-        met = middles[gaps <= gaps.min() + _NEAR]
-        across, _, out = (met @ turn).T
-        place = met[out >= out.max() - np.ptp(across) - _LEAST].mean(axis=0)
-        pose = RigidTransform(RotationMatrix(turn), np.round(place, 6) + 0.0)
-        return _Meeting(tips, way, low, pose, float(gaps.min()))
+    def _find_meeting(self, tips: list[_Tip], direction: Vector, rotation: Vector) -> _Meeting | None:
+        """Find the opening at which two faces meet, by bisection, or the closed hand if they never touch.
 
-    def _gaps(self, tips: list[_Tip], way: Vector, turn: Vector, part: float) -> tuple[Vector, Vector] | None:
-        """Return how far the faces of two tips are apart along lines of a grid (k,), and between them (k, 3) [m]."""
-        self._put(part)
+        Args:
+            tips: the two fingertips.
+            direction: unit vector along which they close, shape (3,).
+            rotation: rotation matrix of the frame in which they grasp, shape (3, 3).
+
+        Returns:
+            the meeting, or None if no line along the direction hits both tips.
+        """
+        measured = self._measure_gaps(tips, direction, rotation, 0.0)
+        opening = 0.0
+        if measured is not None and measured.gaps.min() < -_SMALLEST:
+            # The faces overlap when closed: find the largest opening at which they still touch.
+            clear = 1.0
+            for _ in range(_HALVINGS):
+                middle = (opening + clear) / 2
+                tried = self._measure_gaps(tips, direction, rotation, middle)
+                if tried is not None and tried.gaps.min() < 0:
+                    measured = tried
+                    opening = middle
+                else:
+                    clear = middle
+        if measured is None:
+            return None
+        is_at_face = measured.gaps <= measured.gaps.min() + _SAME_GAP
+        face_points = measured.middles[is_at_face]
+        across, _, out = (face_points @ rotation).T
+        # Of a face that is longer than wide, only the outermost square counts.
+        is_in_square = out >= out.max() - np.ptp(across) - _SMALLEST
+        origin = face_points[is_in_square].mean(axis=0)
+        pose = RigidTransform(RotationMatrix(rotation), np.round(origin, 6) + 0.0)  # the sum turns -0.0 into 0.0
+        return _Meeting(tips, direction, opening, pose, float(measured.gaps.min()))
+
+    def _measure_gaps(self, tips: list[_Tip], direction: Vector, rotation: Vector, opening: float) -> _Gaps | None:
+        """Measure the gap between two tips along the lines of a grid, over the area that both cover.
+
+        Args:
+            tips: the two fingertips.
+            direction: unit vector along the lines, shape (3,).
+            rotation: rotation matrix of the frame in which they grasp. The grid is along its x and z axes.
+            opening: the opening of the hand.
+
+        Returns:
+            the gaps, or None if no line hits both tips.
+        """
+        self._open(opening)
         poses = [self._pose(tip) for tip in tips]
-        seen = [(pose @ tip.points.T).T @ turn for tip, pose in zip(tips, poses, strict=True)]
-        low, high = np.max([own.min(axis=0) for own in seen], axis=0), np.min([own.max(axis=0) for own in seen], axis=0)
-        if low[0] >= high[0] or low[2] >= high[2]:
+        corners = [(pose @ tip.points.T).T @ rotation for tip, pose in zip(tips, poses, strict=True)]
+        lower = np.max([points.min(axis=0) for points in corners], axis=0)
+        upper = np.min([points.max(axis=0) for points in corners], axis=0)
+        x, z = 0, 2
+        if lower[x] >= upper[x] or lower[z] >= upper[z]:
             return None
-        middles = (np.arange(_LINES) + 0.5) / _LINES
-        sides = [low[axis] + middles * (high[axis] - low[axis]) for axis in (0, 2)]
+        fractions = (np.arange(_LINES) + 0.5) / _LINES
+        sides = [lower[axis] + fractions * (upper[axis] - lower[axis]) for axis in (x, z)]
         grid = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 2)
-        points = grid @ turn[:, [0, 2]].T
-        (_, leaves), (enters, _) = (tip.spans(pose, points, way) for tip, pose in zip(tips, poses, strict=True))
-        hit = np.isfinite(leaves) & np.isfinite(enters)
-        if not hit.any():
+        points = grid @ rotation[:, [x, z]].T
+        # The inner face of the first tip is where lines leave it, that of the second where they enter it.
+        leaves = tips[0].hits(poses[0], points, direction).leaves
+        enters = tips[1].hits(poses[1], points, direction).enters
+        is_hit = np.isfinite(leaves) & np.isfinite(enters)
+        if not is_hit.any():
             return None
-        enters, leaves = enters[hit], leaves[hit]
-        return enters - leaves, points[hit] + ((leaves + enters) / 2)[:, np.newaxis] * way
+        leaves = leaves[is_hit]
+        enters = enters[is_hit]
+        middles = points[is_hit] + ((leaves + enters) / 2)[:, np.newaxis] * direction
+        return _Gaps(enters - leaves, middles)

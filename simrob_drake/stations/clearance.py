@@ -153,7 +153,7 @@ def shape_points(station: StationPlant, robot: StationRobot, context: Context) -
     """
     plant = station.plant
     inspector = station.scene_graph.model_inspector()
-    floor_pose = station.ground.tilt  # in the world
+    floor_pose = station.ground.floor_pose  # in the world
     world_in_floor = floor_pose.inverse()
     found = []
     for body in map(plant.get_body, plant.GetBodyIndices(robot.instance)):
@@ -170,7 +170,7 @@ def _support_points(station: StationPlant, robot: StationRobot, context: Context
     if robot.feet is None:
         shapes = shape_points(station, robot, context)
         return [SupportPoints(shape.body.body_frame(), shape.points) for shape in shapes]
-    floor_pose = station.ground.tilt  # in the world
+    floor_pose = station.ground.floor_pose  # in the world
     found = []
     for link in robot.feet.links:
         frame = station.plant.GetFrameByName(link, robot.instance)

@@ -13,7 +13,7 @@ from simrob_drake.base.errors import InvalidParameter, SimrobError
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.lifetime import built
 from simrob_drake.base.messages import message
-from simrob_drake.blocks.block import fed, joined
+from simrob_drake.blocks.block import add_and_connect, add_multiplexer
 from simrob_drake.blocks.references import (
     Reference,
     ReferenceSource,
@@ -21,8 +21,8 @@ from simrob_drake.blocks.references import (
     add_reference,
     as_reference,
     corner_times,
+    interpolate_samples,
     reference_values,
-    table,
 )
 from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.forces import ForceConfig
@@ -165,7 +165,7 @@ def _add_zeros(builder: DiagramBuilder, ports: StationPorts) -> None:
     for name, port in ports.inputs.items():
         if builder.IsConnectedOrExported(port):
             continue
-        zero = fed(builder, f"{name}.zero", ConstantVectorSource(np.zeros(port.size())))
+        zero = add_and_connect(builder, f"{name}.zero", ConstantVectorSource(np.zeros(port.size())))
         builder.Connect(zero, port)
         owner = next((robot for robot in ports.plant.robots.values() if name.startswith(robot.prefix)), None)
         ports.picture.draw(f"{name}.zero", "reference", "0", owner)
@@ -261,7 +261,7 @@ def _add_prescribed(
     source = add_reference(builder, reference, name=f"{name}.source", derivatives=2)
     assert source.velocity is not None
     assert source.acceleration is not None
-    motion = joined(builder, f"{name}.motion", source.position, source.velocity, source.acceleration)
+    motion = add_multiplexer(builder, f"{name}.motion", source.position, source.velocity, source.acceleration)
     builder.Connect(motion, ports.inputs[name])
     ports.edges.extend(corner_times(reference))
     caption = ports.config.prescribed[f"{robot.prefix}{axis}"].caption(robot.model)
@@ -408,4 +408,4 @@ def _interpolate(samples: Samples, robot: ResolvedRobot, *, linear: bool) -> Tra
             message("stations.array_of", "an array of {shape}", shape=shape),
             message("stations.columns_a_joint", "of {count} columns, one a joint [rad]", count=len(robot.axes)),
         )
-    return table(samples[0], positions, linear=linear)
+    return interpolate_samples(samples[0], positions, linear=linear)

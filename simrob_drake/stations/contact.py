@@ -31,7 +31,7 @@ from pydrake.systems.primitives import ConstantVectorSource, Saturation
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, join_texts, message
-from simrob_drake.blocks.block import fed, mapped, summed
+from simrob_drake.blocks.block import add_and_connect, add_matrix_gain, add_sum
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.parts.targets import FLOOR, piece_of_shape
 from simrob_drake.stations.config import StationConfig
@@ -64,11 +64,19 @@ def needs_shapes(config: StationConfig) -> bool:
     return config.contact is not None or (not config.engine.moves_by_forces and measures_shapes)
 
 
-def apply_materials(plant: MultibodyPlant, scene_graph: SceneGraph, station: ResolvedStation) -> None:
-    """Write stiffness, dissipation, friction and modulus into the shapes of a plant, before the plant is finalized.
+def apply_materials(
+    plant: MultibodyPlant, scene_graph: SceneGraph, station: ResolvedStation, shapes: Sequence[GeometryId]
+) -> None:
+    """Write stiffness, dissipation, friction and modulus into the shapes of a station, before its plant is finalized.
 
     Finalizing makes the collision filters between neighbouring links, and a shape would lose them if its material were
     written later.
+
+    Args:
+        plant: the plant, not finalized.
+        scene_graph: the scene graph of the plant.
+        station: the station.
+        shapes: collision shapes of the station.
 
     Raises:
         InvalidParameter: the resolution is too fine, or a piece that meets others at points does not fit the model.
@@ -81,7 +89,6 @@ def apply_materials(plant: MultibodyPlant, scene_graph: SceneGraph, station: Res
     source = plant.get_source_id()
     assert source is not None  # add_plant registers the plant
     inspector = scene_graph.model_inspector()
-    shapes = inspector.GetAllGeometryIds(Role.kProximity)
     if contact.model != "point":
         _check_resolution(contact.resolution, [inspector.GetShape(shape) for shape in shapes])
     for shape in shapes:
@@ -139,8 +146,16 @@ def _check_resolution(resolution: float, shapes: Sequence[Shape]) -> None:
         raise InvalidParameter("contact.resolution", compound("{resolution:g} m", resolution=resolution), expected)
 
 
-def check_stiffnesses(plant: MultibodyPlant, scene_graph: SceneGraph, station: ResolvedStation) -> None:
+def check_stiffnesses(
+    plant: MultibodyPlant, scene_graph: SceneGraph, station: ResolvedStation, shapes: Sequence[GeometryId]
+) -> None:
     """Check that the solver of a station can hold the contacts of its bodies.
+
+    Args:
+        plant: the finalized plant.
+        scene_graph: the scene graph of the plant.
+        station: the station.
+        shapes: collision shapes of the station.
 
     Raises:
         InvalidParameter: a stiffness is too large; the message gives the largest one that the solver can hold.
@@ -149,7 +164,7 @@ def check_stiffnesses(plant: MultibodyPlant, scene_graph: SceneGraph, station: R
     if config.contact is None or not config.engine.moves_by_forces:
         return
     inspector = scene_graph.model_inspector()
-    for shape in inspector.GetAllGeometryIds(Role.kProximity):
+    for shape in shapes:
         body = plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
         material = _material(config, config.contact, piece_of_shape(station, inspector, shape))
         stiffness = material.stiffness
@@ -302,11 +317,13 @@ def wire_friction(builder: DiagramBuilder, ports: StationPorts) -> None:
             sliding = _sliding(builder, ports, robot, speed)
             # Friction acts against the motion: from the n axes to the generalized forces of the plant, with a minus.
             to_plant = -robot.axis_map.velocity_matrix.T
-            ports.generalized_forces.append(mapped(builder, f"{robot.prefix}friction.force", to_plant, sliding))
+            ports.generalized_forces.append(
+                add_matrix_gain(builder, f"{robot.prefix}friction.force", to_plant, sliding)
+            )
         elif config.servo_of(robot.name).realization != "implicit":
             desired_state = ports.plant.plant.get_desired_state_input_port(robot.instance)
             rest = ConstantVectorSource(np.zeros(desired_state.size()))
-            builder.Connect(fed(builder, f"{robot.prefix}rest", rest), desired_state)
+            builder.Connect(add_and_connect(builder, f"{robot.prefix}rest", rest), desired_state)
             ports.picture.draw_nothing(f"{robot.prefix}rest")
 
 
@@ -347,8 +364,8 @@ def with_friction(
     friction = _sliding(builder, ports, robot, speeds)
     if not weights.all():
         # A diagonal matrix of ones and zeros drops the friction of the other axes.
-        friction = mapped(builder, f"{robot.prefix}friction.counted", np.diag(weights), friction)
-    return summed(builder, f"{robot.prefix}friction.torque", torque, friction)
+        friction = add_matrix_gain(builder, f"{robot.prefix}friction.counted", np.diag(weights), friction)
+    return add_sum(builder, f"{robot.prefix}friction.torque", torque, friction)
 
 
 def _sliding(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, speed: Vector) -> OutputPort:
@@ -373,5 +390,5 @@ def _sliding(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, 
     # The lower half of the state matrix gives the speeds of the axes.
     speeds_of_state = robot.axis_map.state_matrix[len(friction) :]
     slope = (friction / speed)[:, np.newaxis] * speeds_of_state
-    unlimited = mapped(builder, f"{name}.slope", slope, ports.state)
-    return fed(builder, name, Saturation(-friction, friction), unlimited)
+    unlimited = add_matrix_gain(builder, f"{name}.slope", slope, ports.state)
+    return add_and_connect(builder, name, Saturation(-friction, friction), unlimited)

@@ -49,7 +49,7 @@ from pydrake.systems.primitives import Multiplexer, PassThrough
 from simrob_drake.base.errors import InvalidParameter, UnknownName, Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
-from simrob_drake.blocks.block import fed, joined, mapped
+from simrob_drake.blocks.block import add_and_connect, add_matrix_gain, add_multiplexer
 from simrob_drake.blocks.joint_torque import JointTorqueSensor
 from simrob_drake.blocks.references import reference_values
 from simrob_drake.parts.resolved import ResolvedRobot
@@ -259,7 +259,7 @@ def add_prescribed_motion(
         motions.append(block.get_output_port())
     name = f"{robot.prefix}prescribed"
     multiplexer = Multiplexer([_MOTION_SIZE] * len(motions))
-    all_motions = fed(builder, name, multiplexer, *motions)
+    all_motions = add_and_connect(builder, name, multiplexer, *motions)
 
     # The matrix from [reference (n), motions (3 for each prescribed axis)] to the new reference (n): its row for a
     # prescribed axis selects the position of the axis' motion.
@@ -269,9 +269,9 @@ def add_prescribed_motion(
     selection[axes] = 0.0
     for index, axis in enumerate(axes):
         selection[axis, count + _MOTION_SIZE * index] = 1.0
-    both = joined(builder, f"{name}.references", reference, all_motions)
+    both = add_multiplexer(builder, f"{name}.references", reference, all_motions)
     ports.picture.draw_nothing(name, f"{name}.references", f"{name}.whole")
-    return mapped(builder, f"{name}.whole", selection, both)
+    return add_matrix_gain(builder, f"{name}.whole", selection, both)
 
 
 def add_prescribed_torque(
@@ -304,13 +304,13 @@ def add_prescribed_torque(
     # All quantities are linear in the signals, so that matrices compute them. The bus is one vector: the motions (3
     # values for each prescribed joint), then the plant's state.
     motions = builder.GetSubsystemByName(name).get_output_port()
-    bus = joined(builder, f"{name}.bus", motions, ports.state)
+    bus = add_multiplexer(builder, f"{name}.bus", motions, ports.state)
     # Engines that hold joint limits by themselves, discrete ones and cenic, take the reference as it is at the start
     # of a step.
     engine = ports.config.engine
     rate = _STEPPED_RATE if engine.holds_joint_limits else _CONTINUOUS_RATE
     law = _rotor_law(robot, rotors, rate)
-    force = mapped(builder, f"{name}.force", to_plant @ law, bus)
+    force = add_matrix_gain(builder, f"{name}.force", to_plant @ law, bus)
     ports.generalized_forces.append(force)
 
     # The torques of the motions depend on the bus, then on the generalized accelerations.
@@ -329,12 +329,12 @@ def add_prescribed_torque(
     # The torques of all axes: the servos' torques (zero for prescribed joints), plus the torques of the motions.
     every_axis = np.eye(len(robot.axes))
     matrix = np.hstack([every_axis, every_axis[:, axes] @ motion_torque])
-    efforts = joined(builder, f"{name}.efforts", *signals)
+    efforts = add_multiplexer(builder, f"{name}.efforts", *signals)
     ports.picture.draw_nothing(f"{name}.bus", f"{name}.efforts", f"{name}.torque")
     ports.picture.draw(
         f"{name}.force", "force", message("stations.block_moves_prescribed", "What moves\nprescribed joints"), robot
     )
-    return mapped(builder, f"{name}.torque", matrix, efforts)
+    return add_matrix_gain(builder, f"{name}.torque", matrix, efforts)
 
 
 def _rotor_law(robot: StationRobot, rotors: Vector, rate: float) -> Vector:
@@ -420,7 +420,7 @@ def _add_joint_forces(builder: DiagramBuilder, ports: StationPorts, robot: Stati
     )
     name = f"{robot.prefix}prescribed.joint_forces"
     ports.picture.draw_nothing(name)
-    return fed(builder, name, block, ports.plant.plant.get_reaction_forces_output_port())
+    return add_and_connect(builder, name, block, ports.plant.plant.get_reaction_forces_output_port())
 
 
 def _joint_resistance(robot: StationRobot, step: float) -> Vector:

@@ -287,7 +287,7 @@ def _ground(floor: FloorConfig | None, contact: str, pieces: Mapping[str, Resolv
         raise InvalidParameter(
             "floor.terrain.soft", message("stations.given_with_point_contact", "given with point contact"), expected
         )
-    terrain_boxes = tuple((plane.tilt @ block.pose, block.half) for block in floor.terrain.blocks(floor.size))
+    terrain_boxes = tuple((plane.floor_pose @ block.pose, block.half) for block in floor.terrain.blocks(floor.size))
     return replace(plane, boxes=(*terrain_boxes, *boxes), depth=floor.terrain.depth)
 
 
@@ -360,7 +360,7 @@ def _robot(
     damping = model.axis_vector(stops.damping, "joint_stops.damping", usual_stops["damping"])
     floats = model.base == "floating"
     # A robot with a free base stands on the floor, which may be inclined.
-    base = (ground.tilt if floats else RigidTransform()) @ transform_from_pose(entry.base)
+    base = (ground.floor_pose if floats else RigidTransform()) @ transform_from_pose(entry.base)
     robot = ResolvedRobot(
         name=name,
         prefix=config.prefix(name),

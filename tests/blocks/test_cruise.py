@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simrob_drake.base.errors import InvalidParameter
-from simrob_drake.blocks.cruise import TimeLaw, cruise, cruise_in, cruising, smooth_law
+from simrob_drake.blocks.cruise import TimeLaw, cruise, cruise_in, cruise_to, smooth_law
 from simrob_drake.blocks.references import smooth
 
 
@@ -98,7 +98,7 @@ SPEEDS, PUSHES = np.array([2.0, 0.5, 1.0]), np.array([4.0, 6.0, 1.0])
 
 
 def test_axes_go_straight_and_arrive_together_at_the_limit_of_one() -> None:
-    reference = cruising(START, TARGET, SPEEDS, PUSHES, np.full(3, np.inf), start_time=0.5)
+    reference = cruise_to(START, TARGET, SPEEDS, PUSHES, np.full(3, np.inf), start_time=0.5)
     shares = np.abs(TARGET - START)[:2]
     speed, push = (SPEEDS[:2] / shares).min(), (PUSHES[:2] / shares).min()  # of the way from 0 to 1
     assert reference.start_time() == 0.5
@@ -115,7 +115,7 @@ def test_axes_go_straight_and_arrive_together_at_the_limit_of_one() -> None:
 
 
 def test_an_s_curve_of_axes_keeps_their_jerks() -> None:
-    reference = cruising(START, TARGET, SPEEDS, PUSHES, np.array([30.0, 20.0, 1.0]))
+    reference = cruise_to(START, TARGET, SPEEDS, PUSHES, np.array([30.0, 20.0, 1.0]))
     times = np.linspace(0, reference.end_time(), 2000)
     jerks = np.abs(reference.MakeDerivative(3).vector_values(times)).max(axis=1)
     assert (jerks <= [30.0 + 1e-6, 20.0 + 1e-6, 1e-12]).all()
@@ -123,7 +123,7 @@ def test_an_s_curve_of_axes_keeps_their_jerks() -> None:
 
 
 def test_no_way_takes_no_time_and_no_limit_no_time_that_cannot_be_told() -> None:
-    assert cruising(START, START, SPEEDS, PUSHES).value(3.0).ravel() == pytest.approx(START)
+    assert cruise_to(START, START, SPEEDS, PUSHES).value(3.0).ravel() == pytest.approx(START)
     for jerk in (np.inf, None, 1e300):
         law = cruise(1.0, 1e300, 1e300, jerk)
         assert 1e-4 < law.duration < 1e-3

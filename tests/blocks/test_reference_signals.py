@@ -15,9 +15,9 @@ from simrob_drake.blocks.references import (
     as_reference,
     hermite,
     hold,
+    interpolate_samples,
     move,
     ramp,
-    table,
 )
 from simrob_drake.results.files import save_result
 
@@ -38,7 +38,7 @@ def test_a_table_gives_the_reference_back(reference):
         positions, velocities = np.hsplit(samples.values, 2)
         again = hermite(samples.times, positions, velocities)
     else:
-        again = table(samples.times, samples.values)
+        again = interpolate_samples(samples.times, samples.values)
     np.testing.assert_allclose(as_reference(again).values(times), signal.values(times), atol=1e-7)
 
 
@@ -60,7 +60,7 @@ def test_only_what_stands_still_or_swings_is_a_sine():
     np.testing.assert_array_equal(still.centre, START)
     np.testing.assert_array_equal(still.amplitude, np.zeros(2))
     assert as_reference(MOVE).as_sine() is None
-    rows_at_rest = as_reference(table([0.0, 1.0, 2.0], [START, START, START])).as_sine()
+    rows_at_rest = as_reference(interpolate_samples([0.0, 1.0, 2.0], [START, START, START])).as_sine()
     np.testing.assert_array_equal(rows_at_rest.centre, START)
     np.testing.assert_array_equal(rows_at_rest.amplitude, [0.0, 0.0])
 
@@ -68,7 +68,7 @@ def test_only_what_stands_still_or_swings_is_a_sine():
 @pytest.mark.parametrize(
     "to_and_fro",
     [
-        table([0.0, 1.0, 2.0], [START, TARGET, START]),
+        interpolate_samples([0.0, 1.0, 2.0], [START, TARGET, START]),
         hermite([0.0, 2.0], [START, START], [[1.0, 0.0], [1.0, 0.0]]),  # only the velocities say that it moves
         SPLINE,
     ],

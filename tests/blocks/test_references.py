@@ -25,12 +25,12 @@ from simrob_drake.blocks.references import (
     corner_times,
     hermite,
     hold,
+    interpolate_samples,
     later,
     move,
     ramp,
     reference_values,
     sequence,
-    table,
 )
 
 START, TARGET = np.array([0.1, -0.2, 0.0]), np.array([1.1, 0.3, 0.0])
@@ -122,7 +122,7 @@ def test_the_times_of_a_sequence_rise(times: list[float]) -> None:
 
 def test_a_linear_table_goes_straight_from_sample_to_sample() -> None:
     times, samples = np.array([0.0, 1.0, 3.0]), np.array([[0.0, 1.0], [2.0, 1.0], [2.0, -3.0]])
-    trajectory = table(times, samples, linear=True)
+    trajectory = interpolate_samples(times, samples, linear=True)
     for time in np.linspace(0, 3, 13):
         expected = [np.interp(time, times, samples[:, joint]) for joint in range(2)]
         np.testing.assert_allclose(value(trajectory, time), expected, atol=1e-14)
@@ -132,7 +132,7 @@ def test_a_linear_table_goes_straight_from_sample_to_sample() -> None:
 def test_a_cubic_table_is_the_spline_of_scipy() -> None:
     random = np.random.default_rng(5)
     times, samples = np.cumsum(random.uniform(0.1, 1.0, 9)), random.normal(size=(9, 4))
-    trajectory, spline = table(times, samples), CubicSpline(times, samples)  # both with not-a-knot ends
+    trajectory, spline = interpolate_samples(times, samples), CubicSpline(times, samples)  # both with not-a-knot ends
     for time in np.linspace(times[0], times[-1], 57):
         for order in (0, 1, 2):
             np.testing.assert_allclose(value(trajectory, time, order), spline(time, order), atol=1e-9)
@@ -140,7 +140,7 @@ def test_a_cubic_table_is_the_spline_of_scipy() -> None:
 
 def test_inside_of_a_cubic_table_there_is_no_corner() -> None:
     times = np.linspace(0, 2, 9)
-    corners = corner_times(table(times, np.sin(times)[:, np.newaxis]))
+    corners = corner_times(interpolate_samples(times, np.sin(times)[:, np.newaxis]))
     assert corners == [0.0, 2.0]  # it starts and ends in motion
 
 
@@ -158,7 +158,7 @@ def test_a_hermite_table_is_the_piecewise_polynomial_of_drake() -> None:
 
 
 def test_two_samples_are_a_line() -> None:
-    np.testing.assert_allclose(value(table([0, 2], [[0.0], [1.0]]), 0.5), [0.25])
+    np.testing.assert_allclose(value(interpolate_samples([0, 2], [[0.0], [1.0]]), 0.5), [0.25])
 
 
 @pytest.mark.parametrize(
@@ -177,7 +177,7 @@ def test_two_samples_are_a_line() -> None:
 )
 def test_a_table_that_cannot_be_says_where(times: list, positions: list, message: str) -> None:
     with pytest.raises(InvalidParameter, match=message):
-        table(times, positions)
+        interpolate_samples(times, positions)
 
 
 def test_a_jump_is_a_corner() -> None:

@@ -22,14 +22,14 @@ def test_the_floor_rises_where_it_is_headed():
     points = np.array([[0.0, 2.0, 0.0], [3.0, 0.0, 5.0], [0.0, -1.0, 0.0]])
     np.testing.assert_allclose(ground.beneath(points), np.tan(np.deg2rad(10)) * np.array([2.0, 0.0, -1.0]), atol=1e-15)
     np.testing.assert_allclose(
-        ground.tilt.rotation().matrix() @ [0, 1, 0], [0, np.cos(np.pi / 18), np.sin(np.pi / 18)], atol=1e-15
+        ground.floor_pose.rotation().matrix() @ [0, 1, 0], [0, np.cos(np.pi / 18), np.sin(np.pi / 18)], atol=1e-15
     )
-    assert not ground.plain
+    assert not ground.is_level_plane
 
 
 def test_a_level_floor_changes_nothing():
-    np.testing.assert_array_equal(Ground().tilt.GetAsMatrix4(), np.eye(4))
-    assert Ground().plain
+    np.testing.assert_array_equal(Ground().floor_pose.GetAsMatrix4(), np.eye(4))
+    assert Ground().is_level_plane
 
 
 def test_tops_of_boxes_are_where_drake_has_their_surfaces():

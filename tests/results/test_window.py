@@ -138,7 +138,7 @@ def test_the_last_word_is_told_though_the_board_is_closed_at_once():
 @pytest.mark.parametrize("incline", [0.0, 10.0])
 def test_the_floor_is_below_a_robot_wherever_it_goes(incline):
     scene = ViewedStation(load_station("zjudancer_walking", {"floor.incline_deg": incline}))
-    tilt = scene.station.ground.tilt
+    tilt = scene.station.ground.floor_pose
     under = {one["path"]: one["matrix"] for one in floor_under(scene, tilt @ np.array([31.26, -7.1, 0.3]))}
     for path, depth in ((LINES, 0.0), ("/drake/station/floor", -0.01)):  # where that is drawn which is at the origin
         place = np.reshape(under[path], (4, 4)).T[:3, 3]

@@ -171,8 +171,8 @@ class Episode:
         """Ask the monitors, which look at the end of each control period."""
         for name, trigger in self._ports.outputs.monitors.items():
             values = [self._output(output) for output in trigger.condition.watched]
-            onset = self._onsets[name] = trigger.since(self._onsets[name], self.time, values)
-            if trigger.ends(onset, self.time):
+            onset = self._onsets[name] = trigger.next_onset(self._onsets[name], self.time, values)
+            if trigger.ends_run(onset, self.time):
                 self.ended = trigger.condition.why(*values)
 
     def _value(self, output: str) -> Vector:

@@ -10,7 +10,7 @@ from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.extras import needed
 from simrob_drake.base.frames import Vector, rotated
 from simrob_drake.base.messages import message
-from simrob_drake.blocks.command_bus import rounded
+from simrob_drake.blocks.command_bus import round_to_resolution
 from simrob_drake.extensions.learning.policy import Policy
 from simrob_drake.parts.sensors.frames import Imu
 from simrob_drake.parts.sensors.joints import Encoders
@@ -83,7 +83,7 @@ class PolicySensors:
     def _measured(self, own: Encoders, motion: Vector) -> Vector:
         units, true = self._robot.model.user_units, self._value("position", motion)
         noise = own.noise_deg * units * self._chance.standard_normal(true.shape)
-        return rounded(true + noise, units * own.resolution(self._robot))
+        return round_to_resolution(true + noise, units * own.resolution(self._robot))
 
     def _turn(self, own: Imu, places: Places, motion: Vector) -> None:
         self.orientation[places] = orientation = self._value("base_pose", motion)[:, 3:]

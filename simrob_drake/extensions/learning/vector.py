@@ -387,8 +387,8 @@ class StationVectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         for name, trigger in self._ports.outputs.monitors.items():
             values, onsets = [self._watched(output, sensed) for output in trigger.condition.watched], self._onsets[name]
             for place, (time, onset, *row) in enumerate(zip(times, onsets.tolist(), *values, strict=True)):
-                onsets[place] = since = trigger.since(onset, time, row)
-                if since != NOT_YET and not ended[place] and trigger.ends(since, time):
+                onsets[place] = since = trigger.next_onset(onset, time, row)
+                if since != NOT_YET and not ended[place] and trigger.ends_run(since, time):
                     ended[place] = trigger.condition.why(*row)
         ended[astray] = message("learning.diverged_to_infinity", "diverged: a state ran away to infinity")
         return ended

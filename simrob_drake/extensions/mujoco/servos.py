@@ -62,7 +62,7 @@ class Servos:
             if (line := robot.gains.line) is not None and all(gains[place] for place in own):  # else blocks have it
                 self._stalls[own] = np.minimum(line.stall[driven], _NO_LIMIT)
                 self._slopes[own] = line.slope[driven]
-                self._limits[own] = np.minimum(robot.gains.cap[driven], _NO_LIMIT)
+                self._limits[own] = np.minimum(robot.gains.limit_at_any_speed[driven], _NO_LIMIT)
         self._has_lines = bool(self._slopes.any())
         self._kp, self._kd = (np.array([getattr(own, key) if own else 0.0 for own in gains]) for key in "pd")
         self._model, self._data, self._step = model, data, model.opt.timestep

@@ -25,7 +25,7 @@ from simrob_drake.base.errors import one_of
 from simrob_drake.base.frames import Vector, rotation_of
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import NotNegative, Number, Positive, Strict
-from simrob_drake.blocks.block import mapped
+from simrob_drake.blocks.block import add_matrix_gain
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.controllers.support import Balanced, Direction, Support
@@ -155,7 +155,12 @@ class Strategy(Strict):
 class Balance(LoopSection):
     """Answer pushes to a robot that stands: by strategies for ankles, hips, arms and knees, added up, and by a step."""
 
-    stages: ClassVar[tuple[str, ...]] = ("Capture point", "Strategies\nankles, hips, arms", "Step\nif they fail")
+    label: ClassVar[str] = message("parts.loop_balance", "balance")
+    stages: ClassVar[tuple[str, ...]] = (
+        message("parts.stage_capture_point", "Capture point"),
+        message("parts.stage_strategies", "Strategies\nankles, hips, arms"),
+        message("parts.stage_step", "Step\nif they fail"),
+    )
 
     kind: Literal["balance"]
     facing_deg: Number = 0.0
@@ -206,7 +211,7 @@ class Balance(LoopSection):
         if name in self.reads or known is None:
             return super().source(builder, name, robot, site, key)
         site.picture.draw_nothing(f"{key}.{name}")
-        return mapped(builder, f"{key}.{name}", known.matrix(site.state.size())[part], site.state)
+        return add_matrix_gain(builder, f"{key}.{name}", known.matrix(site.state.size())[part], site.state)
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         assert robot.feet is not None  # check() has asked

@@ -73,7 +73,7 @@ Row = tuple[Number, ...]
 class FlowBlock(Strict, NetBlock):
     """A block of a signal flow: its key ``kind``, what it takes, and its equation.
 
-    That is ``_output`` by the time [s], its states and its inputs, and of one that has states, ``following``: their
+    That is ``_output`` by the time [s], its states and its inputs, and of one that has states, ``state_update``: their
     derivatives, or with a ``period`` their next values. A sampled block holds its output between samples. Both
     are equations of numbers and of symbolic expressions alike.
     """
@@ -154,7 +154,7 @@ class Sums(FlowBlock):
         return len(self.inputs)
 
     @property
-    def repeats(self) -> int:
+    def input_repetitions(self) -> int:
         """How often an input stands in its equation."""
         return 1
 
@@ -210,7 +210,7 @@ class Lookup(FlowBlock):
         return self
 
     @property
-    def repeats(self) -> int:
+    def input_repetitions(self) -> int:
         """How often an input stands in its equation."""
         return 2 * len(self.points)
 

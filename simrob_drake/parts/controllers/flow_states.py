@@ -31,7 +31,7 @@ class Integrator(Bounded, FlowBlock):
     def _output(self, t: float, x: Values, u: Values) -> Values:
         return (self.clipped(x[0]),)
 
-    def following(self, x: Values, u: Values) -> Values:
+    def state_update(self, x: Values, u: Values) -> Values:
         """Return what becomes of its states."""
         if self.period:
             return (self.clipped(x[0] + self.period * u[0]),)
@@ -94,14 +94,14 @@ class StateSpace(FlowBlock):
         return self.initial or (0.0,) * len(self.A)
 
     @property
-    def fed_through(self) -> bool:
+    def has_feedthrough(self) -> bool:
         """Whether its output depends on its inputs at the same time."""
         return any(map(any, self.D))
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
         return _rows(self.C, x, self.D, u)
 
-    def following(self, x: Values, u: Values) -> Values:
+    def state_update(self, x: Values, u: Values) -> Values:
         """Return what becomes of its states."""
         return _rows(self.A, x, self.B, u)
 
@@ -172,14 +172,14 @@ class RateLimiter(FlowBlock):
         return (self.initial,)
 
     @property
-    def fed_through(self) -> bool:
+    def has_feedthrough(self) -> bool:
         """Whether its output depends on its inputs at the same time."""
         return self.period > 0
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
-        return self.following(x, u) if self.period else x
+        return self.state_update(x, u) if self.period else x
 
-    def following(self, x: Values, u: Values) -> Values:
+    def state_update(self, x: Values, u: Values) -> Values:
         """Return what becomes of its states."""
         behind, slope = u[0] - x[0], self.period or 1.0
         if not self.period:
@@ -219,7 +219,7 @@ class Delay(FlowBlock):
     def _output(self, t: float, x: Values, u: Values) -> Values:
         return x[:1]
 
-    def following(self, x: Values, u: Values) -> Values:
+    def state_update(self, x: Values, u: Values) -> Values:
         """Return what becomes of its states."""
         return [*x[1:], u[0]]
 
@@ -286,7 +286,7 @@ class Pid(Bounded, FlowBlock):
     def _output(self, t: float, x: Values, u: Values) -> Values:
         return (self.clipped(self._free(x, u)),)
 
-    def following(self, x: Values, u: Values) -> Values:
+    def state_update(self, x: Values, u: Values) -> Values:
         """Return what becomes of its states."""
         changes = []
         if self.i:

@@ -20,7 +20,7 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import NotNegative, Number, Positive
 from simrob_drake.base.signals import Signal
-from simrob_drake.blocks.block import mapped
+from simrob_drake.blocks.block import add_matrix_gain
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.controllers.flow_blocks import chosen, largest, least
 from simrob_drake.parts.controllers.loop import LoopSection, Wired
@@ -96,7 +96,12 @@ class PiLaw:
 class Objective(LoopSection):
     """Bring a signal of the station, such as the height of the base, to a value; then perhaps take a posture."""
 
-    stages: ClassVar[tuple[str, ...]] = ("Error of the signal", "PI law", "Weights of the joints")
+    label: ClassVar[str] = message("parts.loop_objective", "objective")
+    stages: ClassVar[tuple[str, ...]] = (
+        message("parts.stage_signal_error", "Error of the signal"),
+        message("parts.stage_law", "PI law"),
+        message("parts.stage_weights", "Weights of the joints"),
+    )
 
     kind: Literal["objective"]
     measures: str
@@ -160,9 +165,9 @@ class Objective(LoopSection):
         site.picture.draw_nothing(f"{key}.measured")
         if signal.output in site.outputs.of_state:
             matrix = site.outputs.of_state[signal.output].matrix(site.state.size())
-            return mapped(builder, f"{key}.measured", matrix[[entry]], site.state)
+            return add_matrix_gain(builder, f"{key}.measured", matrix[[entry]], site.state)
         output = super().source(builder, signal.output, robot, site, key)
-        return mapped(builder, f"{key}.measured", np.eye(output.size())[[entry]], output)
+        return add_matrix_gain(builder, f"{key}.measured", np.eye(output.size())[[entry]], output)
 
     def _measured(self, site: Site, key: str) -> tuple[Signal, int]:
         """Return the signal that the column belongs to, and its place in the output."""
@@ -191,8 +196,8 @@ class Objective(LoopSection):
         system = builder.AddNamedSystem(f"controller.{name}", law.system())
         part, output = f"controller.{name}", system.get_output_port()
         outputs = {
-            "offset": mapped(builder, f"{part}.offset", np.outer(weights, [1.0, 0.0]), output),
-            "error": mapped(builder, f"{part}.error", np.array([[0.0, 1.0]]), output),
+            "offset": add_matrix_gain(builder, f"{part}.offset", np.outer(weights, [1.0, 0.0]), output),
+            "error": add_matrix_gain(builder, f"{part}.error", np.array([[0.0, 1.0]]), output),
         }
         return Wired({"measured": system.get_input_port()}, outputs, {"offset": "rad", "error": unit})
 

@@ -16,7 +16,7 @@ from pydrake.systems.primitives import PassThrough
 from simrob_drake.base.errors import InvalidParameter, one_of, quoted
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.signals import Panel, Signal
-from simrob_drake.blocks.block import summed
+from simrob_drake.blocks.block import add_sum
 from simrob_drake.parts.captions import wrapped
 from simrob_drake.parts.controllers.section import ControllerSection
 from simrob_drake.parts.site import Site
@@ -58,7 +58,7 @@ def add_to(builder: DiagramBuilder, site: Site, key: str, added: Sequence[Output
     """Add ports to what an input of a robot is given, by blocks of a ``name``; its input stands before them."""
     reference = builder.AddNamedSystem(f"{key}.before_{name}", PassThrough(added[0].size()))
     inner, site.inputs[key] = site.inputs[key], reference.get_input_port()
-    builder.Connect(summed(builder, f"{key}.{name}", reference.get_output_port(), *added), inner)
+    builder.Connect(add_sum(builder, f"{key}.{name}", reference.get_output_port(), *added), inner)
     site.picture.draw_nothing(key)
 
 

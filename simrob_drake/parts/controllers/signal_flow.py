@@ -17,7 +17,7 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Strict, Triple
 from simrob_drake.base.signals import applied_signal
-from simrob_drake.blocks.block import fed, joined
+from simrob_drake.blocks.block import add_and_connect, add_multiplexer
 from simrob_drake.blocks.monitor import Condition, Trigger
 from simrob_drake.blocks.passive_joints import add_external_force
 from simrob_drake.blocks.signal_net import signal_net
@@ -193,7 +193,9 @@ class SignalFlow(ControllerSection):
         net = _Net(site, f"controllers.{name}", robot.prefix if robot else "", {**self._all, **torque}, opened)
         ports = net.add(builder, f"controller.{name}", integrated=integrated)
         site.outputs.notes[name] = {"kind": self.kind}
-        label = f"{wrapped(name)}\nsignal flow, {len(self.blocks)} blocks"
+        label = message(
+            "parts.block_signal_flow", "{name}\nsignal flow, {count} blocks", name=wrapped(name), count=len(self.blocks)
+        )
         inner_blocks = net.inner_blocks if len(ports) <= _DRAWN else None
         site.picture.draw(f"controller.{name}", "loop", label, robot, net=inner_blocks)
         shown = self.blocks if self.signals is None else self.signals
@@ -276,9 +278,11 @@ class _Net:
                 f"{self.key}.blocks", str(problem), message("parts.multiples_of_step", "multiples of a common step")
             ) from None
         ports = [self.site.port(builder, source) for source in self.sources] if self.site is not None else []
-        values = fed(builder, place, net, *([joined(builder, f"{place}.bus", *ports)] if ports else []))
+        values = add_and_connect(
+            builder, place, net, *([add_multiplexer(builder, f"{place}.bus", *ports)] if ports else [])
+        )
         split = Demultiplexer([block.size for block in self.blocks.values()])
-        fed(builder, f"{place}.split", split, values)
+        add_and_connect(builder, f"{place}.split", split, values)
         return {name: split.get_output_port(index) for index, name in enumerate(self.blocks)}
 
     def _elements(self, name: str, terms: Sum) -> dict[tuple[str, int], float]:

@@ -241,7 +241,7 @@ class EmptyGrip(MonitorSection):
         closed, opened = np.array(list(robot.model.fingers.values())).T
 
         stroke = stroke_of(robot.model)
-        nothing = self.part + (stroke.part(0.0) if stroke else 0.0)
+        nothing = self.part + (stroke.opening(0.0) if stroke else 0.0)
 
         def excess(position: Vector) -> float:
             return nothing - float(((position[places] - closed) / (opened - closed)).max())

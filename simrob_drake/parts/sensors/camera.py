@@ -40,7 +40,7 @@ from simrob_drake.base.frames import Vector, transform_from_pose
 from simrob_drake.base.lifetime import weakly
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import ORIGIN, Boolean, Integer, NotNegative, Pose, Positive
-from simrob_drake.blocks.block import Block, fed
+from simrob_drake.blocks.block import Block, add_and_connect
 from simrob_drake.parts.resolved import WORLD
 from simrob_drake.parts.sensors.sensor import Sensor, sensor_label
 from simrob_drake.parts.site import Site
@@ -221,7 +221,7 @@ class CameraSensor(Sensor):
             let_render(site.plant.scene_graph)
             block = CameraBlock(self.lens, parent=parent, pose=pose)
             query = site.plant.scene_graph.get_query_output_port()
-            site.outputs.images[f"image.{name}"] = fed(builder, f"sensor.{name}", block, query)
+            site.outputs.images[f"image.{name}"] = add_and_connect(builder, f"sensor.{name}", block, query)
             site.picture.draw(f"sensor.{name}", "sensor", sensor_label(message("parts.block_camera", "Camera"), name))
 
     def mount(self, plant: StationPlant) -> tuple[FrameId, RigidTransform]:

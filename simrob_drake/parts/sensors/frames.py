@@ -16,7 +16,7 @@ from simrob_drake.base.lifetime import weakly
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import ORIGIN, Boolean, Integer, NotNegative, Pose
 from simrob_drake.base.signals import POSE, QUANTITY_WORDS, VELOCITY, Panel, Signal
-from simrob_drake.blocks.block import Block, fed
+from simrob_drake.blocks.block import Block, add_and_connect
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.resolved import WORLD, Surroundings
 from simrob_drake.parts.sensors.sensor import SampledSensor, Sensor, axis_names, normal, sensor_label
@@ -174,7 +174,7 @@ class FrameSensor(Sensor):
             (frame_of(site.plant, self.frame), transform_from_pose(self.offset)),
         )
         block = RelativeMotion(plant=site.plant.plant, ends=ends, axes=self.axes, turning=self.turning)
-        fed(builder, f"sensor.{name}", block, site.state)
+        add_and_connect(builder, f"sensor.{name}", block, site.state)
         site.picture.draw(
             f"sensor.{name}", "sensor", sensor_label(message("parts.block_transform_sensor", "Transform sensor"), name)
         )

@@ -11,8 +11,8 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Integer, NotNegative, Positive
 from simrob_drake.base.signals import QUANTITY_WORDS, Panel, Signal, sensor_panel
-from simrob_drake.blocks.block import fed, joined, mapped
-from simrob_drake.blocks.command_bus import rounded
+from simrob_drake.blocks.block import add_and_connect, add_matrix_gain, add_multiplexer
+from simrob_drake.blocks.command_bus import round_to_resolution
 from simrob_drake.blocks.joint_torque import JointTorqueSensor
 from simrob_drake.blocks.momentum_observer import MomentumObserver
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
@@ -103,7 +103,7 @@ class JointEncoders(SampledBlock):
         """Return what the encoders tell now."""
         count = int(memory["count"][0])
         noise = self._noise * normal(self.seed, count, len(self._noise))
-        position = rounded(read["position"] + noise, self._resolution)
+        position = round_to_resolution(read["position"] + noise, self._resolution)
         difference = (position - memory["position"]) / self.period if count else np.zeros_like(position)
         velocity = memory["velocity"] + self._share * (difference - memory["velocity"])
         return {"position": position, "velocity": velocity, "count": count + 1}
@@ -143,7 +143,7 @@ def _port(builder: DiagramBuilder, site: Site, name: str, robot: StationRobot) -
     site.picture.draw(
         f"sensor.{name}", "sensor", sensor_label(message("parts.block_joint_torques", "Joint torques"), name), robot
     )
-    return fed(builder, f"sensor.{name}", block, site.plant.plant.get_reaction_forces_output_port())
+    return add_and_connect(builder, f"sensor.{name}", block, site.plant.plant.get_reaction_forces_output_port())
 
 
 class ExternalTorque(SampledSensor):
@@ -171,8 +171,8 @@ class ExternalTorque(SampledSensor):
         torque, damping = site.outputs[f"{robot.prefix}torque"], robot.gains.damping
         if damping.any():  # of the motors, which the plant has and the torques tell
             every = np.hstack([np.eye(len(damping)), np.diag(damping) @ robot.axis_map.state_matrix[len(damping) :]])
-            felt = joined(builder, f"{name}.torque_and_state", torque, site.state)
-            torque = mapped(builder, f"{name}.motor_torque", every, felt)
+            felt = add_multiplexer(builder, f"{name}.torque_and_state", torque, site.state)
+            torque = add_matrix_gain(builder, f"{name}.motor_torque", every, felt)
         contents = {"external_torque": (robot.axes, robot.model.effort_units)}
         if robot.tcp:
             contents["external_force"] = (["x", "y", "z"], ["N"] * 3)

@@ -16,7 +16,7 @@ from simrob_drake.base.lifetime import release_with
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Boolean, NotNegative, Positive, Strict
 from simrob_drake.base.signals import Compute, Recorded, Signal
-from simrob_drake.blocks.block import fed
+from simrob_drake.blocks.block import add_and_connect
 from simrob_drake.parts.resolved import Surroundings
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
@@ -92,7 +92,7 @@ def check_contact(key: str, sensor: str, station: Surroundings) -> None:
 
 def sampled(builder: DiagramBuilder, name: str, port: OutputPort, rate: float | None) -> OutputPort:
     """Hold a port's value between samples, ``rate`` a second [Hz]; as it is where that is None."""
-    return port if rate is None else fed(builder, name, ZeroOrderHold(1 / rate, port.size()), port)
+    return port if rate is None else add_and_connect(builder, name, ZeroOrderHold(1 / rate, port.size()), port)
 
 
 def axis_names(signal: str, sensor: str, axes: Sequence[str] = "xyz") -> tuple[str, ...]:

@@ -16,8 +16,8 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Integer, NotNegative
 from simrob_drake.base.signals import Recorded, Signal, sensor_panel
-from simrob_drake.blocks.block import fed
-from simrob_drake.blocks.command_bus import rounded
+from simrob_drake.blocks.block import add_and_connect
+from simrob_drake.blocks.command_bus import round_to_resolution
 from simrob_drake.blocks.contacts import ContactReader, Contacts, DistanceSensor, ForceSensor
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.resolved import Surroundings
@@ -47,7 +47,7 @@ class Distance(ShapeSensor):
         body, other = (shapes_of(site.plant, site.station, target) for target in (self.body, self.other))
         scene_graph = site.plant.scene_graph
         block = DistanceSensor(body=body, other=other, inspector=scene_graph.model_inspector())
-        distance = fed(builder, f"sensor.{name}", block, scene_graph.get_query_output_port())
+        distance = add_and_connect(builder, f"sensor.{name}", block, scene_graph.get_query_output_port())
         site.picture.draw(
             f"sensor.{name}",
             "sensor",
@@ -129,14 +129,14 @@ class Force(ShapeSensor):
         normal_only = not site.station.engine.reports_friction_of_contacts
         block = ForceSensor(plant=plant, body=body, other=other, frame=frame, normal_only=normal_only)
         poses = site.plant.stepped.get_body_poses_output_port()
-        wrench = fed(builder, f"sensor.{name}", block, _contacts(builder, site), poses)
+        wrench = add_and_connect(builder, f"sensor.{name}", block, _contacts(builder, site), poses)
         site.picture.draw(
             f"sensor.{name}",
             "sensor",
             sensor_label(message("parts.block_force_sensor", "Force sensor"), name, self.rate),
         )
         split = Demultiplexer([3, 3])
-        fed(builder, f"sensor.{name}.split", split, self._reported(builder, f"sensor.{name}.hold", wrench))
+        add_and_connect(builder, f"sensor.{name}.split", split, self._reported(builder, f"sensor.{name}.hold", wrench))
         tangential = self._tangential(site, body[0])
         balance = MomentumBalance(site, frame, body, other) if tangential == "momentum balance" else None
         site.outputs.notes[name]["tangential"] = tangential
@@ -160,7 +160,7 @@ class Force(ShapeSensor):
     def _reported(self, builder: DiagramBuilder, name: str, wrench: OutputPort) -> OutputPort:
         if self.rate is None or not self._errs:
             return sampled(builder, name, wrench, self.rate)
-        return fed(builder, name, MeasuredWrench(self, self.rate), wrench)
+        return add_and_connect(builder, name, MeasuredWrench(self, self.rate), wrench)
 
     def _tangential(self, site: Site, shape: GeometryId) -> Tangential:
         if site.station.engine.reports_friction_of_contacts:
@@ -194,7 +194,7 @@ class MeasuredWrench(SampledBlock):
     def sample(self, memory: Named, read: Named) -> Changes:
         """Return what the sensor tells now."""
         count = int(memory["count"].item())
-        measured = rounded(read["wrench"] + self._noise * normal(self.seed, count, 6), self._resolution)
+        measured = round_to_resolution(read["wrench"] + self._noise * normal(self.seed, count, 6), self._resolution)
         return {"wrench": measured, "count": count + 1}
 
 
@@ -203,7 +203,7 @@ def _contacts(builder: DiagramBuilder, site: Site) -> OutputPort:
     if site.plant.stand_in is not None:
         return site.plant.stand_in.get_contact_results_output_port()
     if not builder.HasSubsystemNamed(_CONTACTS):
-        fed(builder, _CONTACTS, ContactReader(), site.plant.stepped.get_contact_results_output_port())
+        add_and_connect(builder, _CONTACTS, ContactReader(), site.plant.stepped.get_contact_results_output_port())
         site.picture.draw_nothing(_CONTACTS)
     return builder.GetSubsystemByName(_CONTACTS).get_output_port()
 
@@ -255,7 +255,7 @@ class MomentumBalance:
         if key not in recorded.memo:
             moments: Sequence[Contacts] = [Contacts.of(found) for found in recorded.sample([self._contacts], times)[0]]
             rows = np.repeat(range(len(times)), [len(each.pairs) for each in moments])
-            recorded.memo[key] = Contacts.together(moments), rows
+            recorded.memo[key] = Contacts.concatenate(moments), rows
         contacts: tuple[Contacts, npt.NDArray[np.intp]] = recorded.memo[key]
         return contacts
 
@@ -269,10 +269,10 @@ class MomentumBalance:
         def summed(values: Vector) -> Vector:
             return np.asarray(np.bincount(rows, values, len(totals)), dtype=float)
 
-        senses = contacts.senses(self._shapes)
+        senses = contacts.force_signs(self._shapes)
         normals = senses[:, np.newaxis] * contacts.normal_forces
         sizes = np.linalg.norm(normals, axis=1)
-        pressed, here = summed(sizes), summed(sizes * np.abs(contacts.senses(self._body, self._other)))
+        pressed, here = summed(sizes), summed(sizes * np.abs(contacts.force_signs(self._body, self._other)))
         normal = np.column_stack([summed(column) for column in normals.T])
         loaded = (pressed > _NO_LOAD)[:, np.newaxis]
         along = np.divide(

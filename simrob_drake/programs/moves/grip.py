@@ -125,7 +125,7 @@ class FingerMove(Move):
                     robot=robot.name,
                 ),
             )
-        return stroke.part(width)
+        return stroke.opening(width)
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
         """Move the fingers with their force: as what turns presses where it begins, and then as where it stopped."""

@@ -27,6 +27,7 @@ from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on, fram
 from simrob_drake.results.animation.drawn import draw_searches, draw_tool_paths, look, open_meshcat, path_colour
 from simrob_drake.results.animation.scene import SPACING, ViewedStation, floor_lines, with_floor_under
 from simrob_drake.results.colours import AXES, FORCE, SEARCH, SUM_OF_FORCES, rgb
+from simrob_drake.results.record.other_plant import positions_in
 from simrob_drake.results.record.run import RecordedRun
 
 _SCRIPT = Path(__file__).with_suffix(".js")
@@ -57,7 +58,7 @@ def _page(result: RecordedRun, times: Vector, frames_per_second: float) -> str:
     points = scene.extents_of_run(result, way)
     look(meshcat, camera_on(points, aspect=WINDOW_ASPECT, azimuth=side(scene.station)))
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    tilt = scene.station.ground.tilt.rotation().matrix()
+    tilt = scene.station.ground.floor_pose.rotation().matrix()
     lines = floor_lines(gone @ tilt, size=config.floor.size) if config.floor else np.zeros((0, 2, 3))
     run = {
         "way": [] if way is None else np.round(gone, 4).tolist(),
@@ -97,7 +98,7 @@ def _record(meshcat: Meshcat, scene: ViewedStation, run: RecordedRun, times: Vec
     assert visualizer is not None
     animation = visualizer.StartRecording(set_transforms_while_recording=False)
     shown = [(frame + 0.5) / frames_per_second for frame in range(len(times))]  # Meshcat rounds down to frames
-    for time, positions in zip(shown, run.positions_at(times), strict=True):
+    for time, positions in zip(shown, positions_in(scene.station, run, times), strict=True):
         scene.draw(positions, time)
     draw_contact_forces(meshcat, run, times, shown)
     animation.set_autoplay(True)
@@ -127,7 +128,7 @@ def draw_contact_forces(meshcat: Meshcat, result: RecordedRun, times: Vector, sh
     if result.contacts_at is None:
         return
     moments = [Contacts.of(results) for results in result.contacts_at(times)]
-    contacts = Contacts.together(moments)
+    contacts = Contacts.concatenate(moments)
     sizes = np.linalg.norm(contacts.forces, axis=1)
     if not sizes.size:
         return

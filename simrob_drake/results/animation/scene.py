@@ -23,6 +23,7 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.parts.targets import FLOOR
 from simrob_drake.results.animation.camera import Way, framed_time
+from simrob_drake.results.record.other_plant import positions_in
 from simrob_drake.results.record.run import RecordedRun, begins_of
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.posed import PosedStation
@@ -68,7 +69,7 @@ class ViewedStation(PosedStation):
             if engine is not None:
                 station.scene_graph.AddRenderer(RENDERER, engine)
             if way is not None and config.floor is not None:
-                add_floor_grid(station.scene_graph, way, size=config.floor.size, tilt=station.ground.tilt)
+                add_floor_grid(station.scene_graph, way, size=config.floor.size, tilt=station.ground.floor_pose)
             if meshcat is not None:
                 params = MeshcatVisualizerParams(prefix="station", enable_alpha_slider=False)
                 self.visualizer = MeshcatVisualizer.AddToBuilder(builder, station.scene_graph, meshcat, params)
@@ -89,7 +90,7 @@ class ViewedStation(PosedStation):
         """Return points, shape (m, 3) [m], around the motion of a run; of its robot alone if a way is taken from it."""
         even = np.linspace(result.start_time, framed_time(result), _LOOKS)
         times = np.union1d(even, begins_of(*result.parts)[1:-1])  # where moves rest they reach furthest
-        positions = result.positions_at(times)
+        positions = positions_in(self.station, result, times)
         if way is None:
             return self.extents(positions)
         (robot,) = self.station.robots.values()
@@ -154,7 +155,7 @@ def add_floor_grid(scene_graph: SceneGraph, way: Vector, *, size: float, tilt: R
 
 def floor_under(scene: ViewedStation, place: Vector) -> list[dict[str, Any]]:
     """Return what brings a floor and lines below a place [m] in the page, by whole meshes, so that they stay."""
-    tilt, mesh = scene.station.ground.tilt, SPACING * _BOLD
+    tilt, mesh = scene.station.ground.floor_pose, SPACING * _BOLD
     inspector = scene.query().inspector()
     drawn = inspector.GetGeometries(inspector.world_frame_id(), Role.kIllustration)
     if (slab := next((one for one in drawn if inspector.GetName(one) == FLOOR), None)) is None:
@@ -169,6 +170,6 @@ def floor_under(scene: ViewedStation, place: Vector) -> list[dict[str, Any]]:
 def draw_floor_lines(meshcat: Meshcat, scene: ViewedStation, *, size: float) -> None:
     """Draw lines on the floor of a scene, of a size [m], about the world's origin, by which a way can be told."""
     far = np.array([[-_SEEN, -_SEEN, 0.0], [_SEEN, _SEEN, 0.0]])
-    tilt = scene.station.ground.tilt @ RigidTransform([0.0, 0.0, _WIDTH / 2])
+    tilt = scene.station.ground.floor_pose @ RigidTransform([0.0, 0.0, _WIDTH / 2])
     lines = floor_lines(far, size=size)
     meshcat.SetLineSegments(LINES, tilt @ lines[:, 0].T, tilt @ lines[:, 1].T, 1.0, _COLOUR)

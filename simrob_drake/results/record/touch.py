@@ -16,7 +16,7 @@ from pydrake.multibody.plant import ContactResults
 from pydrake.systems.framework import Context
 
 from simrob_drake.base.frames import Vector
-from simrob_drake.blocks.contacts import pressing
+from simrob_drake.blocks.contacts import pressing_pairs
 from simrob_drake.parts.ground import Ground
 from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.parts.targets import FLOOR, owner_and_robot
@@ -40,7 +40,7 @@ def onsets(
     touched: dict[frozenset[str], float] = {}
     before: set[frozenset[str]] = set()
     for time, results in zip(steps.tolist(), contacts_at(steps), strict=True):
-        pairs = {frozenset(_body(station, shape) for shape in pair) for pair in pressing(results)}
+        pairs = {frozenset(_body(station, shape) for shape in pair) for pair in pressing_pairs(results)}
         for pair in sorted(pairs - before, key=sorted):
             if time > step_times[0] and time - touched.get(pair, -np.inf) > _APART:
                 yield time, f"{' on '.join(sorted(pair - {'world'}))} touches"
@@ -150,7 +150,7 @@ def _slide(robot: StationRobot, link: str, ground: Ground, poses: Vector) -> Sli
     by the mean of their displacements along the floor. A foot that rolls does not slide.
     """
     assert robot.feet is not None  # the caller asks for robots with feet only
-    to_world = ground.tilt.rotation().matrix()
+    to_world = ground.floor_pose.rotation().matrix()
     seen = np.array(poses)
     seen[:, :3] = np.einsum("ji,mjk->mik", to_world, poses[:, :3])  # in the floor's axes; its origin is the world's
     turns, places = seen[:, :3, :3], seen[:, :3, 3]

@@ -17,6 +17,7 @@ from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.torques import torque_shares
 from simrob_drake.stations.solver_config import ContinuousSolver
+from simrob_drake.stations.start_jump import axes_off_reference, jump_text
 
 
 class WorstValue(Protocol):
@@ -42,6 +43,9 @@ _MARGIN = 1.1
 
 _AT_REST = 0.01
 """An axis is at rest if its speed is below this share of its limit."""
+
+_SHARE_OF_START = 0.5
+"""An error at the start of at least this share of the largest error is taken for its cause."""
 
 _STIFFER = 10.0
 """Bodies that sink into each other too deep get a contact stiffness so many times larger."""
@@ -72,6 +76,9 @@ def lag(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     robot = robot_of(run, entry.subject)
     if robot is None or not run.config.engine.moves_by_forces:
         return None
+    jump = _start_at_reference(run, robot, entry.subject)
+    if jump is not None:
+        return jump
     if torque_shares(run, robot).max(initial=0.0) >= AT_LIMIT:
         return more_time_for_motors(run, entry)
     text = message("results.remedy_lag", "the servos lag behind: give the motion more time, or raise kp and kd")
@@ -88,6 +95,9 @@ def more_time_for_motors(run: RecordedRun, entry: WorstValue) -> Remedy | None:
             "results.remedy_weak_motor", "the motor is too weak to hold this: carry less, or raise its limit"
         )
         return Remedy(text, key=_servo_key(run, robot, "torque_limit"))
+    jump = _start_at_reference(run, robot, entry.subject)
+    if jump is not None:
+        return jump
     text = message("results.remedy_more_time", "give the motion more time")
     return _with_longer_reference(run, robot, text, _MORE_TIME)
 
@@ -100,8 +110,44 @@ def more_time_for_speed(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     if robot.model.base == "floating":
         text = message("results.remedy_slower_gait", "take shorter steps (amplitude), or slower ones (step_time)")
         return Remedy(text)
+    jump = _start_at_reference(run, robot, entry.subject)
+    if jump is not None:
+        return jump
     text = message("results.remedy_more_time", "give the motion more time")
     return _with_longer_reference(run, robot, text, _MARGIN * entry.value)
+
+
+def _start_at_reference(run: RecordedRun, robot: StationRobot, subject: str) -> Remedy | None:
+    """Remedy of an axis whose reference begins away from the robot: more time does not help.
+
+    It is offered if the error of the axis is largest at the start of the run, or nearly so.
+
+    Args:
+        run: the run.
+        robot: the robot that the axis belongs to.
+        subject: name of the axis, such as ``left.joint_2``.
+    """
+    axis = next((index for index, name in enumerate(robot.axes) if f"{robot.prefix}{name}" == subject), None)
+    if axis is None:
+        return None
+    positions = run.axes("q", robot.name)
+    references = run.axes("q_ref", robot.name)
+    errors = np.abs(references[:, axis] - positions[:, axis])
+    if errors[0] < _SHARE_OF_START * errors.max():
+        return None
+    if axis not in axes_off_reference(robot, positions[0], references[0]):
+        return None
+    text = message(
+        "results.remedy_start",
+        "{jump}: set {key}, or begin the reference where the robot begins",
+        jump=jump_text(robot, axis, positions[0, axis], references[0, axis]),
+        key=f"{_robot_key(run, robot)}.initial_deg",
+    )
+    # A run that begins in a state, and a robot on its feet, do not begin in another posture by this key alone.
+    if run.start is not None or run.did or robot.model.base == "floating":
+        return Remedy(text)
+    start = [_rounded(value) for value in references[0] / robot.model.user_units]
+    return Remedy(text, key=f"{_robot_key(run, robot)}.initial_deg", value=start)
 
 
 def less_load(run: RecordedRun, entry: WorstValue) -> Remedy:
@@ -210,6 +256,16 @@ def _may_be_implicit(run: RecordedRun, robot: StationRobot) -> bool:
 def _is_saturated_at_rest(run: RecordedRun, robot: StationRobot) -> bool:
     """Whether a motor is at its torque limit at the end of the run, so that more time would not help."""
     return bool(torque_shares(run, robot)[-1].max() >= AT_LIMIT)
+
+
+def _robot_key(run: RecordedRun, robot: StationRobot) -> str:
+    """Key of the section of a robot."""
+    return "robot" if run.config.only_robot else f"robots.{robot.name}"
+
+
+def _rounded(value: float) -> float:
+    """Round a position of an axis to six significant digits, without a negative zero."""
+    return float(f"{value:.6g}") + 0.0
 
 
 def _servo_key(run: RecordedRun, robot: StationRobot, key: str) -> str:
