@@ -23,7 +23,7 @@ def gains():
 
 
 def torque_limit():
-    """Return a limit [N·m] of joint 2: at the end it errs by 1.5 degrees at most, and by more with 5 % less."""
+    """Return a limit [N·m] of joint 2: it ends within 1.5 degrees, and not with 5 % less."""
     raise NotImplementedError
 
 

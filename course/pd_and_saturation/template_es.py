@@ -23,7 +23,7 @@ def gains():
 
 
 def torque_limit():
-    """Devuelve un límite [N·m] de la articulación 2: al final falla en 1.5 grados como mucho, y en más con un 5 % menos."""
+    """Devuelve un límite [N·m] de la articulación 2: acaba a menos de 1.5 grados, y a más con un 5 % menos."""
     raise NotImplementedError
 
 
