@@ -23,7 +23,7 @@ def gains():
 
 
 def torque_limit():
-    """Devuelve el menor límite [N·m] de la articulación 2 con el que el brazo hace el movimiento."""
+    """Devuelve un límite [N·m] de la articulación 2: acaba a menos de 1.5 grados, y a más con un 5 % menos."""
     raise NotImplementedError
 
 

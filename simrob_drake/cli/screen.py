@@ -37,6 +37,7 @@ SEVERITY_STYLES: dict[Severity, str] = {"success": "green", "note": "dim", "warn
 """Styles of rich for the severities of remarks. An output that is no terminal has no colours."""
 
 _INDENT = " " * len("warning ")
+_SETTINGS_INDENT = f"{_INDENT}  "
 _LABEL_WIDTH = len("recording")
 
 # Labels in front of paths and commands, see `say_place`.
@@ -127,9 +128,10 @@ def say_remark(remark: Remark, *, with_remedy: bool = True) -> None:
     settings = remark.remedy.settings
     if settings:
         options = " ".join(f"--set {_quoted_for_shell(setting)}" for setting in settings)
-        _say_hanging(target, Text(""), f"  {options}")
-    elif remark.remedy.key:
-        _say_hanging(target, Text(""), f"  --set {remark.remedy.key}=...")
+    else:
+        options = f"--set {remark.remedy.key}=..." if remark.remedy.key else ""
+    for line in _wrapped(options, target.width - len(_SETTINGS_INDENT)):
+        target.print(f"{_SETTINGS_INDENT}{line}", soft_wrap=True)
 
 
 def _quoted_for_shell(setting: str) -> str:

@@ -28,6 +28,8 @@ class Pendant:
         language: of pages that name none.
         tours: the lessons, and ``tour``: the one that is under way.
         dark: whether the pages are dark; None: as the browser likes it.
+        tab: name of the tab that is in front, which a page that is loaded again shows. None until one was shown.
+        tab_kind: kind of robot for which the tab was shown.
     """
 
     def __init__(
@@ -38,6 +40,8 @@ class Pendant:
         Raises SimrobError: no such subject or language, or a damaged lesson.
         """
         self.dark: bool | None = None
+        self.tab: str | None = None
+        self.tab_kind = ""
         self.tours, self.tour = tours(lessons), cast(TourProgress | None, None)
         self.language = one_of(message("pendant.language", "language"), language, languages())
         self._open_session = open_session

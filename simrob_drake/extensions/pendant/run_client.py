@@ -15,7 +15,7 @@ from simrob_drake.extensions.pendant.run import TaughtRun
 from simrob_drake.extensions.pendant.run_pacer import News, RunLost
 
 Made = TypeVar("Made")
-Topic = Literal["program", "phase", "tick", "message", "description", "history", "hand"]
+Topic = Literal["program", "phase", "tick", "message", "description", "history", "hand", "inspected"]
 MakeLive = Callable[[Callable[[News], None]], "Running"]
 HandOver = Callable[[Callable[[], None]], object]
 Viewer = Callable[[str, list[dict[str, Any]]], object]

@@ -1,6 +1,6 @@
 """What a page can do: teach a program, run it, change it while it runs, and take it away. It knows no page."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import ExitStack
 from pathlib import Path
@@ -133,6 +133,7 @@ class Session:
         driving: a walk that is driven by hand.
         exports: what is taken away.
         earlier: runs that have ended, looked at again.
+        inspected: signals at which the user has looked by a block or a line of the picture, in the order of the clicks.
         hear, listen, listen_to_view, watch: those of the client.
     """
 
@@ -150,7 +151,13 @@ class Session:
         self.earlier = EarlierRuns(client, runner.commands, self.rewind)
         self.hear, self.watch = client.hear, client.watch
         self.listen, self.listen_to_view = client.listen, client.listen_to_view
+        self.inspected: list[str] = []
         self._held = ExitStack()
+
+    def inspect(self, signals: Iterable[str]) -> None:
+        """Note that the user looks at the plots of signals, which a step of a lesson may ask."""
+        self.inspected.extend(signals)
+        self.client.tell("inspected")
 
     @classmethod
     def open(

@@ -16,7 +16,7 @@ from simrob_drake.extensions.pendant.session import Session
 from simrob_drake.programs.timeline import Change
 
 _FOLDER = Path(__file__).parent / "lessons"
-_KINDS = "ended", "key", "moves", "pushed", "loop", "signal"
+_KINDS = "ended", "key", "moves", "pushed", "loop", "signal", "inspected"
 Text = Annotated[dict[str, str], Field(min_length=1)]  # what is said, by language
 
 
@@ -27,11 +27,13 @@ class StepStart(NamedTuple):
         ending: how the last run had ended.
         moves: count of the stored moves.
         changes: changes of the run that were in the program.
+        inspected: count of the signals that the user had looked at.
     """
 
     ending: object
     moves: int
     changes: tuple[Change, ...]
+    inspected: int = 0
 
 
 class Check(Strict):
@@ -49,6 +51,8 @@ class Check(Strict):
     """A loop is on."""
     signal: str | None = None
     """At the moment that is shown the ``axis`` of a signal lies between the bounds, in degrees where it is an angle."""
+    inspected: str | None = None
+    """The user has chosen a block or a line of the picture that shows the plot of this signal."""
 
     above: Number | None = None
     below: Number | None = None
@@ -65,23 +69,31 @@ class Check(Strict):
         return self
 
     def holds(self, session: Session, start: StepStart) -> bool:
-        """Tell whether it holds in a session since the step began."""
-        book, run = session.book, session.run
-        if self.ended is not None:
-            ending = run.ending or {}
-            return run.ending is not start.ending and self.ended in (ending.get("ending"), ending.get("stopped_by"))
-        if self.moves is not None:
-            later = islice(book.program.moves, start.moves, None)
-            return sum(self.kind in (None, move.key) for move in later) >= self.moves
-        if self.pushed:
-            # Compared one by one, not counted: a step may ask to delete a push before the next one.
-            return any(change.push for change in book.changes if change not in start.changes)
+        """Whether the condition holds in a session since the step began."""
         if self.loop is not None:
             return any(loop["name"] == self.loop and loop["on"] for loop in session.description.get("loops", ()))
         if self.signal is not None:
             return self._between(self._last(session))
-        live = [change.set[str(self.key)] for change in book.changes if change.set and self.key in change.set]
-        return self._between(live[-1] if live else session.setup.value(str(self.key)))
+        if self.key is not None:
+            changes = session.book.changes
+            live = [change.set[self.key] for change in changes if change.set and self.key in change.set]
+            return self._between(live[-1] if live else session.setup.value(self.key))
+        return self._has_happened(session, start)
+
+    def _has_happened(self, session: Session, start: StepStart) -> bool:
+        """Whether what the user is to do has been done since the step began: a run, moves, a push, a look."""
+        book = session.book
+        if self.ended is not None:
+            ending = session.run.ending or {}
+            is_another = session.run.ending is not start.ending
+            return is_another and self.ended in (ending.get("ending"), ending.get("stopped_by"))
+        if self.moves is not None:
+            later = islice(book.program.moves, start.moves, None)
+            return sum(self.kind in (None, move.key) for move in later) >= self.moves
+        if self.inspected is not None:
+            return self.inspected in session.inspected[start.inspected :]
+        # Pushes are compared one by one, not counted: a step may ask to delete a push before the next one.
+        return any(change.push for change in book.changes if change not in start.changes)
 
     def _last(self, session: Session) -> object:
         about = {signal["name"]: signal for signal in session.description.get("signals", ())}
@@ -116,8 +128,8 @@ class Tour(Strict):
     title: Text
     subject: str
     """The robot or the station that it begins with."""
-    page: str = ""
-    """What tells more, a page of the documentation."""
+    page: str | Text = ""
+    """Page that tells more: an address, or a Markdown file of the documentation; of each language, if they differ."""
     steps: Annotated[tuple[TourStep, ...], Field(min_length=1)]
 
 
@@ -130,6 +142,11 @@ def tours(folder: Path | None = None) -> list[Tour]:
         raise InvalidConfig(folder, "", message("pendant.no_lessons", "there is no such folder of lessons"))
     files = [file for place in (_FOLDER, folder) if place for file in sorted(place.glob("*.yaml"))]
     return [validated(Tour, read_yaml(file), file) for file in files]
+
+
+def page_of(tour: Tour, language: str) -> str:
+    """Page of a lesson that tells more in a language, or in the first one that there is; empty if there is none."""
+    return tour.page if isinstance(tour.page, str) else spoken(tour.page, language)
 
 
 def spoken(text: Text, language: str) -> str:
@@ -176,7 +193,12 @@ class TourProgress:
         """Look at a session, and tell whether all of the step is done."""
         if session is not self._session:
             self._session = session
-            self._start = StepStart(session.run.ending, len(session.book.program.moves), session.book.changes)
+            self._start = StepStart(
+                ending=session.run.ending,
+                moves=len(session.book.program.moves),
+                changes=session.book.changes,
+                inspected=len(session.inspected),
+            )
         for place, check in enumerate(self.step.checks):
             try:
                 self.done[place] = self.done[place] or check.holds(session, self._start)

@@ -365,7 +365,8 @@ def _below_floor(run: RecordedRun) -> Measured | None:
     signals = dict[str, str]()  # by subject, the name of the signal of its pose
     for robot in run.plant.robots.values():
         if robot.tcp:
-            signals[f"tool {robot.prefix}{robot.tcp}"] = f"{robot.prefix}tcp"
+            subject = message("results.tool_named", "tool {name}", name=f"{robot.prefix}{robot.tcp}")
+            signals[subject] = f"{robot.prefix}tcp"
     for robot in run.plant.robots.values():
         if robot.floats:
             signals[f"{robot.prefix}base"] = f"{robot.prefix}base"
@@ -423,7 +424,9 @@ def _shortened_steps(run: RecordedRun) -> Measured | None:
     if run.shortened is None or len(run.step_times) < 2:
         return None
     steps = np.array([len(run.step_times) - 1.0])
-    return Measured(["the solver"], run.shortened / steps, limits=steps, limit_units=["steps"])
+    solver = message("results.the_solver", "the solver")
+    unit = message("results.steps_as_unit", "steps")
+    return Measured([solver], run.shortened / steps, limits=steps, limit_units=[unit])
 
 
 def _coupling_gap(run: RecordedRun) -> Measured | None:

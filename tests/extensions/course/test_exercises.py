@@ -3,6 +3,8 @@
 import ast
 import csv
 import json
+import re
+from ast import literal_eval
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
@@ -71,6 +73,61 @@ def test_a_solution_holds_all_points_and_zeros_few(name, tmp_path):
     zeros = tmp_path / "answer.py"
     zeros.write_text((entry.folder / "template_es.py").read_text().replace("raise NotImplementedError", "return 0"))
     assert sum(point.ok for point in checked_points(entry, zeros, allow_code=True)) <= len(entry.exercise.points) / 2
+
+
+TEACHERS = {"en": ROOT / "docs/course/teachers.md", "es": ROOT / "docs/es/curso/profesores.md"}
+ACCEPTED = re.compile(r"`(\w+)\((.*?)\) = (.+?)`")
+"""A value that a page states to be accepted, such as `payload(30) = 0.973`."""
+
+
+def accepted_values(language, number):
+    """Values that the page for teachers states for an exercise: name of the function, arguments, value."""
+    sections = re.split(r"^## (\d+)\. ", TEACHERS[language].read_text(encoding="utf-8"), flags=re.MULTILINE)
+    text = dict(zip(map(int, sections[1::2]), sections[2::2], strict=True))[number]
+    return [
+        (name, literal_eval(f"({given},)") if given else (), literal_eval(value))
+        for name, given, value in ACCEPTED.findall(text)
+    ]
+
+
+def test_both_pages_for_teachers_state_the_same_values():
+    stated = {name: accepted_values("en", entry.exercise.number) for name, entry in ENTRIES.items()}
+    assert ("torque_limit", (), 23.2) in stated["pd_and_saturation"]
+    assert stated == {name: accepted_values("es", entry.exercise.number) for name, entry in ENTRIES.items()}
+
+
+@pytest.mark.long
+@each_exercise
+def test_answers_for_teachers_are_accepted(name, tmp_path):
+    """A value of a function without arguments goes to the check, others are those of the solution, to 1 %."""
+    entry = ENTRIES[name]
+    values = accepted_values("en", entry.exercise.number)
+    if not values:
+        pytest.skip("its functions have no single values")
+    solution = SOLUTIONS / f"{name}.py"
+    spec = spec_from_file_location(name, solution)
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    text = solution.read_text(encoding="utf-8")
+    for function, given, value in values:
+        if given:
+            assert getattr(module, function)(*given) == pytest.approx(value, rel=0.01)
+        else:
+            text += f"\n\ndef {function}():\n    return {value!r}\n"
+    answer = tmp_path / "answer.py"
+    answer.write_text(text, encoding="utf-8")
+    assert [point for point in checked_points(entry, answer, allow_code=True) if not point.ok] == []
+
+
+@pytest.mark.long
+def test_the_limit_that_still_swings_is_refused(tmp_path):
+    """The page for teachers says why 22.9 N·m is too little: 3.3 degrees are left."""
+    entry = ENTRIES["pd_and_saturation"]
+    points = checked(entry, tmp_path, "def torque_limit():\n    return 22.9\n")
+    enough = next(point for point in points if point.name == "enough")
+    assert enough.state == "fails"
+    assert enough.reading.most == 1.5
+    assert enough.reading.value == pytest.approx(3.3, abs=0.05)
 
 
 @pytest.mark.long

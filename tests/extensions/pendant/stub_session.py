@@ -49,9 +49,14 @@ class StubSession:
         self.phase, self.pace, self.run, self.message = "opening", 1.0, TaughtRun(), Notice()
         self.description, self.settings, self.targets, self.pending, self.ghosts = {}, {}, {}, (), []
         self.file, self.folder = Path(), Path()
+        self.inspected = []
         self.calls, self._hearers, self._lookers, self._drawn = [], [], [], drawn
         self.program, self.changes = SimpleNamespace(grid=0.05, moves=[]), ()
         self.closed = False
+
+    def inspect(self, signals):
+        self.inspected.extend(signals)
+        self.told("inspected")
 
     def listen(self, callback):
         self._hearers.append(callback)

@@ -415,6 +415,85 @@ def test_a_remedy_that_is_a_key_of_the_station_has_a_button_that_sets_it():
     visit(scenario)
 
 
+def test_a_verdict_is_marked_as_old_once_a_run_begins_or_the_station_changes():
+    """It stayed as it was below the next run, and below a station with other keys."""
+
+    def is_old(user):
+        (place,) = elements(user, role="status")
+        return "pendant-old" in place.classes
+
+    def marks(user):
+        return [one.text for one in elements(user) if "pendant-age" in one.classes and one.visible]
+
+    async def scenario(user, pendant):
+        session = pendant.session
+        session.run.ended.append(EndedRun(7, "program", 0.0, 1.0, "completed", {}, Moments()))
+        await heard(session, "message", message=Notice.of_remarks([Remark("success", "all within bounds")], ROWS[1:]))
+        assert (is_old(user), marks(user)) == (False, [])
+        await heard(session, "phase", phase="running")
+        assert (is_old(user), marks(user)) == (True, ["Verdict on run 7, from before what is shown now"])
+        await heard(session, "phase", phase="idle")
+        assert not is_old(user)
+        await heard(session, "description", settings={"servo.kp": 500})
+        assert (is_old(user), len(marks(user))) == (True, 1)
+        await heard(session, "message", message=Notice.of_remarks([Remark("success", "again")], ROWS[1:]))
+        assert not is_old(user)
+
+    visit(scenario)
+
+
+def test_the_button_of_a_remedy_is_below_its_sentence():
+    """Beside the sentence it left a narrow column for it."""
+
+    async def scenario(user, pendant):
+        remarks = [Remark("warning", "ran to its end"), Remark("warning", "joint_2 ended 1.2 deg off", SAGS)]
+        await heard(pendant.session, "message", message=Notice.of_remarks(remarks, ROWS))
+        (row,) = (one for one in elements(user) if "pendant-remedy-button" in one.classes)
+        (apply,) = row.default_slot.children
+        assert apply.text.startswith("Apply")
+        (sentence,) = (one for one in elements(user) if "pendant-remedy" in one.classes)
+        assert not [one for one in sentence.default_slot.children if isinstance(one, ui.button)]
+
+    visit(scenario)
+
+
+def test_keys_have_the_names_of_the_keyboard_of_the_language():
+    async def scenario(user, pendant):
+        tips = [one.text for one in elements(user) if isinstance(one, ui.tooltip)]
+        assert "Ejecutar (Espacio)" in tips
+        assert "Volver al principio (Inicio)" in tips
+        assert "Parar (Mayús+S)" in tips
+        assert "Deshacer (Ctrl+Z)" in tips
+        assert not [tip for tip in tips if re.search(r"Space|Home|Shift|Control", tip)]
+        press(user, button(user, "?"))
+        await user.should_see("Ctrl+Mayús+Z")
+        # Scripts of the page, and screen readers, know the keys by their English names.
+        assert button(user, "Space").props[KEYS] == "Space"
+
+    visit(scenario, Pendant(opened, "humanoid", language="es"))
+
+
+def test_a_tab_stays_in_front_when_the_page_or_the_station_is_loaded_again():
+    pendant = Pendant(opened, "irb120")
+    fronts = []
+
+    def tabs(user):
+        return next(one for one in elements(user) if isinstance(one, ui.tabs))
+
+    async def choose(user, pendant):
+        fronts.append(tabs(user).value)
+        tabs(user).value = "station"
+        await heard(pendant.session, "description")
+        fronts.append(tabs(user).value)
+
+    async def look_again(user, pendant):
+        fronts.append(tabs(user).value)
+
+    visit(choose, pendant)
+    visit(look_again, pendant)
+    assert fronts == ["arm", "station", "station"]
+
+
 # The view
 
 
@@ -500,7 +579,7 @@ def test_what_is_written_is_taken_away(tmp_path):
 def test_the_help_lists_the_keys_of_what_is_there():
     async def scenario(user, pendant):
         press(user, button(user, "?"))
-        await user.should_see("Control+Shift+Z")
+        await user.should_see("Ctrl+Shift+Z")
         await user.should_see("Alt+1")
         await user.should_not_see("Alt+2")  # no arm is loaded
         keys = [one.props[KEYS] for one in elements(user) if KEYS in one.props]

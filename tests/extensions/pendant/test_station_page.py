@@ -296,6 +296,50 @@ def test_what_a_check_finds_and_what_ended_a_run_are_told():
     on_page(scenario, language="es")
 
 
+def test_numbers_have_the_decimal_sign_of_the_language_and_are_taken_with_either():
+    async def scenario(user, session):
+        user.find(content="Buscar una clave", kind=ui.input).type("gravedad según")
+        await settled(0.1)
+        field = user.find(content="gravity", kind=ui.input)
+        (element,) = field.elements
+        assert element.value == "9,80665"
+        assert element.props["hint"].startswith("Gravedad según el eje vertical [m/s²]")
+        for typed, value in (("3,7", 3.7), ("1.62", 1.62)):
+            element.value = typed
+            field.trigger("keydown.enter")
+            await settled(0.1)
+            assert session.book.settings["gravity"] == value
+            assert element.error is None
+
+    on_page(scenario, language="es")
+
+
+def test_an_empty_field_shows_what_holds_below_its_name():
+    async def scenario(user, session):
+        user.find(content="Search for a key", kind=ui.input).type("torque_limit")
+        await settled(0.1)
+        (element,) = user.find(content="servo.torque_limit", kind=ui.input).elements
+        assert element.value == ""
+        assert element.props["placeholder"] == "not given"
+        assert "stack-label" in element.props  # else the name of the key stands where the value should be
+
+    on_page(scenario)
+
+
+def test_what_the_user_chooses_is_noted_and_scrolled_to_and_a_new_picture_is_not():
+    async def scenario(user, session):
+        assert session.inspected == []
+        user.find(kind=ui.html).trigger("click", ["joint_2.saturation", ""])
+        await settled(0.1)
+        assert "torque" in session.inspected
+        count = len(session.inspected)
+        session.told("description")
+        await settled(0.5)
+        assert len(session.inspected) == count
+
+    on_page(scenario)
+
+
 def test_the_blocks_of_a_picture_are_buttons():
     labels = labels_of(SVG)
     assert labels["joint_1.saturation"] == "Saturation\n±150 N·m"

@@ -1,6 +1,7 @@
 """Lessons in the page: what they ask for can be done, is known to be done then and not before, and is shown."""
 
 import asyncio
+from pathlib import Path
 
 import pytest
 import yaml
@@ -14,9 +15,10 @@ from stub_session import StubSession
 
 from simrob_drake.base.errors import InvalidConfig
 from simrob_drake.extensions.pendant.pages import shell
+from simrob_drake.extensions.pendant.pages.tour import plain_links
 from simrob_drake.extensions.pendant.pendant import Pendant
 from simrob_drake.extensions.pendant.session import Session
-from simrob_drake.extensions.pendant.tours import Tour, TourProgress, tours
+from simrob_drake.extensions.pendant.tours import Tour, TourProgress, page_of, tours
 from simrob_drake.programs.timeline import Change, PushNow
 from simrob_drake.robots.catalog import robot_names
 from simrob_drake.stations.load import load_station, station_names
@@ -74,6 +76,9 @@ def follow(tour, session, *deeds):
         for what in deed:
             if what == "play":
                 ran(now, now.simulate())
+            elif what == "look":
+                assert not progress.look(now)  # the run alone is not all that was asked
+                now.inspect(["position", "torque"])
             else:
                 assert now.setup.set(*what)
                 now.hear()
@@ -85,7 +90,7 @@ def follow(tour, session, *deeds):
 @pytest.mark.long
 def test_an_arm_moves(session):
     mass, limit = ("pieces.load.mass", 5), ("servo.torque_limit", 10)
-    follow(LESSONS[0], session, ["play"], [mass], ["play"], [limit, "play"])
+    follow(LESSONS[0], session, ["play"], [mass], ["play", "look"], [limit, "play"])
 
 
 @pytest.mark.long
@@ -128,6 +133,35 @@ def test_a_push_counts_although_another_one_was_deleted():
     assert not progress.look(session)
     session.book.changes = (new,)
     assert progress.look(session)
+
+
+def test_a_look_at_a_signal_counts_from_the_begin_of_the_step():
+    session = StubSession("irb120")
+    session.inspected.append("torque")
+    step = {"text": {"en": "Look."}, "checks": [{"inspected": "torque"}]}
+    progress = TourProgress(Tour.model_validate({"title": {"en": "Mine"}, "subject": "irb120", "steps": [step]}))
+    assert not progress.look(session), "it was looked at before the step"
+    session.inspected.append("position")
+    assert not progress.look(session)
+    session.inspected.append("torque")
+    assert progress.look(session)
+
+
+@each_lesson
+def test_the_page_of_a_lesson_is_there_in_both_languages(tour):
+    root = Path(__file__).parents[3]
+    english, spanish = (root / page_of(tour, language) for language in ("en", "es"))
+    assert english.parent.name == "lessons"
+    assert spanish.parent.name == "lecciones"
+    for page in (english, spanish):
+        shown = plain_links(page.read_text(encoding="utf-8"))
+        assert shown.startswith("# ")
+        assert "](../" not in shown
+
+
+def test_links_to_other_files_become_text():
+    text = "![a plot](plot.png)\n\nSee [the page](../page.md#part) and [Drake](https://drake.mit.edu)."
+    assert plain_links(text) == "See the page and [Drake](https://drake.mit.edu)."
 
 
 def test_a_lesson_is_shown_step_by_step(tmp_path):

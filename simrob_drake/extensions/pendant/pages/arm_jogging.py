@@ -43,7 +43,11 @@ class Jogging:
             with ui.tab_panel("tool").classes("p-0 gap-1"):
                 self._build_tool()
         self._off = ui.label().classes("text-sm pendant-off").props("aria-live=polite")
+        self._distance_off = 0.0  # of the tool from where it should be [m]
+        self._turn_off = 0.0  # the same of its direction [deg]
         place.subscribe(self._follow)
+        # The verdict on a run may come after the question where the tool is.
+        follow(session, self._show_off, "message")
 
     def _joint(self, phrases: Phrases, axis: Mapping[str, Any]) -> Dial:
         name, words = axis["name"], joint_words(phrases, axis["name"]).capitalize()
@@ -128,7 +132,8 @@ class Jogging:
         self._frame.set_options(frame_words(self._t, values["frames"]), value=self._place.frame)
         for number, (one, value) in enumerate(zip(self._pose, values["pose"], strict=True)):
             one.field.value = round(value / MILLI if number < len(_WAYS) else value, _DIGITS) + 0.0
-        self._tell_off(*values["off"])
+        self._distance_off, self._turn_off = values["off"]
+        self._show_off()
         if self._awaited > 1:
             return
         for name, value in values["axes"].items():
@@ -138,10 +143,17 @@ class Jogging:
         if not stays and not (self._awaited and self._by_tool):
             self._recentre()
 
-    def _tell_off(self, distance: float, turn: float) -> None:
-        """Tell how far the tool is from where it should be [m, deg], if that can be seen."""
+    def _show_off(self) -> None:
+        """Show how far the tool is from where it should be, if that can be seen.
+
+        It is red only if the verdict on the run warns, so that the page does not alarm where all is within bounds.
+        """
+        distance = self._distance_off
+        turn = self._turn_off
         levels = {level_of(distance, "m"), level_of(turn, "deg")} - {""}
         level = max(levels, default="")  # red comes after amber
+        if level == "red" and self._session.message.severity not in ("warning", "failure"):
+            level = "amber"
         figure = self._t.figure
         values = {"distance": figure(round(distance / MILLI, 1)), "turn": figure(round(turn, 1))}
         self._off.classes(replace=f"text-sm pendant-off {level}").set_text(

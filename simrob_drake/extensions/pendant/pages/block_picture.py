@@ -40,18 +40,26 @@ class BlockPicture:
         on_block: Callable[[str], object],
         on_wire: Callable[[str], object],
         on_fold: Callable[[], Awaitable[object]],
+        on_choice: Callable[[], object] = lambda: None,
     ) -> None:
         """Make an empty picture.
 
-        ``on_block`` and ``on_wire`` are told the block's name or the wire's number that the user chooses; ``on_fold``
-        shows another picture, with other blocks folded.
+        Args:
+            t: texts in the language of the page.
+            on_block: shows a block, by its name: the one that the user chooses, and again in a new drawing.
+            on_wire: shows a wire that the user chooses, by its number.
+            on_fold: shows another picture, with other blocks folded.
+            on_choice: is called after the user has chosen a block or a wire.
         """
         self.labels: dict[str, str] = {}
         self.wires: Wires = {}
         self.chosen = ""
         self._svg, self._wire = "", ""
         self.folded: list[str] = []
-        self._on_block, self._on_wire, self._on_fold = on_block, on_wire, on_fold
+        self._on_block = on_block
+        self._on_wire = on_wire
+        self._on_fold = on_fold
+        self._on_choice = on_choice
         self._changed: Collection[str] = ()
         with ui.element("div").classes("block-picture w-full") as place:
             with ui.element("div").classes("block-tools"):
@@ -109,12 +117,15 @@ class BlockPicture:
         await self._on_fold()
 
     def _choose(self, block: str, wire: Any) -> None:
+        """Show what the user has chosen: a block, or a wire if it has a number."""
         if wire == "":
             self.choose(block)
-            return
-        self.chosen, self._wire = "", str(wire)
-        self._draw()
-        self._on_wire(self._wire)
+        else:
+            self.chosen = ""
+            self._wire = str(wire)
+            self._draw()
+            self._on_wire(self._wire)
+        self._on_choice()
 
     def _draw(self) -> None:
         self._place.set_content(with_buttons(self._svg, self.chosen, self._wire, self._changed))

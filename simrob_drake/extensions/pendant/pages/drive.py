@@ -33,7 +33,7 @@ def build(session: Session, t: Words) -> None:
     for side, (_, _, key) in zip(sides, _SIDEWAYS, strict=True):
         side.props(f"data-key={key} tabindex=-1")
     pad.on("steer", lambda event: driving.command(client.id, *event.args["detail"]), args=["detail"])
-    button = icon_button("sports_esports", t("drive.begin"), keys="Shift+D").classes("pendant-drive")
+    button = icon_button("sports_esports", t("drive.begin"), keys="Shift+D", t=t).classes("pendant-drive")
     client.on_disconnect(lambda: driving.end(client.id))
 
     watched = ""

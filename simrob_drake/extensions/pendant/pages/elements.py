@@ -282,7 +282,29 @@ def _name_of(element: ui.element) -> str:
     return str(element.props.get("aria-label") or element.props.get("label") or getattr(element, "text", ""))
 
 
-def icon_button(icon: str, text: str, on_click: Callable[[], Any] | None = None, *, keys: str = "") -> ui.button:
+_KEY_NAMES = "Space", "Home", "Shift", "Control"
+"""Keys that have other names on the keyboards of some languages. The texts of the page have these."""
+
+
+def keys_in_words(t: Words, keys: str) -> str:
+    """Name a combination of keys as the keyboards of the page's language do.
+
+    Args:
+        t: texts in the language of the page.
+        keys: such as ``Control+Z``, as :func:`set_keys` takes them.
+    """
+    return "+".join(t(f"keys.{key}") if key in _KEY_NAMES else key for key in keys.split("+"))
+
+
+def icon_button(
+    icon: str,
+    text: str,
+    on_click: Callable[[], Any] | None = None,
+    *,
+    keys: str = "",
+    t: Words | None = None,
+    is_tip_above: bool = False,
+) -> ui.button:
     """Make a button that shows an icon.
 
     Args:
@@ -290,6 +312,8 @@ def icon_button(icon: str, text: str, on_click: Callable[[], Any] | None = None,
         text: what the button does; shown as a tooltip, and read by screen readers.
         on_click: callback for a click.
         keys: keys that press the button, such as ``Space`` or ``Control+Z``.
+        t: texts in the language of the page, which name keys. Without them the keys are named in English.
+        is_tip_above: whether the tooltip is above the button, if what is below must not be covered.
 
     Raises:
         ValueError: another element of the page has these keys.
@@ -298,8 +322,11 @@ def icon_button(icon: str, text: str, on_click: Callable[[], Any] | None = None,
     set_label(button, text)
     if keys:
         set_keys(button, keys)
+    named_keys = keys_in_words(t, keys) if t is not None else keys
     with button:
-        ui.tooltip(f"{text} ({keys})" if keys else text)
+        tip = ui.tooltip(f"{text} ({named_keys})" if keys else text)
+    if is_tip_above:
+        tip.props('anchor="top middle" self="bottom middle"')
     return button
 
 
@@ -309,10 +336,10 @@ def set_label(element: ui.element, text: str) -> None:
     element.update()
 
 
-def shortcuts() -> list[tuple[str, str]]:
-    """Return all keys of the present page, and what they do."""
+def shortcuts(t: Words) -> list[tuple[str, str]]:
+    """List all keys of the present page, and what they do, in the language of the page's texts."""
     found = [element for element in ElementFilter(local_scope=False, only_visible=True) if KEYS in element.props]
-    return [(element.props[KEYS], _name_of(element)) for element in found]
+    return [(keys_in_words(t, element.props[KEYS]), _name_of(element)) for element in found]
 
 
 _PAUSE = 0.05  # from one look at the session to the next [s]

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 from nicegui import ui
 
 from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.messages import number_in_language
 from simrob_drake.extensions.pendant.form import Field, as_text, as_value
 from simrob_drake.extensions.pendant.pages.words import Words
 
@@ -100,8 +101,10 @@ class FormView:
         return update
 
     def _typed(self, field: Field) -> Callable[[Field], object]:
-        box = ui.input(self._name(field), suffix=field.unit or None, placeholder=as_text(field.default))
-        box.classes("w-full").props("dense").props["hint"] = self._help(field)
+        empty = self._shown(field, field.default) or self._t("station.not_given")
+        box = ui.input(self._name(field), suffix=field.unit or None, placeholder=empty)
+        # The label stays above, so that an empty field shows what holds, and not its own name.
+        box.classes("w-full").props("dense stack-label").props["hint"] = self._help(field)
         shown = [""]
 
         async def typed() -> None:
@@ -109,12 +112,12 @@ class FormView:
                 box.error = None
                 return
             try:
-                box.error = await self._give(field.key, as_value(field, text)) or None
+                box.error = await self._give(field.key, as_value(field, self._as_typed(field, text))) or None
             except SimrobError as problem:
                 box.error = self._t.render(str(problem))
 
         def update(new: Field) -> None:
-            text = as_text(new.value)
+            text = self._shown(new, new.value)
             if text != shown[0]:
                 shown[0] = box.value = text
                 box.error = None
@@ -122,11 +125,20 @@ class FormView:
         box.on("keydown.enter", typed).on("blur", typed)
         return update
 
+    def _shown(self, field: Field, value: Any) -> str:
+        """Write a value for the user: a number with the decimal sign of the language, other values as YAML."""
+        text = as_text(value)
+        return number_in_language(text, self._t.language) if field.kind == "number" else text
+
+    def _as_typed(self, field: Field, text: str) -> str:
+        """Read a number with either decimal sign. Other values are YAML, in which a comma separates."""
+        return text.replace(",", ".") if field.kind == "number" and self._t.has_decimal_comma else text
+
     def _help(self, field: Field) -> str:
         """Return what a field is, with its bounds and its default."""
         ends = (("≥", field.low), ("≤", field.high))
-        bounds = [f"{sign} {bound:g}" for sign, bound in ends if bound is not None and abs(bound) < _HUGE]
-        default = as_text(field.default)
+        bounds = [f"{sign} {self._t.figure(bound)}" for sign, bound in ends if bound is not None and abs(bound) < _HUGE]
+        default = self._shown(field, field.default)
         hints = [*bounds, self._t("station.default", value=default) if default else ""]
         return " · ".join(filter(None, (field.help, *hints)))
 

@@ -20,8 +20,8 @@ def build(session: Session, t: Words) -> Callable[[], None]:
     Returns:
         what tells the view of these, once it is loaded.
     """
-    pull = icon_button("pan_tool_alt", t("shell.drag"), keys="D").classes("pendant-drag pendant-mood")
-    hand = icon_button("open_with", t("hand.begin"), keys="G").classes("pendant-hand pendant-mood")
+    pull = icon_button("pan_tool_alt", t("shell.drag"), keys="D", t=t).classes("pendant-drag pendant-mood")
+    hand = icon_button("open_with", t("hand.begin"), keys="G", t=t).classes("pendant-hand pendant-mood")
     with ui.element("div").classes("pendant-grip").props("role=group") as settings:
         set_label(settings, t("hand.settings"))
         own = ui.toggle({False: t("hand.world"), True: t("hand.own")}, value=False).props("dense no-caps")

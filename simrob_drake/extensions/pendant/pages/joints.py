@@ -169,6 +169,8 @@ def axis_field(phrases: Phrases, axis: Content, value: float) -> NumberField:
 
 _SIGNALS = ("reference", "position", "torque")
 _BEFORE = 0.05  # from a moment to the one before, by which it is told how fast a joint moves [s]
+_NOTED = {"deg": 0.5, "m": 0.0005}
+"""Least difference from the request with which a joint's measured position is written below it [deg or m]."""
 _FORCES = {"deg": "N·m", "m": "N"}
 
 
@@ -229,13 +231,14 @@ class Marks:
                 torque=torque,
                 limit=self._limits[number],
             )
-            runs_on = gap.reason in ("moving", "gains") and self._session.phase == "running"
+            runs_on = gap.reason in ("", "moving", "gains") and self._session.phase == "running"
             why = "" if runs_on else self._why(axis, gap.reason, where, gap.off, torque, self._limits[number])
             self._dials[axis["name"]].mark(where, gap.level, why)
 
     def _why(self, axis: Content, reason: str, done: float, off: float, torque: float, limit: float) -> str:
-        if not reason:
+        if not reason and abs(off) < _NOTED[axis["unit"]]:
             return ""
+        reason = reason or "measured"
         unit, force = self._phrases.unit(axis["name"]), _FORCES[axis["unit"]]
         digits = 1 if axis["unit"] == "deg" else 4
         figure = self._phrases.t.figure

@@ -1,6 +1,7 @@
 """The messages of a session below the view: each line in the colour of its severity, and remedies with a button."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from nicegui import ui
 
@@ -32,16 +33,24 @@ class Messages:
         """Build the place for messages below the bar of the run. It follows the session."""
         self._session, self._t = session, t
         self._buttons: list[ui.button] = []
+        self._judged_settings: dict[str, Any] | None = None
+        self._age: ui.label | None = None
         self._place = ui.element("div").classes("pendant-message").props("role=status aria-live=polite")
         follow(session, self._show, "message")
-        follow(session, self._allow, "phase")
+        follow(session, self._follow_run, "phase", "program", "description")
 
     def _show(self) -> None:
         """Show the last message in place of the one before."""
         notice = self._session.message
         self._buttons = []
+        # Only a verdict has criteria. It is about the station as it is now, and about the last run that ended.
+        self._judged_settings = dict(self._session.book.settings) if notice.criteria else None
         self._place.clear()
         with self._place:
+            ended = self._session.run.ended
+            self._age = None
+            if notice.criteria and ended:
+                self._age = ui.label(self._t("run.old_verdict", number=ended[-1].number)).classes("pendant-age")
             if notice.key or not notice.remarks:
                 self._build_line(notice.severity, self._text_of(notice))
             for remark, text in zip(notice.remarks, notice.lines(self._t.render), strict=True):
@@ -50,7 +59,17 @@ class Messages:
                     self._build_remedy(remark.remedy)
             if notice.criteria:
                 self._build_table(notice.criteria, is_open=notice.severity == "warning")
+        self._follow_run()
+
+    def _follow_run(self) -> None:
+        """Allow the buttons, and mark a verdict as old once another run has begun or the station has changed."""
         self._allow()
+        is_old = self._judged_settings is not None and (
+            self._session.phase in ("running", "paused") or self._session.book.settings != self._judged_settings
+        )
+        if self._age is not None:
+            self._age.set_visibility(is_old)
+        self._place.classes(add="pendant-old" if is_old else None, remove=None if is_old else "pendant-old")
 
     def _text_of(self, notice: Notice) -> str:
         """Text of a notice above its remarks, in the language of the page."""
@@ -70,8 +89,10 @@ class Messages:
         with ui.row().classes("pendant-remark pendant-remedy"):
             ui.icon("arrow_forward").props("aria-hidden=true")
             ui.label(capitalised(self._t.render(remedy.text)))
-            if not remedy.changes:
-                return
+        if not remedy.changes:
+            return
+        # Under the sentence, for which a button beside it would leave a narrow column.
+        with ui.row().classes("pendant-remark pendant-remedy-button"):
             shown = ", ".join(f"{key} = {as_text(value)}" for key, value in remedy.changes.items())
             text = self._t("run.apply", setting=shown)
             button = ui.button(text, on_click=lambda: self._session.setup.set_all(remedy.changes))

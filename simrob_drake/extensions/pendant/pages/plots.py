@@ -189,7 +189,7 @@ class _Scope:
             layers.append(Layer(names, styles, self._rows(other.history(self._name), chosen), opacity=_FAINT))
         if self._limits and rows:
             layers.append(self._limit_layer(chosen, rows))
-        self._chart.props["options"] = _picture(layers, cursor)
+        self._chart.props["options"] = _picture(layers, cursor, has_decimal_comma=self._t.has_decimal_comma)
 
     def _rows(self, history: Iterable[Row], chosen: Sequence[int]) -> list[list[float]]:
         """Return times of a history and the chosen columns of its values, as they are drawn.
@@ -312,15 +312,21 @@ class Layer(NamedTuple):
     opacity: float = 1.0
 
 
-def _picture(layers: Sequence[Layer], cursor: float | None) -> dict[str, Any]:
+_WITH_COMMA = "(value) => String(value).replace('.', ',')"
+"""Function of JavaScript with which ECharts writes numbers at its axes with a decimal comma."""
+
+
+def _picture(layers: Sequence[Layer], cursor: float | None, *, has_decimal_comma: bool = False) -> dict[str, Any]:
     """Make the options with which ECharts draws a plot.
 
     Args:
         layers: the curves.
         cursor: time at which a vertical line stands [s]; None for no line.
+        has_decimal_comma: whether the numbers at the axes have a decimal comma.
     """
+    labels: dict[str, Any] = {":formatter": _WITH_COMMA} if has_decimal_comma else {}
     faint = {"splitLine": {"lineStyle": {"color": "#8884"}}, "axisLine": {"lineStyle": {"color": "#888"}}}
-    ends = {"axisLabel": {"showMinLabel": False, "showMaxLabel": False, "hideOverlap": True}}
+    ends = {"axisLabel": {"showMinLabel": False, "showMaxLabel": False, "hideOverlap": True, **labels}}
     time_axis = {"name": "t [s]", "nameLocation": "middle", "nameGap": 22}
     series = [
         {
@@ -348,7 +354,7 @@ def _picture(layers: Sequence[Layer], cursor: float | None) -> dict[str, Any]:
         "animation": False,
         "grid": {"left": 56, "right": 12, "top": 12, "bottom": 40},
         "xAxis": {"type": "value", "min": "dataMin", "max": "dataMax", **time_axis, **faint, **ends},
-        "yAxis": {"type": "value", "scale": True, **faint},
+        "yAxis": {"type": "value", "scale": True, "axisLabel": labels, **faint},
         "dataset": [{"source": list(layer.rows)} for layer in layers],
         "series": series,
     }

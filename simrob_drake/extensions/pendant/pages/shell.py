@@ -81,7 +81,7 @@ def build(pendant: Pendant) -> None:
             view.build_pad(session, t)
         with ui.element("section").classes("pendant-plate").props(f"id={_TEACHING} tabindex=-1") as teaching:
             set_label(teaching, t("shell.teaching"))
-            _tabs(session, t, language)
+            _tabs(pendant, t, language)
 
 
 def _open(t: Words, load: Callable[[], bool]) -> None:
@@ -124,8 +124,8 @@ def _conflict(session: Session, t: Words) -> None:
 
 
 def _undo(session: Session, t: Words) -> None:
-    undo = icon_button("undo", t("shell.undo"), session.undo, keys="Control+Z")
-    redo = icon_button("redo", t("shell.redo"), session.redo, keys="Control+Shift+Z")
+    undo = icon_button("undo", t("shell.undo"), session.undo, keys="Control+Z", t=t)
+    redo = icon_button("redo", t("shell.redo"), session.redo, keys="Control+Shift+Z", t=t)
 
     def show() -> None:
         allow(undo, "" if session.book.history.can_undo else t("why.no_undo"))
@@ -140,7 +140,7 @@ def _take_away(session: Session, t: Words) -> None:
         if file is not None:
             ui.download.file(file)
 
-    with icon_button("download", t("shell.take_away"), keys="Shift+E"), ui.menu():
+    with icon_button("download", t("shell.take_away"), keys="Shift+E", t=t), ui.menu():
         for kind in _TAKEN:
             ui.menu_item(t(f"shell.export_{kind}"), lambda kind=kind: take(kind))
 
@@ -157,7 +157,7 @@ def _looks(pendant: Pendant, t: Words, spoken: str) -> None:
         button.on("click", js_handler=f"() => location.search = 'language={language}'")
         set_label(button, t(f"shell.language_{language}"))
         button.props["aria-pressed"] = "true" if language == spoken else "false"
-    icon_button("contrast", t("shell.shade"), shade, keys="Shift+L")
+    icon_button("contrast", t("shell.shade"), shade, keys="Shift+L", t=t)
 
 
 def _help(t: Words) -> None:
@@ -171,21 +171,23 @@ def _help(t: Words) -> None:
     def show() -> None:
         keys.clear()
         with keys:
-            for key, text in shortcuts():
+            for key, text in shortcuts(t):
                 with ui.element("dt"):
                     ui.label(key)
                 with ui.element("dd"):
                     ui.label(text)
         dialog.open()
 
-    icon_button("help_outline", t("shell.help"), show, keys="?")
+    icon_button("help_outline", t("shell.help"), show, keys="?", t=t)
 
 
-def _tabs(session: Session, t: Words, language: str) -> None:
+def _tabs(pendant: Pendant, t: Words, language: str) -> None:
     """Build the tabs that teach: those of this page, then the panels of extensions.
 
-    A tab that does not serve the kind of robot that is taught is hidden.
+    A tab that does not serve the kind of robot that is taught is hidden. The user's tab stays in front until a robot of
+    another kind is loaded, also when the station or the page is loaded again.
     """
+    session = pendant.session
     panels = _own_panels(t)
     for name, panel in usable_objects("panels", PendantPanel).items():
         panels[f"extension_{name}"] = panel  # so that no name of ours is replaced
@@ -193,23 +195,28 @@ def _tabs(session: Session, t: Words, language: str) -> None:
         heads = {name: ui.tab(name, label=panel.title(language)) for name, panel in panels.items()}
         for number, head in enumerate(heads.values(), 1):
             set_keys(head, f"Alt+{number}")
-    with ui.tab_panels(tabs, value=_ALWAYS, animated=False, keep_alive=True).classes("w-full pendant-panels"):
+    first_tab = pendant.tab if pendant.tab in panels else _ALWAYS
+    with ui.tab_panels(tabs, value=first_tab, animated=False, keep_alive=True).classes("w-full pendant-panels"):
         for name, panel in panels.items():
             with ui.tab_panel(name):
                 _build_panel(name, panel, session, t)
-    chosen = ""
+
+    def keep() -> None:
+        """Keep the tab in front for a page that is loaded again."""
+        pendant.tab = str(tabs.value)
 
     def show() -> None:
-        nonlocal chosen
+        """Show the tabs for the kind of robot, and put its own in front if the kind is another one than before."""
         kind = session.description.get("robots", {}).get(session.book.robot, {}).get("kind", "")
         for name, head in heads.items():
             robots = panels[name].robots
             head.set_visibility(not robots or kind in robots)
         fitting = kind if kind in TABS else _ALWAYS
-        if session.description and fitting != chosen:
-            chosen = fitting
+        if session.description and fitting != pendant.tab_kind:
+            pendant.tab_kind = fitting
             tabs.set_value(fitting)
 
+    tabs.on_value_change(keep)
     follow(session, show, "description")
 
 

@@ -20,6 +20,7 @@ from simrob_drake.extensions.pendant.form import Field, as_text, form_fields
 from simrob_drake.extensions.pendant.pages.block_picture import BlockPicture
 from simrob_drake.extensions.pendant.pages.elements import card, follow, own_tab_panels
 from simrob_drake.extensions.pendant.pages.form_view import FormView, Tuning, build_tuner, is_tuned, tunings
+from simrob_drake.extensions.pendant.pages.key_helps import in_own_language
 from simrob_drake.extensions.pendant.pages.plots import AS_SHOWN, POSE, as_list, at, scope, watch
 from simrob_drake.extensions.pendant.pages.words import Phrases, Words
 from simrob_drake.extensions.pendant.session import Session
@@ -33,6 +34,7 @@ _FEW = 6  # fields that a block shows unfolded
 _MOST_ENDINGS = 10
 _SHOWN = 0.25  # from one look at the values on the wires to the next [s]
 _PAUSE = 0.3  # from a change to the question what it does [s]: meanwhile others may come, and another tab
+_UNTIL_DRAWN = 400  # from new plots until a browser has drawn them [ms]
 _TAB = "station"
 _COLUMNS = "w-full grid gap-4 items-start grid-cols-[repeat(auto-fit,minmax(min(24rem,100%),1fr))]"
 
@@ -52,10 +54,13 @@ class _Page:
         self._sections: dict[str, Callable[[list[Field]], None]] = {}
         self._panels = own_tab_panels()
         self._asked = True
+        self._plotted: list[str] = []  # signals of which the chosen block or line shows plots
         self._wires, self._shown_values = dict[str, BlockMeaning](), dict[str, str]()
         with card(t("station.blocks"), about=t("station.blocks_help")):
             self._wrong_picture = ui.label().classes("text-negative")
-            self._picture = BlockPicture(t, self._show_block, self._show_wire, self._ask_for_picture)
+            self._picture = BlockPicture(
+                t, self._show_block, self._show_wire, self._ask_for_picture, self._look_at_choice
+            )
             self._values = ui.switch(t("station.values"), value=True, on_change=self._watch_wires).props("dense")
             self._watching = ui.element("div")
         with card(t("station.block")):
@@ -95,7 +100,7 @@ class _Page:
         if not session.description:
             return
         self._content = station_content(session.book.config)
-        self._fields = form_fields(station_schema(), self._content)
+        self._fields = in_own_language(form_fields(station_schema(), self._content), self._t.language)
         self._show_form()
         self._search()
         self._show_changed()
@@ -179,6 +184,17 @@ class _Page:
             holding, name = of_axis, key.split(".")[-2]
         return [block for block in holding if name in re.findall(r"\w+", labels[block])] or holding
 
+    def _look_at_choice(self) -> None:
+        """Bring the plots of what the user has chosen into view, and note that the user looks at them."""
+        if not self._plotted:
+            return
+        # The plots get their size in the browser a moment after they are sent.
+        scroll = (
+            f"document.getElementById('c{self._block.id}')?.scrollIntoView({{block: 'nearest'}})"
+        )
+        self._block.client.run_javascript(f"setTimeout(() => {scroll}, {_UNTIL_DRAWN})")
+        self._session.inspect(self._plotted)
+
     def _show_wire(self, number: str) -> None:
         """Show what goes along a wire."""
         source, targets = self._picture.wires[number]
@@ -190,7 +206,9 @@ class _Page:
             self._scopes(wire)
 
     def _scopes(self, meaning: BlockMeaning) -> None:
-        for name in meaning.signals[:_MOST_SCOPES]:
+        """Show the plots of a block or a line."""
+        self._plotted = list(meaning.signals[:_MOST_SCOPES])
+        for name in self._plotted:
             own = (column for column in self._columns[name] if meaning.axis and column.endswith(f".{meaning.axis}"))
             scope(self._session, self._t, name, only=next(own, ""))
 
@@ -283,6 +301,7 @@ class _Page:
 
     def _show_block(self, block: str) -> None:
         """Show the parameters and the signals of a block."""
+        self._plotted = []
         self._block.clear()
         with self._block:
             if not block:

@@ -1,14 +1,19 @@
 """A lesson in the page: what to do next, and whether it is done."""
 
+import re
 from collections.abc import Callable
+from pathlib import Path
 
 from nicegui import ui
 
-from simrob_drake.extensions.pendant.pages.elements import follow, icon_button
+from simrob_drake.extensions.pendant.pages.elements import follow, icon_button, set_label
 from simrob_drake.extensions.pendant.pages.plots import watch
 from simrob_drake.extensions.pendant.pages.words import Words
 from simrob_drake.extensions.pendant.pendant import Pendant
-from simrob_drake.extensions.pendant.tours import Tour, TourProgress, spoken
+from simrob_drake.extensions.pendant.tours import Tour, TourProgress, page_of, spoken
+
+_ROOT = Path(__file__).parents[4]
+"""Folder of the project, in which a checkout has its pages."""
 
 
 class Lessons:
@@ -21,7 +26,7 @@ class Lessons:
 
     def build_menu(self) -> None:
         """Build the button that begins a lesson."""
-        with icon_button("school", self._t("tour.lessons"), keys="Alt+L"), ui.menu():
+        with icon_button("school", self._t("tour.lessons"), keys="Alt+L", t=self._t), ui.menu():
             for tour in self._pendant.tours:
                 ui.menu_item(spoken(tour.title, self._language), lambda tour=tour: self._begin(tour))
 
@@ -55,7 +60,7 @@ class Lessons:
         if tour is not None:
             with self._place, ui.element("div").classes("contents"):  # with which it ends that its step is looked at
                 self._show_step(tour, done)
-                follow(self._session, self._show, "description", "program", "phase", "message", "tick")
+                follow(self._session, self._show, "description", "program", "phase", "message", "tick", "inspected")
 
     def _show_step(self, tour: TourProgress, done: bool) -> None:
         t, count = self._t, len(tour.tour.steps)
@@ -75,5 +80,31 @@ class Lessons:
             if tour.number < count - 1:
                 ui.button(t("tour.next" if done else "tour.skip"), on_click=lambda: self._go(1)).props(look)
             else:
-                ui.label(t("tour.page", page=tour.tour.page) if tour.tour.page else "")
+                self._build_page_link(page_of(tour.tour, self._language))
                 ui.button(t("tour.end"), on_click=lambda: self._begin(None)).props(look)
+
+    def _build_page_link(self, page: str) -> None:
+        """Build what opens the page that tells more: an address in another tab, a file of this package in a dialog.
+
+        A file that is not there, as the pages are not in an installed package, is named.
+        """
+        if not page:
+            return
+        if page.startswith(("http://", "https://")):
+            ui.link(self._t("tour.page"), page, new_tab=True)
+            return
+        file = _ROOT / page
+        if not file.is_file():
+            ui.label(self._t("tour.page_named", page=page))
+            return
+        with ui.dialog().props("full-width") as dialog, ui.card().classes("w-full pendant-lesson-page"):
+            set_label(dialog, self._t("tour.page"))
+            ui.markdown(plain_links(file.read_text(encoding="utf-8")), extras=["fenced-code-blocks", "tables"])
+            ui.button(self._t("shell.close"), on_click=dialog.close)
+        ui.button(self._t("tour.page"), icon="menu_book", on_click=dialog.open).props("no-caps dense flat")
+
+
+def plain_links(text: str) -> str:
+    """Replace links and pictures of a Markdown text that lead to other files, which the dialog cannot show."""
+    without_pictures = re.sub(r"!\[[^\]]*\]\((?!https?:)[^)]*\)\n*", "", text)
+    return re.sub(r"\[([^\]]*)\]\((?!https?:)[^)]*\)", r"\1", without_pictures)

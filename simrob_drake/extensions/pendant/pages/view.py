@@ -124,10 +124,12 @@ def build_bar(session: Session, t: Words) -> None:
     """Build the bar, and the messages below it."""
     with ui.element("div").classes("pendant-run").props("role=toolbar") as bar:
         set_label(bar, t("run.bar"))
-        start = icon_button("skip_previous", t("run.start"), lambda: session.rewind(0.0), keys="Home")
-        play = icon_button("play_arrow", t("run.play"), lambda: _play(session), keys="Space")
-        tick = icon_button("keyboard_tab", t("run.tick"), lambda: _tick(session), keys=".")
-        stop = icon_button("stop", t("run.stop"), session.stop, keys="Shift+S")
+        start = icon_button(
+            "skip_previous", t("run.start"), lambda: session.rewind(0.0), keys="Home", t=t, is_tip_above=True
+        )
+        play = icon_button("play_arrow", t("run.play"), lambda: _play(session), keys="Space", t=t, is_tip_above=True)
+        tick = icon_button("keyboard_tab", t("run.tick"), lambda: _tick(session), keys=".", t=t, is_tip_above=True)
+        stop = icon_button("stop", t("run.stop"), session.stop, keys="Shift+S", t=t, is_tip_above=True)
         scrubber = ui.slider(min=0.0, max=1.0, step=0.05)
         scrubber.on("update:model-value", lambda event: session.rewind(float(event.args)), throttle=0.1)
         set_label(scrubber, t("run.scrub"))

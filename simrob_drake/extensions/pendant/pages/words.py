@@ -45,6 +45,11 @@ class Words:
         """Render a message in the language. Other texts, such as names, are returned as they are."""
         return in_language(text, self.language)
 
+    @property
+    def has_decimal_comma(self) -> bool:
+        """Whether the language writes 23,5 for the number 23.5."""
+        return number_in_language(".", self.language) == ","
+
     def figure(self, value: float) -> str:
         """Write a number as briefly as it can be read, with the decimal sign of the language."""
         digits = f"{round(value, 3) + 0.0:g}".replace("-", MINUS)

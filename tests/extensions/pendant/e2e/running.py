@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[4]
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 _FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 """Three dimensions on a machine without a graphics card."""
-_ADDRESS = re.compile(r"is taught at (http://\S+)")
+_ADDRESS = re.compile(r"(http://\S+)")
 _PATIENCE = 120.0  # s that it may take until the page can be opened, on a machine that does other things
 
 
