@@ -157,8 +157,20 @@ class StationModel(PosedStation):
         """Name of the robot whose fingers hold a piece, for each piece that is held."""
         if not self._held:  # the usual case, and this property is read in every collision check
             return {}
+        return self._robots_of(self._held)
+
+    def gripping_robots(self) -> dict[str, str]:
+        """Name of the robot whose fingers touch a free piece from two sides in the present postures, by piece."""
+        return self._robots_of(self._gripped())
+
+    def _robots_of(self, held: Mapping[str, tuple[Frame, RigidTransform]]) -> dict[str, str]:
+        """Name of the robot that each held piece's link belongs to, by piece.
+
+        Args:
+            held: by piece, the link that holds it and its pose in that link's frame.
+        """
         robots = {own.instance: name for name, own in self.robots.items()}
-        return {piece: robots[link.model_instance()] for piece, (link, _) in self._held.items()}
+        return {piece: robots[link.model_instance()] for piece, (link, _) in held.items()}
 
     def _gripped(self) -> dict[str, tuple[Frame, RigidTransform]]:
         """Return the free pieces that two links of a robot with fingers touch now: one link, and where in it."""
