@@ -1,6 +1,6 @@
 """Program an arm in the words of RAPID: SimRob's class Kin, later Cin."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import Any, Concatenate, ParamSpec, TypeVar, cast
@@ -13,6 +13,7 @@ from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import PoseLike
 from simrob_drake.base.messages import message
 from simrob_drake.kinematics.registry import SolverLike
+from simrob_drake.programs.errors import PathCollision
 from simrob_drake.programs.foresight import foresee
 from simrob_drake.programs.geometry import ArmGeometry
 from simrob_drake.programs.moves.joints import JointMove, move_of
@@ -420,8 +421,12 @@ class Workcell(RecordedStation):
         spans: list[MoveSpan] = []
         now = 0.0
         for number, move in enumerate(program.moves):
-            with naming(move_name(number, len(program.moves), file)):
-                run = move.perform(self, program.robot, self.run_plans)
+            try:
+                with naming(move_name(number, len(program.moves), file)):
+                    run = move.perform(self, program.robot, self.run_plans)
+            except PathCollision as problem:
+                _explain_by_lost_piece(problem, runs)
+                raise
             begin = now
             if run is not None:
                 now = begin + run.stop_time
@@ -458,3 +463,18 @@ class Workcell(RecordedStation):
         foresight = foresee(self, plans, time)
         self.state = foresight.state
         return time, foresight.dropped
+
+
+def _explain_by_lost_piece(problem: PathCollision, runs: Sequence[SimulationResult]) -> None:
+    """Add to a refused move that its obstacle is a piece that slipped out of fingers in a move before.
+
+    Args:
+        problem: the error of the move. It stays as it is if the obstacle is something else.
+        runs: the runs of the moves before.
+    """
+    for run in reversed(runs):
+        for measure in run.verdict.measures:
+            is_lost = measure.criterion.name == "lost_piece" and measure.warning
+            if is_lost and measure.worst.subject in problem.bodies:
+                problem.add_lost_piece(measure.worst.subject, run.place)
+                return

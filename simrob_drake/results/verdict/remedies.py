@@ -9,6 +9,7 @@ from math import ceil, floor, log10
 from typing import Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from simrob_drake.base.messages import message
 from simrob_drake.base.remarks import Remedy
@@ -42,6 +43,9 @@ _MARGIN = 1.1
 
 _AT_REST = 0.01
 """An axis is at rest if its speed is below this share of its limit."""
+
+_ANY_GRAVITY = 1e-6
+"""Gravity acts on an axis if its torque is at least this share of the motor's torque."""
 
 _STIFFER = 10.0
 """Bodies that sink into each other too deep get a contact stiffness so many times larger."""
@@ -83,7 +87,15 @@ def more_time_for_motors(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     robot = robot_of(run, entry.subject)
     if robot is None:
         return None
-    if _is_saturated_at_rest(run, robot):
+    saturated = _saturated_at_end(run, robot)
+    if saturated.any() and _presses_on_something(run, robot, saturated):
+        text = message(
+            "results.remedy_pressing",
+            "at the end the motor presses on something, and does not carry a load: remove what is in the way, or move "
+            "the target",
+        )
+        return Remedy(text)
+    if saturated.any():
         text = message(
             "results.remedy_weak_motor", "the motor is too weak to hold this: carry less, or raise its limit"
         )
@@ -155,6 +167,15 @@ def more_grip(run: RecordedRun, entry: WorstValue) -> Remedy:
     return Remedy(message("results.remedy_more_grip", "take shorter steps, or raise the friction of sole and floor"))
 
 
+def firmer_grip(run: RecordedRun, entry: WorstValue) -> Remedy:
+    """Remedy of a piece that slipped out of fingers."""
+    del run, entry  # the remedy is the same for all pieces
+    text = message(
+        "results.remedy_firmer_grip", "grip with more force, or raise the friction of the fingers and of the piece"
+    )
+    return Remedy(text)
+
+
 def other_solver(run: RecordedRun, entry: WorstValue) -> Remedy:
     """Remedy of a solver that retries its steps too often."""
     del run, entry  # the remedy is the same for all stations
@@ -207,9 +228,32 @@ def _may_be_implicit(run: RecordedRun, robot: StationRobot) -> bool:
     return servo.law == "pid" and not servo.admittance_gain and not run.config.prescribed
 
 
-def _is_saturated_at_rest(run: RecordedRun, robot: StationRobot) -> bool:
-    """Whether a motor is at its torque limit at the end of the run, so that more time would not help."""
-    return bool(torque_shares(run, robot)[-1].max() >= AT_LIMIT)
+def _saturated_at_end(run: RecordedRun, robot: StationRobot) -> npt.NDArray[np.bool_]:
+    """Whether each motor is at its torque limit at the end of the run, so that more time would not help, shape (n,)."""
+    return np.asarray(torque_shares(run, robot)[-1] >= AT_LIMIT)
+
+
+def _presses_on_something(run: RecordedRun, robot: StationRobot, saturated: npt.NDArray[np.bool_]) -> bool:
+    """Whether the saturated motors push at the end of a run where gravity does not push against them.
+
+    A motor that carries a load acts against gravity. One that acts with gravity, or across it, presses on something.
+
+    Args:
+        run: the run.
+        robot: the robot. If its base floats, its motors act against the ground, and the result is False.
+        saturated: whether each motor is at its limit, shape (n,).
+    """
+    if not run.config.engine.moves_by_forces or robot.model.base == "floating":
+        return False
+    plant = run.plant.plant
+    context = plant.CreateDefaultContext()
+    (positions,) = run.positions_at(run.times[-1:])
+    plant.SetPositions(context, positions)
+    gravity = robot.axis_map.efforts(plant.CalcGravityGeneralizedForces(context))
+    torque = run.axes("tau", robot.name)[-1]
+    # Against gravity, the product is negative. Rounding leaves a tiny torque of gravity about a vertical axis.
+    against_gravity = -gravity * torque > _ANY_GRAVITY * torque**2
+    return not bool(against_gravity[saturated].any())
 
 
 def _servo_key(run: RecordedRun, robot: StationRobot, key: str) -> str:
