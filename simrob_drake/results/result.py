@@ -44,6 +44,7 @@ from simrob_drake.results.record.run import MoveSpan, begins_of
 from simrob_drake.results.record.state import State, free_joint, joints_of
 from simrob_drake.results.record.touch import Event
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.import_findings import estimated_inertias
 from simrob_drake.stations.piece_config import PieceConfig
 from simrob_drake.stations.posed import PosedStation
 from simrob_drake.stations.poses import piece_pose_signal, unit_poses
@@ -146,6 +147,8 @@ class SimulationResult(RecordedRun):
             )
         else:
             whole = verdict_of(self)
+        estimates = [estimated_inertias(robot.model) for robot in self.plant.robots.values()]
+        whole = replace(whole, notes=tuple(estimate for estimate in estimates if estimate is not None))
         return replace(whole, moves=(*(judge_move(self, move) for move in self.moves), *whole.moves))
 
     @cached_property

@@ -66,7 +66,6 @@ class JointMove(Move):
         check_motors_of(robot.cell, robot.name, targets)
         return lambda robot: None
 
-
     def refuse_check(self, name: str) -> None:
         """Refuse a `check` other than the default, for robots that check targets alone.
 
@@ -78,7 +77,7 @@ class JointMove(Move):
         """
         if self.check != CHECKED:
             raise Unsuitable(
-                compound("{where}: check", where=name),
+                compound("{where}: {key}", where=name, key="check"),
                 message("programs.check_of_arms", "only moves of arms check limits of speed and collisions"),
             )
 
