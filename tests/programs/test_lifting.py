@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from tests.programs.lifting import lifting_station
 
 from simrob_drake import Workcell
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.programs.errors import PathCollision
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.whole_program import carried_program, perform
+from tests.programs.lifting import lifting_station
 
 DOWN = {"target_deg": {"lift": 0.01}, "duration": 0.5}
 UP = {"target_deg": {"lift": 0.2}, "duration": 0.8}
