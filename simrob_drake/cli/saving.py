@@ -31,7 +31,7 @@ from simrob_drake.results.files import COMMANDS, PROGRAM, SUMMARY, Saved, defaul
 from simrob_drake.results.record.summary import remarks_of
 from simrob_drake.results.record.walks import legged_robots, locomotion
 from simrob_drake.results.result import SimulationResult, table_of
-from simrob_drake.results.verdict.moves import nearest_bodies, table_of_moves
+from simrob_drake.results.verdict.moves import meaning_of_distances, nearest_bodies, table_of_moves
 from simrob_drake.results.verdict.severity import CONTROLLER_REMARK
 from simrob_drake.results.verdict.verdict import Verdict
 from simrob_drake.stations.checks import check_station
@@ -191,8 +191,9 @@ def _show_end(result: SimulationResult) -> None:
         console.print()
         console.print(table(*table_of_moves(moves)))
         nearest = nearest_bodies(moves)
-        if nearest:
-            say_text(nearest)
+        for line in (nearest, meaning_of_distances(moves)):
+            if line:
+                say_text(line)
     console.print()
 
 

@@ -3,7 +3,8 @@
 Pieces change hands in it (SimRob's PegarEn): another parent, the same place in the world.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cached_property
 from itertools import count
 from typing import Any
@@ -158,6 +159,20 @@ class StationModel(PosedStation):
         if not self._held:  # the usual case, and this property is read in every collision check
             return {}
         return self._robots_of(self._held)
+
+    @contextmanager
+    def holding_at(self, positions: Vector) -> Iterator[None]:
+        """Context in which robots hold what their fingers touch from two sides at positions (nq,) of the plant.
+
+        In the context, :attr:`holders` and so the collision policy say so, wherever the plant is placed.
+        """
+        before = self._held
+        self.place(positions)
+        self._held = self._gripped()
+        try:
+            yield
+        finally:
+            self._held = before
 
     def gripping_robots(self) -> dict[str, str]:
         """Name of the robot whose fingers touch a free piece from two sides in the present postures, by piece."""

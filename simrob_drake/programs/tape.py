@@ -222,7 +222,7 @@ def asked_move(plan: Plan, model: StationModel) -> AskedMove:
         duration=plan.duration,
         end=plan.end,
         tool=model.chain(plan.robot, robot.tools[robot.tcp]).forward,
-        approaches=lambda rows: approaches(model.colliding, plan.robot, rows),
+        approaches=lambda rows, times: approaches(model.colliding, plan, rows, times),
         speed=content.get("speed"),
         search=plan.search,
     )

@@ -8,6 +8,7 @@ from simrob_drake.base.errors import SimrobError
 from simrob_drake.programs.errors import PathCollision
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.whole_program import carried_program, perform
+from simrob_drake.results.verdict.moves import meaning_of_distances
 from tests.programs.lifting import lifting_station
 
 DOWN = {"target_deg": {"lift": 0.01}, "duration": 0.5}
@@ -123,3 +124,23 @@ def test_a_motor_that_cannot_carry_its_load_is_called_too_weak(tmp_path):
     assert result["tau.lift"][-1] == pytest.approx(10.0)
     remedies = [remark.remedy.text for remark in result.verdict.remarks if remark.remedy]
     assert any("too weak to hold this" in text for text in remedies)
+
+
+@pytest.mark.parametrize("stiffness", [14000, 3000])
+def test_distances_of_a_gripped_box_do_not_alarm_and_do_not_depend_on_gains(tmp_path, stiffness):
+    config = lifting_station(tmp_path, [DOWN, GRIP, UP])
+    servo = config.servo.model_copy(update={"kp": {**config.servo.kp, "lift": stiffness}})
+    config = config.model_copy(update={"servo": servo})
+    down, grip, up = perform(Workcell(config), carried_program(config)).verdict.moves
+    # The lift is at 130 mm, and the fingers end 20 + 50 + 45 mm below it.
+    assert down.distance == pytest.approx(0.015, abs=1e-3)
+    assert down.own_distance is None  # nothing of the robot moves relative to itself
+    # The grip moves the fingers along the floor, and the pads on the box do not count.
+    assert grip.distance is None
+    assert grip.own_nearest == "finger_left to finger_right"
+    assert grip.own_distance == pytest.approx(0.04, abs=1.5e-3)
+    # The distance of the carried box to the floor would count, too, but it touches the floor at the start.
+    assert up.nearest.endswith("to floor")
+    assert up.distance == pytest.approx(0.015, abs=2e-3)
+    assert up.own_distance is None
+    assert meaning_of_distances([down, grip, up]).startswith("nearest and itself: smallest distance to another body")
