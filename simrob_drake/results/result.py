@@ -296,7 +296,7 @@ def joined(
         changes = [name for name, piece in after.pieces.items() if before.pieces[name].parent != piece.parent]
         attached = ", ".join(f"{name} to {after.pieces[name].parent}" for name in changes)
         if attached or len(marks) < len(runs) - 1:
-            marks.append((end, attached or f"{run.did or 'move'} ends"))
+            marks.append((end, attached or _end_in_words(run)))
     whole = replace(
         last,
         config=config,
@@ -326,6 +326,14 @@ def joined(
         trace=None,
     )
     return _with_signals(whole, kept, wandering)
+
+
+def _end_in_words(run: RecordedRun) -> str:
+    """Say that a run of a program ended, with the number of its move and the name that the user gave it."""
+    did = run.did or message("results.a_move", "move")
+    if not run.place:
+        return message("results.run_ends", "{did} ends", did=did)
+    return message("results.move_ends", "{place} ({did}) ends", place=run.place, did=did)
 
 
 class _ProgramMotion:

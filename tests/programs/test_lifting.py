@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
+import yaml
 
 from simrob_drake import Workcell
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.programs.errors import PathCollision
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.whole_program import carried_program, perform
+from simrob_drake.results.animation.pictures import side_by_side
+from simrob_drake.results.record.run import all_events
 from simrob_drake.results.verdict.moves import meaning_of_distances
 from tests.programs.lifting import lifting_station
 
@@ -144,3 +147,29 @@ def test_distances_of_a_gripped_box_do_not_alarm_and_do_not_depend_on_gains(tmp_
     assert up.distance == pytest.approx(0.015, abs=2e-3)
     assert up.own_distance is None
     assert meaning_of_distances([down, grip, up]).startswith("nearest and itself: smallest distance to another body")
+
+
+def test_events_name_what_touches_what_and_moves_as_the_user_wrote_them(tmp_path):
+    config = lifting_station(tmp_path, [DOWN, GRIP, {"wait": 0.1}])
+    result = perform(Workcell(config), carried_program(config))
+    texts = [text for _, text in all_events(result)]
+    assert "box touches finger_left" in texts
+    assert "box touches finger_right" in texts
+    assert "move 1 (target_deg) ends" in texts
+    assert "move 2 (grip) ends" in texts
+    assert result.verdict.moves[0].move == "move 1 (target_deg)"
+    # The program is saved as it was written.
+    assert Program.of_content(yaml.safe_load(result.program), "program").moves[0].entry() == DOWN
+
+
+def test_captions_of_a_film_strip_do_not_run_into_each_other():
+    width = 160
+    image = np.full((240, width, 3), 255, dtype=np.uint8)
+    strip = side_by_side(
+        [image, image], ["1.00 s\nmove_abs_j of the left robot ends", "2.00 s\nbox touches finger_left"]
+    )
+    captions = np.asarray(strip)[240:].min(axis=2) < 200
+    gap = captions[:, width : width + 6]  # between the two images
+    assert captions[:, :width].any()
+    assert not gap.any()
+    assert not captions[:, [0, width - 1, width + 6, -1]].any()  # each keeps clear of the borders of its image

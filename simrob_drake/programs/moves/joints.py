@@ -1,6 +1,7 @@
 """Axes that go to their targets at the same time (SimRob's TestMove and AddMove)."""
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -52,7 +53,7 @@ class JointMove(Move):
             posture[place] = position
         posture = with_partners(cell.model.resolved, planning.robot, posture, targets)
         plan = plan_move_abs_j(planning, posture, duration=self.duration, check=self.check)
-        return run([plan], None)
+        return run([replace(plan, written_as=self.key)], None)
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Check the targets. Moves of joints that follow each other become one stage in :func:`stages_of`.
