@@ -47,7 +47,7 @@ SETTINGS: dict[str, Mapping[str, Any]] = {
     "zjudancer_walking": {"controllers.walk.commands": [{"time": 0.5, "sideways": 0.1}]},
 }
 """What is set so that no two stations look alike."""
-TURNED = {"humanoid_fall_guard": -40, "humanoid_height": 30, "irb120_cobot": 40}
+TURNED = {"acrobot": -60, "cart_pole": -60, "humanoid_fall_guard": -40, "humanoid_height": 30, "irb120_cobot": 40}
 """From where else these are seen [deg], for the same reason."""
 NOTES = {
     "bouncing_ball": "The floor is soft: at each bounce the ball sinks 51 mm of its radius into it.",
@@ -55,6 +55,8 @@ NOTES = {
 }
 """What a picture does not say."""
 CLIPS = (
+    "acrobot",
+    "cart_pole",
     "irb120_chess",
     "two_arms",
     "belt_pick",

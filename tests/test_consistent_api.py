@@ -21,6 +21,7 @@ from simrob_drake import (
     simulate,
 )
 from simrob_drake.base.errors import SimrobError
+from simrob_drake.results.record.summary import summary_of
 
 LIGHT = {"gravity": 1.6}  # m/s²
 
@@ -107,6 +108,22 @@ def test_fork_is_a_former_name():
     runner = Runner("bouncing_ball")
     with pytest.warns(DeprecationWarning, match=r"now Runner.branch\(\)"):
         assert runner.fork(0.1).begun.ending == "completed"
+
+
+def test_the_speed_of_a_run_has_one_name():
+    result = simulate("bouncing_ball", duration=0.05, progress=False)
+    assert result.realtime_rate == pytest.approx(result.simulated_time / result.wall_time)
+    assert result.wall_time == result.stepping_time + result.signal_time
+    assert "real time" in result.speed_in_words
+    with pytest.warns(DeprecationWarning, match=r"pace is now SimulationResult.speed_in_words"):
+        assert result.pace == result.speed_in_words
+
+
+def test_the_end_of_a_run_has_the_same_names_in_python_and_in_files():
+    result = simulate("bouncing_ball", duration=0.05, progress=False)
+    summary = summary_of(result, result.verdict)
+    for name in ("ending", "stopped_by", "message", "realtime_rate", "wall_time"):
+        assert summary[name] == getattr(result, name)
 
 
 @pytest.mark.long

@@ -1,6 +1,7 @@
 """Messages of the whole package: an id has one template, and each language has a template with the same fields."""
 
 import ast
+import inspect
 import re
 import string
 from collections import defaultdict
@@ -12,6 +13,9 @@ import pytest
 import simrob_drake
 from simrob_drake.base import errors, messages
 from simrob_drake.base.messages import Message, catalogue, in_language
+from simrob_drake.cli.command_table import all_commands, subcommand_functions
+from simrob_drake.cli.help import command_message
+from simrob_drake.cli.options import import_option_messages
 
 PACKAGE = Path(simrob_drake.__file__).parent
 LANGUAGES = ("es",)
@@ -66,6 +70,20 @@ def templates() -> dict[str, dict[str, list[str]]]:
         assert criterion.catalogue == "results"
         found[f"results.title_{criterion.name}"][criterion.title].append("results/verdict")
         found[f"results.beyond_{criterion.name}"][criterion.sentence].append("results/verdict")
+    for help_text in docstring_helps():
+        found[help_text.id][help_text.template].append("cli/help")
+    return found
+
+
+def docstring_helps() -> list[Message]:
+    """Helps of all commands and of the options of an import, which are made of docstrings."""
+    found = [*import_option_messages().values()]
+    for name, entry in all_commands().items():
+        below = {f"{name} {word}": function for word, function in subcommand_functions(name).items()}
+        helps = [entry.help]
+        helps += [command_message(own, inspect.getdoc(run) or "", entry.package) for own, run in below.items()]
+        # A help with examples is made of its sentences, a line in front of the examples, and the examples.
+        found += [text if text.id else text.fields["part_0"] for text in helps]
     return found
 
 

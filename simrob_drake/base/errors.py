@@ -118,6 +118,27 @@ class UnknownName(SimrobError):
         )
 
 
+class UnknownKey(UnknownName, KeyError):
+    """Raised when a mapping has no entry of a name. It is a KeyError, too, as Python's mappings raise."""
+
+    def __init__(self, kind: str, name: object, known: Iterable[str], *, remedy: str = "") -> None:
+        """Create the error.
+
+        Args:
+            kind: what the name should stand for, such as "output".
+            name: the unknown name.
+            known: all known names.
+            remedy: how to get an entry of this name, to be appended to the message; empty if there is no way.
+        """
+        super().__init__(kind, name, known)
+        self.message = shortened(compound("{problem}{remedy}", problem=self.message, remedy=remedy), _LONGEST)
+        self.args = (self.message,)
+
+    def __str__(self) -> str:
+        """The message, without the quotes in which a KeyError shows its key."""
+        return str(self.message)
+
+
 class InvalidConfig(SimrobError):
     """Raised when the configuration of a station or a robot has an invalid entry.
 
@@ -191,14 +212,26 @@ def nearest(name: object, known: Iterable[str]) -> str:
         known: the known names. If there are none, the text is empty.
     """
     names = sorted(set(known))
+    close = nearest_name(name, names)
+    if close is not None:
+        return message("base.did_you_mean", "; did you mean '{name}'?", name=close)
+    return message("base.known_names", "; known: {names}", names=", ".join(names)) if names else ""
+
+
+def nearest_name(name: object, known: Iterable[str]) -> str | None:
+    """Find the known name that is most like a name. Returns None if none is like it.
+
+    Args:
+        name: the unknown name.
+        known: the known names.
+    """
+    names = sorted(set(known))
     # Capitals do not count: "Kp" is "kp". Of names that differ in capitals alone, such as "A" and "a", each is known.
     known_by_lower = {known_name.lower(): known_name for known_name in names}
     written = shown(name)
     close = difflib.get_close_matches(written, names, n=1, cutoff=0.6)
     close = close or difflib.get_close_matches(written.lower(), known_by_lower, n=1, cutoff=0.6)
-    if close:
-        return message("base.did_you_mean", "; did you mean '{name}'?", name=known_by_lower.get(close[0], close[0]))
-    return message("base.known_names", "; known: {names}", names=", ".join(names)) if names else ""
+    return known_by_lower.get(close[0], close[0]) if close else None
 
 
 def _located(where: Path | str, what: str, problem: str) -> str:

@@ -62,8 +62,9 @@ class Extension:
             on each run has them, and the section ``verdict`` of a station file takes their bounds.
         panels: tabs of the pendant's page, instances of its class ``PendantPanel``, by any name.
         engines: sections ``solver`` by their kind, subclasses of ``OtherEngine``, in place of Drake's plant.
-        importers: subclasses of ``Importer``, by a suffix of files such as ``.slx``, or for XML files of any suffix by
-            the outermost element such as ``<mujoco>``.
+        importers: subclasses of ``Importer``, by a suffix of files such as ``.slx``, for XML files of any suffix by the
+            outermost element such as ``<mujoco>``, or for YAML files by a key whose value is a list, such as
+            ``directives:``.
         exporters: subclasses of ``StationExporter`` or ``ProgramExporter``, by the name of the format, which is an
             option of ``simrob export``.
         robots: folders with one folder for each robot (``robot.yaml``, URDF, meshes), by any name; here the string is
@@ -79,7 +80,7 @@ class Extension:
     core: str
     needs: Sequence[str] = ()
     uses: Sequence[str] = ()
-    title: str = "Commands of extensions"
+    title: str = message("base.title_of_extensions", "Commands of extensions")
     commands: Additions = field(default_factory=dict)
     sensors: Additions = field(default_factory=dict)
     monitors: Additions = field(default_factory=dict)

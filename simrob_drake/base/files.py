@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from simrob_drake.base.errors import InvalidConfig, shortened
 from simrob_drake.base.extension import addition_folders
 from simrob_drake.base.file_cache import file_state
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import Message, message
 
 LARGEST_TEXT = 1_000_000  # of files that are written by hand [bytes]: a station's has some thousand
 
@@ -255,6 +255,19 @@ def models_root() -> Path:
 def diagrams_root() -> Path:
     """Return the folder with one YAML file a station."""
     return data_root() / "diagrams"
+
+
+def description_message(kind: str, name: str, description: str) -> Message:
+    """Make a message of the description of a station, robot or piece of the package, which other languages have.
+
+    Args:
+        kind: ``station``, ``robot`` or ``piece``.
+        name: its name.
+        description: the English text in its file.
+    """
+    # Braces would be fields of the template.
+    template = description.replace("{", "{{").replace("}", "}}")
+    return Message(f"descriptions.{kind}_{name}", template, {})
 
 
 def station_files() -> dict[str, Path]:

@@ -13,9 +13,15 @@ _PROVIDERS = {
         **dict.fromkeys((".slx", ".mdl", ".slxp", ".mdlp"), "simulink"),
         **dict.fromkeys(("<SimscapeMultibodyImportXML>", "<PhysicalModelingXMLFile>"), "simulink"),
         "<SimMechanicsImportXML>": "simulink",
+        "directives:": "drake_scenes",
         **dict.fromkeys((".mod", ".modx", ".prg", ".sys", ".sysx", ".pgf"), "rapid"),
     },
-    "exporters": {"mjcf": "mujoco", "rapid": "rapid", "urscript": "rapid"},
+    "exporters": {
+        "mjcf": "mujoco",
+        **dict.fromkeys(("dmd", "scenario", "urdf", "sdf"), "drake_scenes"),
+        "rapid": "rapid",
+        "urscript": "rapid",
+    },
 }
 """Name of the extension of simrob-drake that adds a name, by extension point and name."""
 

@@ -48,6 +48,11 @@ def set_output_language(language: str) -> None:
     _output_language.set(language)
 
 
+def output_language() -> str:
+    """Language of the output, see :func:`set_output_language`. A process that is started for the output needs it."""
+    return _output_language.get()
+
+
 def translate(text: str) -> str:
     """Render a message in the language of the output, see :func:`set_output_language`. Other texts stay."""
     return in_language(text, _output_language.get())

@@ -7,7 +7,7 @@ allows: with ``--mesh-path``, with the argument ``mesh_path`` of a function, or 
 
 import os
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from itertools import chain
@@ -129,6 +129,10 @@ def sorted_entries(folder: Path) -> list[str]:
         return []
 
 
+PACKAGE_URI = "package://"
+"""Beginning of a path that starts at the folder of a package: ``package://NAME/path``."""
+
+
 MESH_PATH_VARIABLE = "SIMROB_MESH_PATH"
 """The environment variable with folders that may be read, with colons between them."""
 
@@ -143,6 +147,7 @@ class Border:
 
     source: Path  # the file
     mesh_path: tuple[Path, ...] = ()  # folders that the user allows, beside those of the environment
+    named_packages: Mapping[str, Path] = field(default_factory=dict)  # folders of packages that the user names
     _packages: dict[str, Path | None] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
@@ -151,6 +156,8 @@ class Border:
 
     def package(self, name: str) -> Path | None:
         """Return the folder of a package by its name; None if there is none that may be read."""
+        if name in self.named_packages:
+            return resolved(self.named_packages[name])
         if name not in self._packages:
             self._packages[name] = find_package(name, root=self.root, mesh_path=self.mesh_path)
         return self._packages[name]
@@ -160,6 +167,7 @@ class Border:
         found = resolved(path)
         self.package(manifest_name(package_root(found)))  # what its package's name may be used for, its path may, too
         packages = [folder for folder in self._packages.values() if folder is not None]
+        packages += self.named_packages.values()
         allowed = [resolved(folder) for folder in (self.root, *packages, *self.mesh_path)]
         if any(found.is_relative_to(folder) for folder in allowed):
             return found
@@ -185,6 +193,30 @@ class Border:
             raise InvalidConfig(
                 self.source, key, compound("{path} {problem}", path=shortened(str(path), 300), problem=problem)
             ) from problem
+
+
+def package_path(uri: str, border: Border) -> Path:
+    """Find the file or folder that a URI ``package://NAME/path`` names.
+
+    Args:
+        uri: the URI.
+        border: border of the file that has the URI.
+
+    Raises:
+        OutsideBorder: there is no such package, or it may not be read.
+    """
+    name, _, path = uri.removeprefix(PACKAGE_URI).partition("/")
+    folder = border.package(name)
+    if folder is None:
+        raise OutsideBorder(
+            message(
+                "base.package_not_found",
+                "names the package {name}, which is not found; give its folder as packages.{name}, with --mesh-path, "
+                "or in ROS_PACKAGE_PATH",
+                name=name,
+            )
+        )
+    return folder / path
 
 
 def granted() -> list[Path]:

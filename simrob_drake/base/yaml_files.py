@@ -3,6 +3,7 @@
 import json
 import re
 from collections import Counter
+from collections.abc import Collection
 from copy import deepcopy
 from functools import lru_cache
 from math import isfinite
@@ -83,10 +84,54 @@ def read_yaml(path: Path | str) -> dict[str, Any]:
     return content
 
 
+def keys_of_lists(path: Path, wanted: Collection[str]) -> list[str]:
+    """Find the keys of a YAML file whose values are lists, in its outermost mapping or in a mapping in that.
+
+    Tags make no difference, and neither does what else the file contains.
+
+    Args:
+        path: the file.
+        wanted: keys that are looked for.
+
+    Returns:
+        the keys that were found; none if the file cannot be read, or is not YAML.
+    """
+    try:
+        text = text_of(path)
+        # A text without the word needs no parsing, which is the case for almost all files.
+        if not any(f"{key}:" in text for key in wanted):
+            return []
+        root = composed_yaml(text)
+    except (NotRead, yaml.YAMLError, ValueError):
+        return []
+    mappings = [root] if isinstance(root, yaml.MappingNode) else []
+    mappings += [value for node in mappings for _, value in node.value if isinstance(value, yaml.MappingNode)]
+    found = [str(key.value) for node in mappings for key, value in node.value if isinstance(value, yaml.SequenceNode)]
+    return [key for key in wanted if key in found]
+
+
+def composed_yaml(text: str) -> yaml.Node | None:
+    """Parse a YAML text into nodes, which keep tags and lines. Nothing is constructed.
+
+    Raises:
+        YAMLError: the text is not YAML, or has too many values or levels.
+    """
+    _check_growth(text)
+    node: yaml.Node | None = yaml.compose(text, Loader=yaml.CSafeLoader)
+    return node
+
+
 def parse_yaml(text: str, where: Path | str) -> Any:
     """Return the value that a YAML text stands for; raises InvalidConfig: the text is not YAML."""
     try:
         return deepcopy(_parsed(text))
+    except yaml.constructor.ConstructorError as problem:
+        tag_problem = _tag_problem(text)
+        if tag_problem:
+            raise InvalidConfig(where, "", tag_problem) from problem
+        raise InvalidConfig(
+            where, "", message("base.not_yaml", "is not YAML: {problem}", problem=_yaml_problem(problem))
+        ) from problem
     except (yaml.YAMLError, ValueError) as problem:
         raise InvalidConfig(
             where, "", message("base.not_yaml", "is not YAML: {problem}", problem=_yaml_problem(problem))
@@ -127,6 +172,20 @@ def _mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
             )
         )
     return found
+
+
+def _tag_problem(text: str) -> str:
+    """Describe the first tag of a YAML text that stations do not have. Empty if there is none."""
+    tag = next((token for token in yaml.scan(text, Loader=yaml.CSafeLoader) if isinstance(token, yaml.TagToken)), None)
+    handle, suffix = ("", "") if tag is None else tag.value
+    if tag is None or handle != "!":
+        return ""
+    return message(
+        "base.has_tag",
+        "has the tag {tag} (line {line}), which only scenes of Drake have; these have a list under the key directives",
+        tag=f"!{suffix}",
+        line=tag.start_mark.line + 1,
+    )
 
 
 def _yaml_problem(problem: Exception) -> str:

@@ -103,7 +103,12 @@ def set_friction(plant: MultibodyPlant, joints: Sequence[Joint], friction: Vecto
 
 
 def add_joint_stops(
-    builder: DiagramBuilder, plant: MultibodyPlant, *, stiffness: npt.ArrayLike, damping: npt.ArrayLike
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    *,
+    stiffness: npt.ArrayLike,
+    damping: npt.ArrayLike,
+    joints: Sequence[Joint] | None = None,
 ) -> OutputPort | None:
     r"""Add elastic stops at all finite limits of a plant's one-axis joints.
 
@@ -122,11 +127,14 @@ def add_joint_stops(
         stiffness: stiffness k, positive [N·m/rad, or N/m for prismatic joints]: one value for all joints, or one for
             each velocity of the plant, shape (nv,).
         damping: damping d, not negative [N·m·s/rad, or N·s/m], of the same shapes.
+        joints: the joints that get stops if they have limits, or None for all joints of the plant.
 
     Returns:
         The generalized forces, size nv. Returns None if no joint has a limit.
     """
-    limited = [joint for joint in _one_axis_joints(plant) if _has_limit(joint)]
+    if joints is None:
+        joints = [plant.get_joint(JointIndex(index)) for index in range(plant.num_joints())]
+    limited = [joint for joint in joints if joint.num_velocities() == 1 and _has_limit(joint)]
     if not limited:
         return None
     count = len(limited)
@@ -153,12 +161,6 @@ def add_joint_stops(
     clipped = add_and_connect(builder, "stops.range", Saturation(lower, upper), damped_position)
     both = add_multiplexer(builder, "stops.penetration", damped_position, clipped)
     return add_matrix_gain(builder, "stops.force", to_force, both)
-
-
-def _one_axis_joints(plant: MultibodyPlant) -> list[Joint]:
-    """Joints of a plant with one degree of freedom."""
-    joints = [plant.get_joint(JointIndex(index)) for index in range(plant.num_joints())]
-    return [joint for joint in joints if joint.num_velocities() == 1]
 
 
 def _has_limit(joint: Joint) -> bool:

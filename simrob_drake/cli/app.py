@@ -3,10 +3,11 @@
 A command is imported when it is called; see :mod:`simrob_drake.cli.command_table`.
 """
 
+import inspect
 import os
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
@@ -18,7 +19,7 @@ from typer.exceptions import TyperException
 
 import simrob_drake
 from simrob_drake.base.errors import InvalidParameter, SimrobError, UnknownName, shortened
-from simrob_drake.base.messages import SOURCE_LANGUAGE, message, message_of, set_output_language
+from simrob_drake.base.messages import message, message_of, set_output_language, translate
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.command_table import (
     CommandEntry,
@@ -29,7 +30,14 @@ from simrob_drake.cli.command_table import (
     find_command,
     subcommand_functions,
 )
-from simrob_drake.cli.language import LANGUAGE_VARIABLE
+from simrob_drake.cli.help import (
+    command_message,
+    shown_parameters,
+    translate_frames,
+    with_translated_options,
+    write_usage,
+)
+from simrob_drake.cli.language import requested_language
 from simrob_drake.cli.screen import Interrupted, console, say_warning, tell
 from simrob_drake.cli.usage_errors import command_name, unexpected_arguments, usage_problem
 
@@ -39,19 +47,18 @@ def _typer(**more: Any) -> typer.Typer:
     return typer.Typer(rich_markup_mode="markdown", pretty_exceptions_enable=False, **more)
 
 
-def _shown(parameters: list[Any]) -> list[Any]:
-    """Return parameters as the help shows them: flags, which take no value, without a type."""
-    for parameter in parameters:
-        if getattr(parameter, "is_flag", False):
-            parameter.metavar = ""
-    return parameters
-
-
 class _Command(TyperCommand):
-    """A command whose help shows the types of values alone."""
+    """A command whose help shows the types of values alone, in the language of the output."""
 
     def get_params(self, ctx: Any) -> list[Any]:
-        return _shown(super().get_params(ctx))
+        return shown_parameters(super().get_params(ctx))
+
+    def format_usage(self, ctx: Any, formatter: Any) -> None:
+        write_usage(self, ctx, formatter)
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        translate_frames()
+        super().format_help(ctx, formatter)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the arguments of the command.
@@ -77,10 +84,17 @@ class _Command(TyperCommand):
 
 
 class _Group(TyperGroup):
-    """Commands below one name, whose help shows the types of values alone."""
+    """Commands below one name, whose help shows the types of values alone, in the language of the output."""
 
     def get_params(self, ctx: Any) -> list[Any]:
-        return _shown(super().get_params(ctx))
+        return shown_parameters(super().get_params(ctx))
+
+    def format_usage(self, ctx: Any, formatter: Any) -> None:
+        write_usage(self, ctx, formatter)
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        translate_frames()
+        super().format_help(ctx, formatter)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Find the command that is called, by its name, the first of the arguments.
@@ -104,6 +118,18 @@ class _Commands(_Group):
         """Begin with the commands of the core. Those of extensions are added when they are asked for."""
         named = {name: _named_command(name, entry) for name, entry in core_commands().items()}
         super().__init__(**{**options, "commands": named})
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        parameters = super().get_params(ctx)
+        for parameter in parameters:
+            if parameter.name == "show":
+                parameter.help = translate(_HELP_OF_VERSION)
+        return parameters
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        # This object is made once, so it takes the language of the output when the help is written.
+        self.help = translate(_HELP)
+        super().format_help(ctx, formatter)
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Names of all commands in the order of the help."""
@@ -166,7 +192,7 @@ class _Commands(_Group):
 
 def _named_command(name: str, entry: CommandEntry) -> TyperCommand:
     """Make a command for the list of commands: with name, help and title, without function and options."""
-    return TyperCommand(name, help=entry.help, rich_help_panel=entry.title)
+    return TyperCommand(name, help=translate(entry.help), rich_help_panel=translate(entry.title))
 
 
 def whole_command(name: str) -> Any:
@@ -187,21 +213,33 @@ def whole_command(name: str) -> Any:
         raise UnknownName(message("cli.command", "command"), name, all_commands())
     application = _typer(add_completion=False)  # of this command alone
     function = command_function(entry)
+    help_text = _help_of(name, function, entry.package)
     below = subcommand_functions(name)
     if below:
         # Here the function of the command does not run alone: typer calls it before that of the command below. Its
         # docstring is the help that is shown if no command below is given.
-        application.callback(cls=_Group, no_args_is_help=True)(function)
+        callback = application.callback(cls=_Group, no_args_is_help=True, help=help_text)
+        callback(with_translated_options(function))
         for subcommand, own_function in below.items():
-            application.command(subcommand, cls=_Command)(own_function)
+            own_help = _help_of(f"{name} {subcommand}", own_function, entry.package)
+            application.command(subcommand, cls=_Command, help=own_help)(with_translated_options(own_function))
     else:
-        application.command(name, cls=_Command)(function)
+        application.command(name, cls=_Command, help=help_text)(with_translated_options(function))
     return typer.main.get_command(application)
+
+
+def _help_of(name: str, function: Callable[..., Any], package: str) -> str:
+    """Help of a command in the language of the output, see :func:`command_message`."""
+    return translate(command_message(name, inspect.getdoc(function) or "", package))
+
+
+_HELP = message("cli.help_simrob", "Build, control, program and watch robot stations.")
+_HELP_OF_VERSION = message("cli.help_version_show", "Show the version and exit.")
 
 
 app = _typer(
     cls=_Commands,
-    help="Build, control, program and watch robot stations.",
+    help=_HELP,
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -223,11 +261,11 @@ def load(arguments: list[str]) -> None:
 
 def run_command(arguments: list[str]) -> int:
     """Run a command and return its exit code; errors of the user go to the error stream in one line."""
-    set_output_language(os.environ.get(LANGUAGE_VARIABLE, SOURCE_LANGUAGE))
+    set_output_language(requested_language(arguments))
     try:
         _check_surroundings(arguments)
         with _own_warnings():
-            code = app(arguments, standalone_mode=False)
+            code = app(arguments, prog_name="simrob", standalone_mode=False)
         sys.stdout.flush()
     except BrokenPipeError:  # who read the output, such as `head`, has enough of it
         _write_no_more()
@@ -292,7 +330,7 @@ def _write_no_more() -> None:
 
 @app.callback(invoke_without_command=True)
 def version(
-    show: Annotated[bool, typer.Option("--version", help="Show the version and exit.", is_eager=True)] = False,
+    show: Annotated[bool, typer.Option("--version", help=_HELP_OF_VERSION, is_eager=True)] = False,
 ) -> None:
     """Say which version this is."""
     if show:

@@ -10,6 +10,7 @@ from simrob_drake.base.packages import Border
 from simrob_drake.base.yaml_files import is_yaml_name, parse_yaml, read_yaml
 from simrob_drake.cli.options import flag_of
 from simrob_drake.cli.other_files import refuse_other
+from simrob_drake.importer.importer import find_station_importer
 from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.file_paths import with_absolute_paths
@@ -28,7 +29,8 @@ def station_from(
     called = {key: f"--{key}" for key in overrides}
     changed = changes_of(settings, "--set", others=called)
     called |= {key: f"--set {key}" for key in changed}
-    refuse_other(station)
+    if find_station_importer(station) is None:
+        refuse_other(station)
     return load_station(station, {**overrides, **changed}, called=called, allow_code=allow_code)
 
 

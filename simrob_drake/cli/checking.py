@@ -32,7 +32,10 @@ def check(
         str,
         typer.Argument(
             metavar="STATION|ROBOT|FILE",
-            help="A station, a program, a robot or its file, a Simulink model, or a CAD assembly.",
+            help=message(
+                "cli.help_check_station",
+                "A station, a program, a robot or its file, a Simulink model, or a CAD assembly.",
+            ),
         ),
     ],
     set_: Settings = None,

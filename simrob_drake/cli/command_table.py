@@ -19,16 +19,21 @@ from simrob_drake.base.extension import (
     load_addition,
     register_core_names,
 )
+from simrob_drake.base.messages import message
+from simrob_drake.cli.help import command_message
 
-_LAST_TITLE = "Extensions"
+_PACKAGE = "cli"  # first word of the ids of messages about the core's commands
+
+_LAST_TITLE = message("cli.title_extensions", "Extensions")
+_STATIONS = message("cli.title_stations", "Stations")
 _TITLES = {
-    "listing": "Stations",
-    "stations": "Stations",
-    "plotting": "Stations",
-    "checking": "Stations",
-    "legged": "Stations",
-    "robots": "Robots",
-    "exporting": "Exchange and other engines",
+    "listing": _STATIONS,
+    "stations": _STATIONS,
+    "plotting": _STATIONS,
+    "checking": _STATIONS,
+    "legged": _STATIONS,
+    "robots": message("cli.title_robots", "Robots"),
+    "exporting": message("cli.title_exchange", "Exchange and other engines"),
     "extensions": _LAST_TITLE,
 }
 """Modules of this package with commands, and the title under which the help lists their commands, in this order.
@@ -44,7 +49,7 @@ class CommandEntry(NamedTuple):
         title: title of the help under which the command is listed.
         module: name of the module.
         function: name of the function in the module.
-        help: docstring of the function.
+        help: docstring of the function, as a message.
         addition: the extension's announcement of the command; None for a command of the core.
     """
 
@@ -53,6 +58,11 @@ class CommandEntry(NamedTuple):
     function: str
     help: str
     addition: Addition | None = None
+
+    @property
+    def package(self) -> str:
+        """First word of the ids of the messages about the command: its extension, or this package."""
+        return _PACKAGE if self.addition is None else self.addition.extension
 
 
 @cache
@@ -65,7 +75,10 @@ def core_commands() -> dict[str, CommandEntry]:
         helps = _docstrings(tree)
         for command, function in _command_table(tree).items():
             found[command] = CommandEntry(
-                title=title, module=f"simrob_drake.cli.{module}", function=function, help=helps[function]
+                title=title,
+                module=f"simrob_drake.cli.{module}",
+                function=function,
+                help=command_message(command, helps[function], _PACKAGE),
             )
     return found
 
@@ -138,11 +151,18 @@ def _extension_commands() -> dict[str, CommandEntry]:
     for name, addition in announced.items():
         module, _, function = addition.target.partition(":")
         helps = helps_of_modules[module]
+        text: str
         if helps is None:
-            text = f"A command of {addition.package}, which cannot be read: see `simrob extensions --check`."
+            text = message(
+                "cli.command_cannot_be_read",
+                "A command of {package}, which cannot be read: see `simrob extensions --check`.",
+                package=addition.package,
+            )
+        elif function in helps:
+            text = command_message(name, helps[function], addition.extension)
         else:
             # A function that the module itself imports has no docstring in the source of the module.
-            text = helps.get(function, f"A command of {addition.package}.")
+            text = message("cli.command_of_package", "A command of {package}.", package=addition.package)
         found[name] = CommandEntry(
             title=titles[addition.extension], module=module, function=function, help=text, addition=addition
         )

@@ -46,7 +46,11 @@ def _format_option(name: str, exporter: Exporter | SimrobError) -> tuple[str, An
         name: name of the format.
         exporter: the exporter, or the error that says why it cannot be used.
     """
-    text = f"Cannot be used: {exporter}" if isinstance(exporter, SimrobError) else exporter.help
+    text: str
+    if isinstance(exporter, SimrobError):
+        text = message("cli.cannot_be_used", "Cannot be used: {problem}", problem=exporter)
+    else:
+        text = exporter.help
     option = Annotated[Path | None, typer.Option(flag_of(name), metavar="FILE", help=text)]
     return name, option, None
 
@@ -71,7 +75,11 @@ def _with_formats(command: Callable[..., Any]) -> Callable[..., Any]:
 def export(
     *,
     station: Annotated[
-        str, typer.Argument(metavar="STATION|PROGRAM", help="A name from `simrob list`, or the YAML file of either.")
+        str,
+        typer.Argument(
+            metavar="STATION|PROGRAM",
+            help=message("cli.help_export_station", "A name from `simrob list`, or the YAML file of either."),
+        ),
     ],
     files: Any,
     set_: Settings = None,

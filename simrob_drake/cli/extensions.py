@@ -21,7 +21,7 @@ from simrob_drake.base.extension import (
     installed_extensions,
 )
 from simrob_drake.base.files import hidden_models
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import message, translate
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.other_files import read_descriptions
 from simrob_drake.cli.screen import console, say_text, table
@@ -46,9 +46,39 @@ _REGISTRIES = {
 """Modules that register the core's names at the extension points. They are imported only if an extension uses them."""
 
 
+_TITLES_OF_POINTS = {
+    "commands": message("cli.point_commands", "commands"),
+    "sensors": message("cli.point_sensors", "sensors"),
+    "monitors": message("cli.point_monitors", "monitors"),
+    "references": message("cli.point_references", "references"),
+    "forces": message("cli.point_forces", "forces"),
+    "couplings": message("cli.point_couplings", "couplings"),
+    "controllers": message("cli.point_controllers", "controllers"),
+    "moves": message("cli.point_moves", "moves"),
+    "gaits": message("cli.point_gaits", "gaits"),
+    "inverse_kinematics": message("cli.point_inverse_kinematics", "inverse kinematics"),
+    "plots": message("cli.point_plots", "plots"),
+    "measures": message("cli.point_measures", "measures"),
+    "panels": message("cli.point_panels", "panels"),
+    "engines": message("cli.point_engines", "engines"),
+    "importers": message("cli.point_importers", "importers"),
+    "exporters": message("cli.point_exporters", "exporters"),
+    "robots": message("cli.point_robots", "robots"),
+    "pieces": message("cli.point_pieces", "pieces"),
+    "stations": message("cli.point_stations", "stations"),
+    "other_files": message("cli.point_other_files", "other files"),
+    "messages": message("cli.point_messages", "messages"),
+}
+"""What an extension adds at each extension point, in front of the names."""
+
+
 def extensions(
     check: Annotated[
-        bool, typer.Option("--check", help="Import everything that they add, and report failures.")
+        bool,
+        typer.Option(
+            "--check",
+            help=message("cli.help_extensions_check", "Import everything that they add, and report failures."),
+        ),
     ] = False,
 ) -> ExitCode:
     """List the installed extensions, what each adds, and why one is left out."""
@@ -97,7 +127,7 @@ def _problems(entry: InstalledExtension, *, is_thorough: bool) -> list[str]:
                 if point == "other_files":
                     read_descriptions(Path(str(addition_path(addition))))
             except SimrobError as problem:
-                problems.append(str(problem))
+                problems.append(problem.message)
     return problems
 
 
@@ -135,7 +165,7 @@ def _hidden_models(entry: InstalledExtension) -> list[str]:
                     "cli.hidden_model",
                     "{model} of its {point} is hidden by another one of this name",
                     model=repr(model),
-                    point=point,
+                    point=_TITLES_OF_POINTS[point],
                 )
                 for model in hidden
             ]
@@ -149,7 +179,12 @@ def _row(entry: InstalledExtension, problems: list[str]) -> tuple[str, str, str,
     for problem in problems:
         if text:
             text.append("\n")
-        text.append(("left out: " if entry.extension is None else "broken: ") + problem, style="red")
+        line = (
+            message("cli.extension_left_out", "left out: {problem}", problem=problem)
+            if entry.extension is None
+            else message("cli.extension_broken", "broken: {problem}", problem=problem)
+        )
+        text.append(translate(line), style="red")
     return entry.name, entry.package, entry.version, text
 
 
@@ -159,7 +194,7 @@ def _added_lines(extension: Extension) -> list[str]:
     for point in POINTS:
         names = getattr(extension, point)
         if names:
-            lines.append(f"{point.replace('_', ' ')}: {', '.join(names)}")
+            lines.append(f"{translate(_TITLES_OF_POINTS[point])}: {', '.join(names)}")
     return lines
 
 

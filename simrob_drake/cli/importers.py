@@ -8,7 +8,6 @@ from typing import Any, Literal
 from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.extension import classes_of_extensions, code_of_extension
 from simrob_drake.base.messages import compound, join_texts, message
-from simrob_drake.base.yaml_files import YAML_SUFFIXES
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import refuse_import
 from simrob_drake.cli.options import ChosenOptions, OptionGroup, with_groups
@@ -54,8 +53,7 @@ def other_importer(file: Path | str) -> FileImporter | None:
         BrokenExtension: the importer cannot be used.
         MissingExtension: an extension of this project imports such files, and it is missing.
     """
-    suffix = Path(file).suffix.lower()
-    importer = None if suffix in ("", *YAML_SUFFIXES) else find_importer(file)
+    importer = find_importer(file) if Path(file).suffix else None
     return importer if isinstance(importer, FileImporter) else None
 
 

@@ -1,22 +1,47 @@
 """Language of what the command line writes: its own words, messages and errors."""
 
 import inspect
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Sequence
 from functools import wraps
-from typing import Annotated, Any, Literal
+from itertools import pairwise
+from typing import Annotated, Any, Literal, get_args
 
 import typer
 
-from simrob_drake.base.messages import SOURCE_LANGUAGE, set_output_language
+from simrob_drake.base.messages import SOURCE_LANGUAGE, message, set_output_language
+
+_OPTION = "--language"
 
 LANGUAGE_VARIABLE = "SIMROB_LANGUAGE"
 """Environment variable for users who want the same language always."""
 
+_Language = Literal["en", "es"]
+
 OutputLanguage = Annotated[
-    Literal["en", "es"],
-    typer.Option("--language", envvar=LANGUAGE_VARIABLE, help="Language of what is written on the screen."),
+    _Language,
+    typer.Option(
+        _OPTION,
+        envvar=LANGUAGE_VARIABLE,
+        help=message("cli.help_output_language", "Language of what is written on the screen."),
+    ),
 ]
 """Option of a command that writes in several languages."""
+
+
+def requested_language(arguments: Sequence[str]) -> str:
+    """Language that the arguments of ``simrob`` ask for, before they are parsed: a help and errors of usage have it.
+
+    Args:
+        arguments: the arguments, such as ``["run", "--language", "es"]``. Without the option, the environment variable
+            counts. An unknown language counts as the one of the source, in which the error about it is written.
+    """
+    requested = os.environ.get(LANGUAGE_VARIABLE, SOURCE_LANGUAGE)
+    for argument, following in pairwise([*arguments, ""]):
+        name, equals, value = argument.partition("=")
+        if name == _OPTION:
+            requested = value if equals else following
+    return requested if requested in get_args(_Language) else SOURCE_LANGUAGE
 
 
 def with_output_language(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -27,7 +27,11 @@ if TYPE_CHECKING:
     from simrob_drake.programs.legged_robot import LeggedRobot
 
 RobotOption = Annotated[
-    str | None, typer.Option(metavar="NAME", help="Which robot of the station; needed where there are several.")
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help=message("cli.help_robot_option", "Which robot of the station; needed where there are several."),
+    ),
 ]
 
 
@@ -37,13 +41,21 @@ def walk(
     *,
     station: OptionalStation = None,
     gait: Annotated[
-        str | None, typer.Option(metavar="NAME", help="A gait of the robot; the first for its feet by default.")
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help=message("cli.help_walk_gait", "A gait of the robot; the first for its feet by default."),
+        ),
     ] = None,
     steps: Annotated[
         int,
-        typer.Option(help="Full step lengths ahead; at both ends shorter steps are added."),
+        typer.Option(
+            help=message("cli.help_walk_steps", "Full step lengths ahead; at both ends shorter steps are added.")
+        ),
     ] = 6,
-    amplitude: Annotated[float, typer.Option(help="Scales the length of the steps, and their turns.")] = 1.0,
+    amplitude: Annotated[
+        float, typer.Option(help=message("cli.help_walk_amplitude", "Scales the length of the steps, and their turns."))
+    ] = 1.0,
     robot: RobotOption = None,
     set_: Settings = None,
     saving: Saving,
@@ -78,7 +90,10 @@ def act(
     station: OptionalStation = None,
     name: Annotated[
         str | None,
-        typer.Argument(metavar="[ACT]", help="An act of the robot, such as `bow`. Without it, its acts are listed."),
+        typer.Argument(
+            metavar="[ACT]",
+            help=message("cli.help_act_name", "An act of the robot, such as `bow`. Without it, its acts are listed."),
+        ),
     ] = None,
     robot: RobotOption = None,
     set_: Settings = None,

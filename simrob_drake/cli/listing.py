@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from simrob_drake.base.files import piece_files, robot_files, station_files
+from simrob_drake.base.files import description_message, piece_files, robot_files, station_files
 from simrob_drake.base.messages import Message, message
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.cli.language import with_output_language
@@ -28,10 +28,7 @@ def list_all() -> None:
 
 def _description(kind: str, name: str, file: Path) -> Message:
     """Description of a station, robot or piece, from its file. Other languages have it by kind and name."""
-    text = str(read_yaml(file).get("description", ""))
-    # Braces would be fields of the template.
-    template = text.replace("{", "{{").replace("}", "}}")
-    return Message(f"descriptions.{kind}_{name}", template, {})
+    return description_message(kind, name, str(read_yaml(file).get("description", "")))
 
 
 COMMANDS: dict[str, Callable[..., Any]] = {"list": list_all}

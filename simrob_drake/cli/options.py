@@ -12,7 +12,7 @@ from pydantic.fields import FieldInfo
 
 from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.files import station_files
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import Message, join_texts, message
 from simrob_drake.base.packages import MESH_PATH_VARIABLE, granting
 from simrob_drake.base.sections import Pose, field_texts, validated
 from simrob_drake.results.files import Saved
@@ -28,13 +28,17 @@ def completed_station(typed: str) -> list[str]:
 StationArgument = Annotated[
     str,
     typer.Argument(
-        metavar="STATION", help="A name from `simrob list`, or a YAML file.", autocompletion=completed_station
+        metavar="STATION",
+        help=message("cli.help_station_argument", "A name from `simrob list`, or a YAML file."),
+        autocompletion=completed_station,
     ),
 ]
 OptionalStation = Annotated[
     str | None,
     typer.Argument(
-        metavar="STATION", help="A name from `simrob list`, or a YAML file.", autocompletion=completed_station
+        metavar="STATION",
+        help=message("cli.help_station_argument", "A name from `simrob list`, or a YAML file."),
+        autocompletion=completed_station,
     ),
 ]
 """Argument of a command that lists the fitting stations if none is given."""
@@ -43,10 +47,17 @@ Settings = Annotated[
     typer.Option(
         "--set",
         metavar="KEY.PATH=VALUE|FILE",
-        help="Change a key of the station, or all that a YAML file has; may be given several times.",
+        help=message(
+            "cli.help_settings", "Change a key of the station, or all that a YAML file has; may be given several times."
+        ),
     ),
 ]
-AllowCode = Annotated[bool, typer.Option("--allow-code", help="Run the Python code that the station's file names.")]
+AllowCode = Annotated[
+    bool,
+    typer.Option(
+        "--allow-code", help=message("cli.help_allow_code", "Run the Python code that the station's file names.")
+    ),
+]
 MeshPath = Annotated[
     list[Path] | None,
     typer.Option(
@@ -55,30 +66,61 @@ MeshPath = Annotated[
         exists=True,
         file_okay=False,
         resolve_path=True,
-        help="A folder in which what the file names may be read, beside its own package; may be given several times. "
-        f"Those in {MESH_PATH_VARIABLE} always may.",
+        help=message(
+            "cli.help_mesh_path",
+            "A further folder in which meshes and packages of the robot may be read. May be given several times. "
+            "Folders in {variable} may always be read.",
+            variable=MESH_PATH_VARIABLE,
+        ),
     ),
 ]
-Force = Annotated[bool, typer.Option("--force", help="Replace what is there.")]
+Force = Annotated[bool, typer.Option("--force", help=message("cli.help_force", "Replace what is there."))]
 
-ResultFolder = Annotated[Path | None, typer.Option("--out", help="Folder of the result; runs/STATION-TIME by default.")]
-Live = Annotated[bool, typer.Option("--live", help="Show the motion in the browser while it is computed.")]
-NoRecording = Annotated[bool, typer.Option("--no-recording", help="No recording and no film strip.")]
-Video = Annotated[bool, typer.Option("--video", help="Write an MP4, too (needs the extra `video`).")]
-Workers = Annotated[int | None, typer.Option(min=1, help="Processes; as many as processors by default.")]
+ResultFolder = Annotated[
+    Path | None,
+    typer.Option(
+        "--out", help=message("cli.help_result_folder", "Folder of the result; runs/STATION-TIME by default.")
+    ),
+]
+Live = Annotated[
+    bool, typer.Option("--live", help=message("cli.help_live", "Show the motion in the browser while it is computed."))
+]
+NoRecording = Annotated[
+    bool, typer.Option("--no-recording", help=message("cli.help_no_recording", "No recording and no film strip."))
+]
+Video = Annotated[
+    bool, typer.Option("--video", help=message("cli.help_video", "Write an MP4, too (needs the extra `video`)."))
+]
+Workers = Annotated[
+    int | None, typer.Option(min=1, help=message("cli.help_workers", "Processes; as many as processors by default."))
+]
 Scheduler = Annotated[
-    str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler, tcp://HOST:PORT, whose workers do it.")
+    str | None,
+    typer.Option(
+        metavar="ADDRESS", help=message("cli.help_scheduler", "A Dask scheduler, tcp://HOST:PORT, whose workers do it.")
+    ),
 ]
-Strictly = Annotated[bool, typer.Option("--strict", help="Exit with 4 if the result has warnings; it is saved.")]
+Strictly = Annotated[
+    bool,
+    typer.Option("--strict", help=message("cli.help_strictly", "Exit with 4 if the result has warnings; it is saved.")),
+]
 ShowVerdict = Annotated[
-    bool, typer.Option("--verdict", help="Show all criteria with their bounds, even if all are within them.")
+    bool,
+    typer.Option(
+        "--verdict",
+        help=message("cli.help_show_verdict", "Show all criteria with their bounds, even if all are within them."),
+    ),
 ]
-Plots = Annotated[PlotFormat, typer.Option("--plots", help="What the plots are written as.")]
+Plots = Annotated[PlotFormat, typer.Option("--plots", help=message("cli.help_plots", "Format of the plots."))]
 
 FileArgument = Annotated[
     Path,
     typer.Argument(
-        metavar="FILE", help="A URDF, xacro, MJCF or SDF file; for import a Simulink model or a RAPID module, too."
+        metavar="FILE",
+        help=message(
+            "cli.help_file_argument",
+            "A URDF, xacro, MJCF or SDF file; for import a Simulink model or a RAPID module, too.",
+        ),
     ),
 ]
 
@@ -107,21 +149,47 @@ class LanguageOptions:
     """How a program in the language of a robot, such as RAPID, is done."""
 
     robot: Annotated[
-        str | None, typer.Option(metavar="ROBOT", help="Robot that does a RAPID module: alone, or one of --on.")
+        str | None,
+        typer.Option(
+            metavar="ROBOT",
+            help=message("cli.help_language_robot", "Robot that does a RAPID module: alone, or one of --on."),
+        ),
     ] = None
     on: Annotated[
-        str | None, typer.Option("--on", metavar="STATION", help="Station on which a RAPID module is done.")
+        str | None,
+        typer.Option(
+            "--on", metavar="STATION", help=message("cli.help_language_on", "Station on which a RAPID module is done.")
+        ),
     ] = None
     io: Annotated[
-        Path | None, typer.Option("--io", metavar="FILE", help="Table of what the signals of a RAPID module mean.")
+        Path | None,
+        typer.Option(
+            "--io",
+            metavar="FILE",
+            help=message("cli.help_language_io", "Table of what the signals of a RAPID module mean."),
+        ),
     ] = None
-    cycles: Annotated[int, typer.Option(min=1, help="Repetitions of WHILE TRUE in a RAPID module.")] = 1
+    cycles: Annotated[
+        int,
+        typer.Option(min=1, help=message("cli.help_language_cycles", "Repetitions of WHILE TRUE in a RAPID module.")),
+    ] = 1
     check: Annotated[
         Literal["collision", "limits", "nothing"],
-        typer.Option(help="What is checked before each move of a RAPID module, in addition to the reach."),
+        typer.Option(
+            help=message(
+                "cli.help_language_check",
+                "What is checked before each move of a RAPID module, in addition to the reach.",
+            )
+        ),
     ] = "collision"
     allow_losses: Annotated[
-        bool, typer.Option("--allow-losses", help="Take a RAPID or Simulink import though parts of it are lost.")
+        bool,
+        typer.Option(
+            "--allow-losses",
+            help=message(
+                "cli.help_language_allow_losses", "Take a RAPID or Simulink import though parts of it are lost."
+            ),
+        ),
     ] = False
 
 
@@ -259,7 +327,8 @@ def with_import_options(*names: str) -> Callable[[Callable[..., Any]], Callable[
 
     The command takes them together as ``options``, which is None where nothing was chosen.
     """
-    known, texts = names or tuple(ImportOptions.model_fields), field_texts(ImportOptions)
+    known = names or tuple(ImportOptions.model_fields)
+    texts = import_option_messages()
     own = [
         inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=option)
         for name in known
@@ -280,10 +349,25 @@ def with_import_options(*names: str) -> Callable[[Callable[..., Any]], Callable[
     return with_options
 
 
+def import_option_messages() -> dict[str, Message]:
+    """Helps of the options of an import, by name: the texts below the fields of :class:`ImportOptions`."""
+    texts = field_texts(ImportOptions)
+    return {name: Message(f"cli.import_{name}", texts[name], {}) for name in ImportOptions.model_fields}
+
+
 def _option(name: str, field: FieldInfo, text: str) -> tuple[Any, Any]:
-    """Return what typer makes an option of, and its default."""
+    """Make an option of an import.
+
+    Args:
+        name: name of the field of :class:`ImportOptions`.
+        field: the field.
+        text: its help.
+
+    Returns:
+        annotation of the command's parameter for typer, and default value.
+    """
     flag = flag_of(name)
-    several = f"{text} May be given several times."
+    several = join_texts([text, message("cli.help_several", "May be given several times.")], " ")
     if field.annotation == tuple[Path, ...]:
         return MeshPath, None
     if field.annotation == tuple[str, ...]:

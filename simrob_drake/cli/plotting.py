@@ -14,16 +14,22 @@ from simrob_drake.cli.screen import say_place
 
 
 def plot(
-    results: Annotated[list[Path], typer.Argument(metavar="RESULT...", help="Folders that `simrob run` made.")],
+    results: Annotated[
+        list[Path],
+        typer.Argument(metavar="RESULT...", help=message("cli.help_plot_results", "Folders that `simrob run` made.")),
+    ],
     signal: Annotated[
         list[str] | None,
         typer.Option(
             metavar="NAME",
-            help="A column of signals.csv, such as q.joint_2 or 'tau.*'; may be given several times. By default "
-            "positions and torques of the joints that move.",
+            help=message(
+                "cli.help_plot_signal",
+                "A column of signals.csv, such as q.joint_2 or 'tau.*'; may be given several times. By default "
+                "positions and torques of the joints that move.",
+            ),
         ),
     ] = None,
-    out: Annotated[Path, typer.Option(help="FILE.png, .svg or .pdf.")] = Path("plot.png"),
+    out: Annotated[Path, typer.Option(help=message("cli.help_plot_out", "FILE.png, .svg or .pdf."))] = Path("plot.png"),
     force: Force = False,
 ) -> ExitCode:
     """Draw signals of one or more results over each other, with a legend, to compare runs.

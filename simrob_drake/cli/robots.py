@@ -41,13 +41,22 @@ def import_file(
     file: FileArgument,
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder of the result; by default NAME_imported, here or beside the file's package."),
+        typer.Option(
+            help=message(
+                "cli.help_import_file_out",
+                "Folder of the result; by default NAME_imported, here or beside the file's package.",
+            )
+        ),
     ] = None,
     options: ImportOptions | None,
     force: Force = False,
     set_: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="A variable of a Simulink model; may be given often."),
+        typer.Option(
+            "--set",
+            metavar="NAME=VALUE",
+            help=message("cli.help_import_file_set", "A variable of a Simulink model; may be given often."),
+        ),
     ] = None,
     importer_options: ChosenOptions,
     language: LanguageOptions,
@@ -106,7 +115,12 @@ def show_robot(robot: RobotModel) -> None:
 @with_import_options("mesh_path", "collision", "xacro_arg", "drop_loops")
 def view(
     *,
-    robot: Annotated[str, typer.Argument(metavar="FILE|ROBOT", help="A URDF, or a robot of `simrob list`.")],
+    robot: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE|ROBOT", help=message("cli.help_view_robot", "A URDF, or a robot of `simrob list`.")
+        ),
+    ],
     options: ImportOptions | None,
 ) -> None:
     """Show a robot in the browser, with a slider for every joint.
@@ -139,7 +153,9 @@ def view(
 def station(
     *,
     file: FileArgument,
-    out: Annotated[Path | None, typer.Option(help="The station's file; NAME.yaml unless given.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help=message("cli.help_station_out", "The station's file; NAME.yaml unless given."))
+    ] = None,
     options: ImportOptions | None,
     force: Force = False,
 ) -> None:

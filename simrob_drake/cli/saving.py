@@ -170,7 +170,7 @@ def saved(
         say_remark(Remark(CONTROLLER_REMARK, remark))
     if more:
         say_text(more)
-    say_text(result.pace)
+    say_text(result.speed_in_words)
     say_place(RESULT, folder)
     if result.commanded:
         say_place(message("cli.commanded", "commanded"), folder / COMMANDS)

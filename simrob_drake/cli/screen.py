@@ -1,5 +1,7 @@
 """Where the commands write to, and what an interrupt by the user, Ctrl-C, does while files are written."""
 
+import re
+import shlex
 import signal
 import sys
 import textwrap
@@ -67,8 +69,21 @@ def say_text(text: str, style: str = "", target: Console = console) -> None:
 
 
 def _wrapped(text: str, width: int) -> list[str]:
-    """Wrap a text at words to lines of a width; words are not broken."""
-    return textwrap.wrap(text, max(width, _NARROWEST), break_long_words=False, break_on_hyphens=False)
+    """Wrap a text at words to lines of a width; words are not broken, nor options taken from their settings."""
+    whole_settings = keep_settings_whole(text)
+    lines = textwrap.wrap(whole_settings, max(width, _NARROWEST), break_long_words=False, break_on_hyphens=False)
+    return [line.replace(_NO_BREAK_SPACE, " ") for line in lines]
+
+
+_NO_BREAK_SPACE = "\N{NO-BREAK SPACE}"
+
+_SETTING = re.compile(r"--[\w-]+ (?:'[^']*'|[\w.]+=\S*)")
+"""An option with its setting, such as ``--set servo.kp=500``; a setting in quotes may have spaces."""
+
+
+def keep_settings_whole(text: str) -> str:
+    """Join options and their settings by spaces at which no line ends, so that a user can copy them."""
+    return _SETTING.sub(lambda found: found[0].replace(" ", _NO_BREAK_SPACE), text)
 
 
 def say_place(label: str, place: object) -> None:
@@ -111,10 +126,15 @@ def say_remark(remark: Remark, *, with_remedy: bool = True) -> None:
     _say_hanging(target, Text(""), f"→ {translate(remark.remedy.text)}")
     settings = remark.remedy.settings
     if settings:
-        options = " ".join(f"--set {setting}" for setting in settings)
+        options = " ".join(f"--set {_quoted_for_shell(setting)}" for setting in settings)
         _say_hanging(target, Text(""), f"  {options}")
     elif remark.remedy.key:
         _say_hanging(target, Text(""), f"  --set {remark.remedy.key}=...")
+
+
+def _quoted_for_shell(setting: str) -> str:
+    """Quote a setting that has spaces, so that a shell takes it as one argument."""
+    return shlex.quote(setting) if " " in setting else setting
 
 
 def _say_hanging(target: Console, word: Text, text: str) -> None:

@@ -51,18 +51,30 @@ def run(
         str,
         typer.Argument(
             metavar="STATION|PROGRAM",
-            help="A name from `simrob list`, the YAML file of either, or a RAPID module.",
+            help=message(
+                "cli.help_run_station", "A name from `simrob list`, the YAML file of either, or a RAPID module."
+            ),
             autocompletion=completed_station,
         ),
     ],
-    duration: Annotated[float | None, typer.Option(help="Simulated time [s], in place of the station's.")] = None,
+    duration: Annotated[
+        float | None,
+        typer.Option(help=message("cli.help_run_duration", "Simulated time [s], in place of the station's.")),
+    ] = None,
     set_: Settings = None,
     saving: Saving,
     frames: Annotated[
-        str | None, typer.Option(metavar="N|events", help="Of the film strip; events by default for programs, else 7.")
+        str | None,
+        typer.Option(
+            metavar="N|events",
+            help=message("cli.help_run_frames", "Pictures of the film strip; events by default for programs, else 7."),
+        ),
     ] = None,
     converge: Annotated[
-        bool, typer.Option("--converge", help="Run again ten times tighter and print the difference.")
+        bool,
+        typer.Option(
+            "--converge", help=message("cli.help_run_converge", "Run again ten times tighter and print the difference.")
+        ),
     ] = False,
     allow_code: AllowCode = False,
     language: LanguageOptions,
@@ -73,7 +85,7 @@ def run(
 
         simrob run irb120_dynamic --duration 2 --out runs/first
 
-        simrob run irb120_dynamic --set servo.torque_limit=10 --set reference.duration=1.5
+        simrob run irb120_dynamic --set servo.kp=300 --set servo.kd=30
 
         simrob run program.yaml --set servo.kp=50
 
@@ -114,7 +126,9 @@ def run(
 
 
 def demo(
-    out: Annotated[Path, typer.Option(help="Folder of the result, which is replaced.")] = Path("runs/demo"),
+    out: Annotated[
+        Path, typer.Option(help=message("cli.help_demo_out", "Folder of the result, which is replaced."))
+    ] = Path("runs/demo"),
 ) -> int:
     """Run the main job: an IRB120 moves by joint torque; the recording opens in any browser."""
     config = station_from("irb120_dynamic", None)
@@ -127,7 +141,10 @@ def demo(
 def diagram(
     station: StationArgument,
     out: Annotated[
-        Path | None, typer.Option(help="FILE.svg, .png, .pdf, .dot or .mmd; DOT on the screen unless given.")
+        Path | None,
+        typer.Option(
+            help=message("cli.help_diagram_out", "FILE.svg, .png, .pdf, .dot or .mmd; DOT on the screen unless given.")
+        ),
     ] = None,
     set_: Settings = None,
     force: Force = False,

@@ -1,8 +1,9 @@
 """Importers of extensions: how files of other tools become robots, stations and programs of this toolbox.
 
 An extension announces an importer at the extension point ``importers`` by a suffix such as ``.slx``. Many formats share
-the suffix ``.xml``, so an importer of XML files is announced by their outermost element, such as ``<mujoco>``. The core
-itself reads robots from URDF, xacro and SDF files.
+the suffix ``.xml``, so an importer of XML files is announced by their outermost element, such as ``<mujoco>``. An
+importer of YAML files is announced by a key whose value is a list, such as ``directives:``. The core itself reads
+robots from URDF, xacro and SDF files.
 """
 
 import xml.etree.ElementTree as ET
@@ -17,8 +18,9 @@ from xml.parsers import expat
 from simrob_drake.base.errors import InvalidConfig, SimrobError
 from simrob_drake.base.extension import additions, load_addition_class, register_core_names
 from simrob_drake.base.files import NotRead, opened
-from simrob_drake.base.known_extensions import check_provided
+from simrob_drake.base.known_extensions import check_provided, known_names
 from simrob_drake.base.messages import message
+from simrob_drake.base.yaml_files import is_yaml_name, keys_of_lists
 from simrob_drake.robots.imports import ImportOptions, ImportReport
 
 CORE_SUFFIXES = (".urdf", ".xacro", ".xml", ".sdf", ".world")
@@ -162,8 +164,65 @@ class FileImporter(Importer, ABC):
         )
 
 
+@dataclass(frozen=True)
+class SceneRequest:
+    """What a user says about a scene of another tool that is run as a station.
+
+    Attributes:
+        packages: folders of packages that the user names, by the name of the package.
+        mesh_path: further folders from which files, meshes and packages may be read.
+        scenario: name of one scene of a file with several. Empty for a file with one scene.
+    """
+
+    packages: Mapping[str, Path] = field(default_factory=dict)
+    mesh_path: tuple[Path, ...] = ()
+    scenario: str = ""
+
+
+class StationImporter(FileImporter, ABC):
+    """Makes a station from a YAML file of another tool.
+
+    Such a file can also be run as it is, and stations can add its robots and pieces with ``add_directives``. It is
+    announced by a key whose value is a list, such as ``directives:``.
+    """
+
+    @abstractmethod
+    def station_sections(self, file: Path, request: SceneRequest) -> dict[str, Any]:
+        """Make the sections of a station from a file.
+
+        The files of robots and pieces are in the cache.
+
+        Args:
+            file: the file.
+            request: packages and folders that may be read, and the scene that is meant.
+
+        Returns:
+            content of a station's file with absolute paths, with ``robots`` in place of ``robot``.
+
+        Raises:
+            SimrobError: the file cannot be read, or no station can be made of it.
+        """
+
+
+def find_station_importer(file: Path | str) -> StationImporter | None:
+    """Find the importer of an extension for a YAML file that is a scene of another tool.
+
+    Returns None if the file is no YAML file, cannot be read, or is no such scene.
+
+    Raises:
+        BrokenExtension: the importer cannot be used.
+        MissingExtension: an extension of this project imports such files, and it is missing.
+    """
+    if not is_yaml_name(file):
+        return None
+    importer = find_importer(file)
+    return importer if isinstance(importer, StationImporter) else None
+
+
 def find_importer(file: Path | str) -> Importer | None:
-    """Find the importer of an extension for a file, by its suffix or, for XML files, by its outermost element.
+    """Find the importer of an extension for a file.
+
+    It is found by the suffix of the file, by the outermost element of an XML file, or by a list that a YAML file has.
 
     Returns None if the core itself reads the file, or if nothing reads such files.
 
@@ -176,6 +235,9 @@ def find_importer(file: Path | str) -> Importer | None:
     """
     path = Path(file)
     suffix = path.suffix.lower()
+    if is_yaml_name(path):
+        key = _announced_list(path)
+        return load_importer(key, path) if key else None
     if suffix not in CORE_SUFFIXES:
         return load_importer(suffix, path) if suffix else None
     # The suffixes of the core are those of XML files, which other tools use, too: the outermost element tells whose
@@ -184,13 +246,24 @@ def find_importer(file: Path | str) -> Importer | None:
     return load_importer(f"<{element}>", path) if element else None
 
 
+def _announced_list(path: Path) -> str:
+    """Find a key of a YAML file by which an extension announces an importer, such as ``directives:``.
+
+    The value of the key must be a list. Returns an empty text if there is none, or if the file cannot be read.
+    """
+    names = dict.fromkeys((*additions("importers"), *known_names("importers")))
+    announced = [name for name in names if name.endswith(":")]
+    lists = keys_of_lists(path, [name.removesuffix(":") for name in announced])
+    return next((name for name in announced if name.removesuffix(":") in lists), "")
+
+
 def load_importer(key: str, file: Path | None = None) -> Importer | None:
     """Load the importer that an extension announces by a suffix or an element.
 
     Returns None if there is none, or if the core itself reads such files.
 
     Args:
-        key: the suffix in lower case, or the element as ``<element>``.
+        key: the suffix in lower case, the element as ``<element>``, or the key of a list as ``key:``.
         file: file that is to be imported, for the message. None if the caller names the file in the message.
 
     Raises:

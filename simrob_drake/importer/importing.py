@@ -346,7 +346,7 @@ def robot_from_file(path: Path | str, options: ImportOptions | None = None) -> R
     Raises InvalidModel: a defect that no import can repair; OutputError: the cache cannot be written.
     """
     path = robot_file(path, "path")
-    if options is None or options == ImportOptions(mesh_path=options.mesh_path):
+    if options is None or options == ImportOptions(mesh_path=options.mesh_path, packages=options.packages):
         try:
             robot = load_robot_from_urdf(path)
             with_absolute_meshes(robot.element, robot.folder)

@@ -40,8 +40,9 @@ class CouplingSection(Strict, ABC):
     """Whether stiff springs can hold the coupling where the engine has no constraint for it."""
     guides_references: ClassVar[bool] = False
     """Whether references obey the coupling, so that a kinematic station can have it, too."""
-    words: ClassVar[str]
-    """Template of the caption. The coupling is named ``it`` there, so "{it.length:g}" is its field `length`."""
+    words: ClassVar[str] = ""
+    """Template of the caption, unless the kind has a method `caption` of its own. The coupling is named ``it`` there,
+    so "{it.length:g}" is its field `length`."""
     kind: str
 
     @abstractmethod

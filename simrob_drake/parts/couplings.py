@@ -33,7 +33,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.frames import Vector, transform_from_pose
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.sections import ORIGIN, NotNegative, Number, Pose, Positive, Strict, Triple
 from simrob_drake.blocks.block import add_and_connect, add_matrix_gain, add_multiplexer
 from simrob_drake.parts.coupling import DAMPING_TIME, STIFFNESS, CouplingSection
@@ -191,7 +191,12 @@ class Ball(BetweenPoints):
 
     has_springs: ClassVar[bool] = False
     kind: Literal["ball"]
-    words: ClassVar[str] = "a ball joint between {it.body} and {it.other}"
+
+    def caption(self) -> str:
+        """Describe the coupling in words."""
+        return message(
+            "parts.coupling_ball", "a ball joint between {body} and {other}", body=self.body, other=self.other
+        )
 
     def add(self, plant: StationPlant) -> None:
         """Add the ball joint as a constraint to a plant that is not finalized."""
@@ -208,9 +213,18 @@ class Rod(BetweenPoints):
 
     has_springs: ClassVar[bool] = False
     kind: Literal["rod"]
-    words: ClassVar[str] = "a rod of {it.length:g} m from {it.body} to {it.other}"
     length: Positive
     """Length of the rod [m]."""
+
+    def caption(self) -> str:
+        """Describe the coupling in words."""
+        return message(
+            "parts.coupling_rod",
+            "a rod of {length:g} m from {body} to {other}",
+            length=self.length,
+            body=self.body,
+            other=self.other,
+        )
 
     def add(self, plant: StationPlant) -> None:
         """Add the rod as a constraint to a plant that is not finalized."""
@@ -251,7 +265,10 @@ class Weld(BetweenFrames):
     """Two frames that stay together."""
 
     kind: Literal["weld"]
-    words: ClassVar[str] = "{it.body} welded to {it.other}"
+
+    def caption(self) -> str:
+        """Describe the coupling in words."""
+        return message("parts.coupling_weld", "{body} welded to {other}", body=self.body, other=self.other)
 
     def add(self, plant: StationPlant) -> None:
         """Add the weld to a plant that is not finalized: a constraint in a discrete plant, else stiff springs."""
@@ -272,7 +289,10 @@ class Hinge(BetweenFrames):
     """Two frames that stay together but turn about their z axis."""
 
     kind: Literal["hinge"]
-    words: ClassVar[str] = "a hinge between {it.body} and {it.other}"
+
+    def caption(self) -> str:
+        """Describe the coupling in words."""
+        return message("parts.coupling_hinge", "a hinge between {body} and {other}", body=self.body, other=self.other)
 
     def add(self, plant: StationPlant) -> None:
         """Add the hinge to a plant that is not finalized.
@@ -471,8 +491,8 @@ class Gear(CouplingSection):
 
     def caption(self) -> str:
         """Describe the gear in words."""
-        terms = [f"{ratio:g} {axis}" for axis, ratio in self.ratios.items()]
-        return f"a gear: {' + '.join(terms)} stays as it is"
+        terms = [compound("{ratio:g} {axis}", ratio=ratio, axis=axis) for axis, ratio in self.ratios.items()]
+        return message("parts.coupling_gear", "a gear: {terms} stays as it is", terms=join_texts(terms, " + "))
 
 
 class Spring(BetweenPoints):
@@ -484,13 +504,22 @@ class Spring(BetweenPoints):
 
     constrains: ClassVar[bool] = False
     kind: Literal["spring"]
-    words: ClassVar[str] = "a spring of {it.stiffness:g} N/m from {it.body} to {it.other}"
     length: NotNegative = 0.0
     """Length without force [m]."""
     stiffness: NotNegative
     """Stiffness [N/m]."""
     damping: NotNegative = 0.0
     """Damping [N·s/m]."""
+
+    def caption(self) -> str:
+        """Describe the coupling in words."""
+        return message(
+            "parts.coupling_spring",
+            "a spring of {stiffness:g} N/m from {body} to {other}",
+            stiffness=self.stiffness,
+            body=self.body,
+            other=self.other,
+        )
 
     def add(self, plant: StationPlant) -> None:
         """Add the spring to a plant that is not finalized."""

@@ -156,7 +156,8 @@ class Push(ForceSection):
 
     def caption(self) -> str:
         """Return it in words."""
-        return f"{float(np.linalg.norm(self.force)):.3g} N at {self.start:g} s"
+        size = float(np.linalg.norm(self.force))
+        return message("parts.force_push", "{size:.3g} N at {start:g} s", size=size, start=self.start)
 
 
 class SineForce(ForceSection):
@@ -177,7 +178,12 @@ class SineForce(ForceSection):
 
     def caption(self) -> str:
         """Return it in words."""
-        return f"sine ±{float(np.linalg.norm(self.amplitude)):g} N, {self.frequency:.3g} Hz"
+        return message(
+            "parts.force_sine",
+            "sine ±{size:g} N, {frequency:.3g} Hz",
+            size=float(np.linalg.norm(self.amplitude)),
+            frequency=self.frequency,
+        )
 
 
 _PERIOD = 0.01  # s between samples
@@ -237,7 +243,7 @@ class Drag(ForceSection):
 
     def caption(self) -> str:
         """Return it in words."""
-        return f"drag from {self.start:g} to {self.end:g} s"
+        return message("parts.force_drag", "drag from {start:g} to {end:g} s", start=self.start, end=self.end)
 
 
 class DragSpring(SampledBlock):

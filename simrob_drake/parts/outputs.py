@@ -1,15 +1,19 @@
 """Registry of a station's outputs: ports by name, what they are in results, and the monitors that watch them."""
 
 from collections.abc import Callable, Iterator, Mapping
+from copy import copy
 from dataclasses import dataclass
 from functools import partial
+from typing import Self
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, OutputPort
 
+from simrob_drake.base.errors import UnknownKey
 from simrob_drake.base.frames import Indices, Vector
 from simrob_drake.base.lifetime import release_with
+from simrob_drake.base.messages import message
 from simrob_drake.base.signals import Compute, Signal
 from simrob_drake.blocks.frame_poses import FramePoses
 from simrob_drake.blocks.monitor import Trigger
@@ -107,8 +111,23 @@ class OutputRegistry(Mapping[str, OutputPort]):
         self.monitors: dict[str, Trigger] = {}
         self.notes: dict[str, dict[str, str]] = {}
 
+    def copied(self) -> Self:
+        """Copy the registry, so that outputs can be added to the copy alone."""
+        twin = copy(self)
+        twin._ports = dict(self._ports)
+        twin.signals = list(self.signals)
+        twin.of_state = dict(self.of_state)
+        twin.notes = dict(self.notes)
+        return twin
+
     def __getitem__(self, output: str) -> OutputPort:
+        """Output port by its name; raises UnknownKey: there is no such output."""
+        if output not in self._ports:
+            raise UnknownKey(message("parts.output", "output"), output, self._ports)
         return self._ports[output]
+
+    def __contains__(self, output: object) -> bool:
+        return output in self._ports
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._ports)

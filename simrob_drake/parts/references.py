@@ -1,4 +1,8 @@
-"""What a robot is asked to do over time: the kinds of reference that a station file can name."""
+"""The kinds of reference that a station file can name: desired positions of a robot's axes over time.
+
+Values *per axis* are one number for all axes, a list in their order, or a mapping by name. Positions are in the user's
+units there: deg, or m for prismatic axes. A mapping leaves out axes that stay where they are.
+"""
 
 from abc import ABC, abstractmethod
 from itertools import pairwise
@@ -36,31 +40,40 @@ from simrob_drake.robots.coupled_axes import Firmness
 
 
 class ReferenceSection(Strict, ABC):
-    """A section ``reference``: what a robot is asked to do over time."""
+    """A section ``reference``: desired positions of a robot's axes over time."""
 
     kind: str
 
     @abstractmethod
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Reference:
-        """Return it over time, shape (n, 1) [rad or m], from a start (n,).
+        """Create the desired positions over time, shape (n, 1) [rad or m].
 
-        Raises SimrobError: what does not fit the robot; names the key.
+        Args:
+            robot: the robot.
+            start: positions at the start, shape (n,) [rad or m].
+
+        Raises:
+            SimrobError: a value does not fit the robot; names the key.
         """
 
     def caption(self, model: RobotModel) -> str:
-        """Return it in words."""
+        """Describe the reference of a robot in words, for the block picture."""
         start = getattr(self, "start", 0.0)
-        return f"{self._words(model)}, from {start:g} s" if start else self._words(model)
+        words = self._words(model)
+        if not start:
+            return words
+        return message("parts.reference_from", "{words}, from {start:g} s", words=words, start=start)
 
     @abstractmethod
-    def _words(self, model: RobotModel) -> str: ...
+    def _words(self, model: RobotModel) -> str:
+        """Describe the reference in words, without its start time."""
 
     def targets_by_axis(self) -> list[AxisValues | None]:
-        """Values per axis that say where axes go; None where the section leaves all of them at their start."""
+        """Values per axis that determine the motion; an entry is None if it leaves all axes at their start."""
         return [getattr(self, "target_deg", None)]
 
     def postures(self) -> list[AxisValues]:
-        """Positions per axis at which the section wants the robot, in the user's units."""
+        """Postures through which the reference goes, per axis in the user's units."""
         return [values for values in self.targets_by_axis() if values is not None]
 
     def firmness(self, model: RobotModel) -> list[Firmness]:
@@ -69,30 +82,44 @@ class ReferenceSection(Strict, ABC):
         return [max(of_axis) for of_axis in zip(*each, strict=True)]
 
     def axis_values(self) -> dict[str, AxisValues | None]:
-        """Return the figures per axis, by their keys, to be checked against a robot's axes: all that are in degrees."""
+        """Values per axis by their keys, which are checked against a robot's axes: all keys that end in ``_deg``."""
         return {key: value for key, value in self if key.endswith("_deg")}
 
 
 def si_positions(
     values: AxisValues, robot: ResolvedRobot, otherwise: Vector, key: str = "reference.target_deg"
 ) -> Vector:
-    """Return a user's figures per axis in SI, shape (n,); axes that a mapping leaves out stay where they were."""
+    """Convert values per axis from the user's units to rad or m, shape (n,).
+
+    Args:
+        values: the values.
+        robot: the robot.
+        otherwise: values of the axes that a mapping leaves out, shape (n,) [rad or m].
+        key: key of the station that has the values, for errors.
+    """
     units = robot.model.user_units
     return np.asarray(units * robot.model.axis_vector(values, key, otherwise / units))
 
 
 class ToOnePosture(ReferenceSection):
-    """What moves to one posture share."""
+    """A motion to one posture within a given time."""
 
     target_deg: AxisValues = 0.0
     """Posture at the end, per axis."""
     duration: Duration = 1.0
-    """Time that the move takes [s]."""
+    """Duration of the motion [s]."""
     start: Instant = 0.0
-    """When it begins [s]."""
+    """Time at which the motion begins [s]."""
 
     def _words(self, model: RobotModel) -> str:
-        return f"{self.kind} to {shown_positions(self.target_deg, model)} in {self.duration:g} s"
+        """Describe the reference in words, without its start time."""
+        return message(
+            "parts.reference_to_posture",
+            "{kind} to {posture} in {duration:g} s",
+            kind=self.kind,
+            posture=shown_positions(self.target_deg, model),
+            duration=self.duration,
+        )
 
 
 class Hold(ReferenceSection):
@@ -100,14 +127,18 @@ class Hold(ReferenceSection):
 
     kind: Literal["hold"]
     target_deg: AxisValues | None = None
-    """Posture, per axis; the initial one unless given."""
+    """Posture, per axis; by default the initial one."""
 
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
-        """Return the trajectory, shape (n, 1) [rad or m]."""
+        """Create the trajectory, shape (n, 1) [rad or m]."""
         return hold(start if self.target_deg is None else si_positions(self.target_deg, robot, start))
 
     def _words(self, model: RobotModel) -> str:
-        return "hold the start" if self.target_deg is None else f"hold {shown_positions(self.target_deg, model)}"
+        """Describe the reference in words, without its start time."""
+        if self.target_deg is None:
+            return message("parts.reference_holds_start", "hold the start")
+        posture = shown_positions(self.target_deg, model)
+        return message("parts.reference_holds", "hold {posture}", posture=posture)
 
 
 class SmoothMove(ToOnePosture):
@@ -116,20 +147,20 @@ class SmoothMove(ToOnePosture):
     kind: Literal["move"]
 
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
-        """Return the trajectory, shape (n, 1) [rad or m]."""
+        """Create the trajectory, shape (n, 1) [rad or m]."""
         target = si_positions(self.target_deg, robot, start)
         return move(start, target, duration=self.duration, start_time=self.start)
 
 
 class Ramp(ToOnePosture):
-    """Go to a posture at constant speed, as SimRob's interpolated moves do, and stay there."""
+    """Go to a posture at constant speed, like SimRob's interpolated moves, and stay there."""
 
     kind: Literal["ramp"]
     blend: NotNegative = 0.0
-    """How long the speed grows at the start, and falls at the end [s]; at once unless given."""
+    """Time in which the speed rises at the start, and falls at the end [s]. By default it jumps."""
 
     @model_validator(mode="after")
-    def _blends_apart(self) -> "Ramp":
+    def _check_blend(self) -> "Ramp":
         if self.blend and not self.blend < self.duration / 2:
             raise ValueError(
                 message(
@@ -142,64 +173,99 @@ class Ramp(ToOnePosture):
         return self
 
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
-        """Return the trajectory, shape (n, 1) [rad or m]."""
+        """Create the trajectory, shape (n, 1) [rad or m]."""
         target = si_positions(self.target_deg, robot, start)
         return ramp(start, target, duration=self.duration, start_time=self.start, blend=self.blend)
 
 
 _ROUNDING = 1e-9
+"""Relative tolerance of limits: values that were converted from a robot's own limits pass."""
 
 
 class Cruise(ReferenceSection):
-    """What cruises to one posture: straight, all axes at the same time, and none beyond its limits."""
+    """A straight motion to one posture: all axes arrive at the same time, and none exceeds its limits."""
 
     target_deg: AxisValues = 0.0
     """Posture at the end, per axis."""
     speed_deg: PositiveAxisValues | None = None
-    """Largest speed, per axis [deg/s, or m/s]; that of the URDF unless given, and not beyond."""
+    """Largest speed, per axis [deg/s, or m/s]. By default the limit of the URDF, which it must not exceed."""
     acceleration_deg: PositiveAxisValues | None = None
-    """Largest acceleration, per axis [deg/s², or m/s²]; that of the robot's files unless given, and not beyond."""
+    """Largest acceleration, per axis [deg/s², or m/s²]. By default the limit of the robot's files, which it must not
+    exceed."""
     start: Instant = 0.0
-    """When it begins [s]."""
+    """Time at which the motion begins [s]."""
 
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
-        """Return the trajectory (n, 1) [rad or m]; raises InvalidParameter: no limit, or one beyond the robot's."""
+        """Create the trajectory, shape (n, 1) [rad or m].
+
+        Raises:
+            InvalidParameter: an axis that moves has no limit, or a value exceeds the robot's limit.
+        """
         target = si_positions(self.target_deg, robot, start)
-        speeds = _within("speed_deg", self.speed_deg, robot, robot.speed_limits, target != start)
-        limits = robot.model.accelerations
-        accelerations = _within("acceleration_deg", self.acceleration_deg, robot, limits, target != start)
+        is_moving = target != start
+        speeds = _checked_limits("speed_deg", self.speed_deg, robot, robot.speed_limits, is_moving)
+        own_accelerations = robot.model.accelerations
+        accelerations = _checked_limits("acceleration_deg", self.acceleration_deg, robot, own_accelerations, is_moving)
         return cruise_to(start, target, speeds, accelerations, self._jerks(robot), start_time=self.start)
 
     def _jerks(self, robot: ResolvedRobot) -> Vector | None:
+        """Largest jerk of each axis, shape (n,) [rad/s³ or m/s³]; infinite here, so that the acceleration jumps."""
         return np.full(len(robot.axes), np.inf)
 
     def _words(self, model: RobotModel) -> str:
-        return f"{self.kind.replace('_', '-')} to {shown_positions(self.target_deg, model)}"
+        """Describe the reference in words, without its start time."""
+        return message(
+            "parts.reference_cruises",
+            "{kind} to {posture}",
+            kind=self.kind.replace("_", "-"),
+            posture=shown_positions(self.target_deg, model),
+        )
 
 
 class Trapezoid(Cruise):
-    """Go to a posture: speed up evenly, cruise, slow down."""
+    """Go to a posture with constant acceleration, constant speed, and constant deceleration."""
 
     kind: Literal["trapezoid"]
 
 
 class SCurve(Cruise):
-    """Go to a posture as a trapezoid does, with an acceleration that does not jump."""
+    """Go to a posture like a trapezoid, but with an acceleration that does not jump."""
 
     kind: Literal["s_curve"]
     jerk_deg: PositiveAxisValues | None = None
-    """Largest jerk, per axis [deg/s³, or m/s³]; unless given, the acceleration rises for a third of the ramp."""
+    """Largest jerk, per axis [deg/s³, or m/s³]. By default the acceleration rises for a third of the ramp."""
 
     def _jerks(self, robot: ResolvedRobot) -> Vector | None:
-        endless = np.full(len(robot.axes), np.inf)
-        return None if self.jerk_deg is None else si_positions(self.jerk_deg, robot, endless, "reference.jerk_deg")
+        """Largest jerk of each axis, shape (n,) [rad/s³ or m/s³], or None if the section does not limit it."""
+        if self.jerk_deg is None:
+            return None
+        unlimited = np.full(len(robot.axes), np.inf)
+        return si_positions(self.jerk_deg, robot, unlimited, "reference.jerk_deg")
 
 
-def _within(key: str, values: AxisValues | None, robot: ResolvedRobot, limits: Vector, moves: Vector) -> Vector:
-    """Return limits (n,) of the axes as the user wants them, of those that move finite and not beyond their own."""
+def _checked_limits(
+    key: str, values: AxisValues | None, robot: ResolvedRobot, limits: Vector, is_moving: Vector
+) -> Vector:
+    """Choose the largest speeds or accelerations of a motion.
+
+    Args:
+        key: key of the reference: ``speed_deg`` or ``acceleration_deg``.
+        values: values of this key, or None.
+        robot: the robot.
+        limits: the robot's own limits, shape (n,) [rad/s or m/s; rad/s² or m/s²]; infinite if it has none.
+        is_moving: whether each axis moves, shape (n,).
+
+    Returns:
+        the values of the key, otherwise the robot's own limits, shape (n,).
+
+    Raises:
+        InvalidParameter: a value exceeds the robot's limit, or an axis that moves has no limit.
+    """
     chosen = limits if values is None else si_positions(values, robot, limits, f"reference.{key}")
-    for axis, (own, limit) in enumerate(zip(chosen, limits, strict=True)):
-        unit, per_time = robot.model.user_units[axis], f"{robot.model.unit_names[axis]}/{'s²' if 'acc' in key else 's'}"
+    per_time = "s²" if key == "acceleration_deg" else "s"
+    for axis, (value, limit) in enumerate(zip(chosen, limits, strict=True)):
+        unit = robot.model.user_units[axis]
+        unit_name = f"{robot.model.unit_names[axis]}/{per_time}"
         where = message(
             "parts.reference_of_axis",
             "reference.{key} of {prefix}{axis}",
@@ -207,36 +273,39 @@ def _within(key: str, values: AxisValues | None, robot: ResolvedRobot, limits: V
             prefix=robot.prefix,
             axis=robot.axes[axis],
         )
-        if own > limit * (1 + _ROUNDING):
-            most = message("parts.limit_of_robot", "at most {limit:.5g}, the robot's own limit", limit=limit / unit)
-            raise InvalidParameter(where, compound("{value:.5g} {per_time}", value=own / unit, per_time=per_time), most)
-        if moves[axis] and not np.isfinite(own):
+        if value > limit * (1 + _ROUNDING):
+            raise InvalidParameter(
+                where,
+                compound("{value:.5g} {per_time}", value=value / unit, per_time=unit_name),
+                message("parts.limit_of_robot", "at most {limit:.5g}, the robot's own limit", limit=limit / unit),
+            )
+        if is_moving[axis] and not np.isfinite(value):
             raise InvalidParameter(
                 where,
                 None,
-                message("parts.rate_needed", "given [{per_time}]: the robot's files tell none", per_time=per_time),
+                message("parts.rate_needed", "given [{per_time}]: the robot's files tell none", per_time=unit_name),
             )
     return chosen
 
 
 class Waypoint(Strict):
-    """A posture and the time to be there."""
+    """A posture of a sequence, and its time."""
 
     time: Duration
-    """When to be there [s]."""
+    """Time at which the posture is reached [s]."""
     target_deg: AxisValues
-    """Posture, per axis; a mapping leaves the other axes where they were."""
+    """Posture, per axis. Axes that a mapping leaves out stay where they were."""
 
 
 class Sequence(ReferenceSection):
-    """Go through postures, resting at each, with continuous acceleration."""
+    """Go through postures, with rest at each of them and continuous acceleration."""
 
     kind: Literal["sequence"]
     targets: Annotated[tuple[Waypoint, ...], Field(min_length=1)]
-    """Postures and their times, which rise."""
+    """Postures and their times, in the order of time."""
 
     @model_validator(mode="after")
-    def _sorted(self) -> "Sequence":
+    def _check_times(self) -> "Sequence":
         times = [target.time for target in self.targets]
         if any(later - earlier < SHORTEST for earlier, later in pairwise(times)):
             raise ValueError(
@@ -253,18 +322,24 @@ class Sequence(ReferenceSection):
         return [target.target_deg for target in self.targets]
 
     def axis_values(self) -> dict[str, AxisValues | None]:
-        """Return the targets."""
+        """The postures, by a key that names their time."""
         return {f"targets at {target.time:g} s": target.target_deg for target in self.targets}
 
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
-        """Return the trajectory, shape (n, 1) [rad or m]."""
+        """Create the trajectory, shape (n, 1) [rad or m]."""
         postures = [start]
         for waypoint in self.targets:
             postures.append(si_positions(waypoint.target_deg, robot, postures[-1]))
         return sequence(start, [waypoint.time for waypoint in self.targets], postures[1:])
 
     def _words(self, model: RobotModel) -> str:
-        return f"sequence of {len(self.targets)} postures in {self.targets[-1].time:g} s"
+        """Describe the reference in words, without its start time."""
+        return message(
+            "parts.reference_sequence",
+            "sequence of {count} postures in {duration:g} s",
+            count=len(self.targets),
+            duration=self.targets[-1].time,
+        )
 
 
 class SineWave(ReferenceSection):
@@ -272,22 +347,22 @@ class SineWave(ReferenceSection):
 
     kind: Literal["sine"]
     amplitude_deg: AxisValues = 10.0
-    """Largest distance from the middle, per axis."""
+    """Amplitude, per axis."""
     frequency: Frequency = 0.5
-    """Swings a second [Hz]."""
+    """Frequency [Hz]."""
     phase_deg: AxisValues = 0.0
-    """Angle at the start, per axis; 0 starts in the middle."""
+    """Phase at the start, per axis; 0 starts in the middle."""
 
     def targets_by_axis(self) -> list[AxisValues | None]:
-        """The amplitudes per axis: they say which axes move."""
+        """The amplitudes per axis, which determine the axes that move."""
         return [self.amplitude_deg]
 
     def postures(self) -> list[AxisValues]:
-        """None: the amplitudes are no positions."""
+        """No postures: the amplitudes are no positions."""
         return []
 
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> SineReference:
-        """Return the swing about ``start`` (n,) [rad or m]."""
+        """Create the sine about the positions at the start, shape (n,) [rad or m]."""
         model = robot.model
         return SineReference(
             centre=start,
@@ -297,41 +372,56 @@ class SineWave(ReferenceSection):
         )
 
     def _words(self, model: RobotModel) -> str:
-        return f"sine ±{shown_positions(self.amplitude_deg, model)}, {self.frequency:g} Hz"
+        """Describe the reference in words, without its start time."""
+        return message(
+            "parts.reference_sine",
+            "sine ±{amplitude}, {frequency:g} Hz",
+            amplitude=shown_positions(self.amplitude_deg, model),
+            frequency=self.frequency,
+        )
 
 
 TIME_COLUMN = "time"
-MOST_VALUES = 500_000  # more take a gigabyte of memory in a run
+
+MOST_VALUES = 500_000
+"""Largest count of values in a table: more take a gigabyte of memory in a run."""
 
 Interpolation = Literal["cubic", "linear", "hermite"]
 
 
 class Table(ReferenceSection):
-    """Follow a CSV file: a column `time` [s] and one for each axis [rad], named as the axis."""
+    """Follow a CSV file with a column `time` [s] and a column for each axis [rad or m] with the axis's name."""
 
     kind: Literal["table"]
     file: Path
     """The CSV file; relative paths start at the station's file."""
     interpolation: Interpolation = "cubic"
-    """Cubic: a spline with continuous acceleration. Linear: straight lines. Hermite: cubics with the speeds [rad/s]
-    that stand in a column `v.<axis>` for each axis."""
+    """Cubic: a spline with continuous acceleration. Linear: straight lines. Hermite: cubics with the speeds [rad/s or
+    m/s] of the columns `v.<axis>`, one for each axis."""
 
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
-        """Return the trajectory, shape (n, 1) [rad or m]; the table says where it begins."""
+        """Create the trajectory, shape (n, 1) [rad or m]. It begins at the first row of the table, not at the start."""
         times, values = self.rows(robot.axes)
         if self.interpolation == "hermite":
             return hermite(times, *np.hsplit(np.asarray(values), 2))
         return interpolate_samples(times, values, linear=self.interpolation == "linear")
 
     def firmness(self, model: RobotModel) -> list[Firmness]:
-        """Return NAMED for all axes: each has a column in the file."""
+        """Firmness of each axis: NAMED for all, since each has a column in the file."""
         return [Firmness.NAMED] * len(model.axes)
 
     def rows(self, axes: list[str]) -> Samples:
-        """Return the times (m,) [s] and the values (m, n), or (m, 2n) with speeds, of the file.
+        """Read the file.
 
-        Raises InvalidConfig: the file cannot be read, lacks a column, holds something that is no number, times that do
-        not rise, or far too many rows.
+        Args:
+            axes: names of the robot's axes.
+
+        Returns:
+            the times, shape (m,) [s], and the positions, shape (m, n), or with speeds (m, 2n).
+
+        Raises:
+            InvalidConfig: the file cannot be read, lacks a column, contains a value that is no number, has times that
+                do not rise, or has too many rows.
         """
         names = [*axes, *speed_columns(axes)] if self.interpolation == "hermite" else axes
         values, lines = read_columns(self.file, [TIME_COLUMN, *names])
@@ -352,9 +442,10 @@ class Table(ReferenceSection):
                 ),
             )
         times = values[:, 0]
-        close = np.flatnonzero(np.diff(times) < SHORTEST)
-        if close.size:
-            before, after = times[close[0] : close[0] + 2]
+        too_close = np.flatnonzero(np.diff(times) < SHORTEST)
+        if too_close.size:
+            row = too_close[0]
+            before, after = times[row : row + 2]
             text = message(
                 "parts.times_must_rise",
                 "time {after:g} s after {before:g} s; times must rise by {shortest:g} s or more from row to row",
@@ -362,15 +453,16 @@ class Table(ReferenceSection):
                 before=before,
                 shortest=SHORTEST,
             )
-            raise InvalidConfig(self.file, message("base.line", "line {line}", line=lines[close[0] + 1]), text)
+            raise InvalidConfig(self.file, message("base.line", "line {line}", line=lines[row + 1]), text)
         return times, values[:, 1:]
 
     def _words(self, model: RobotModel) -> str:
-        return f"table {self.file.name}"
+        """Describe the reference in words, without its start time."""
+        return message("parts.reference_table", "table {file}", file=self.file.name)
 
 
 def speed_columns(axes: list[str]) -> list[str]:
-    """Return what the columns of the axes' speeds are called in a CSV file."""
+    """Names of the columns with the axes' speeds in a CSV file."""
     return [f"v.{axis}" for axis in axes]
 
 

@@ -1,7 +1,7 @@
 """Robots and pieces of a station, resolved: what a part may know of its station before anything is built."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -118,6 +118,8 @@ class Surroundings:
     robots: Mapping[str, ResolvedRobot]  # by name
     pieces: Mapping[str, ResolvedPiece]  # by name, each after what it hangs on
     sensors: Mapping[str, Any]  # their sections by name
+    # text before the names of the station's model instances in a plant that it shares with others, such as "left."
+    scope: str = field(default="", kw_only=True)
 
     @property
     def free_pieces(self) -> list[str]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort
 
 from simrob_drake.base.messages import message
+from simrob_drake.parts.inputs import InputPorts
 from simrob_drake.parts.outputs import OutputRegistry
 from simrob_drake.parts.picture import PictureLabels
 from simrob_drake.parts.resolved import Surroundings, named
@@ -40,7 +41,7 @@ class Site:
     state: OutputPort
     outputs: OutputRegistry
     picture: PictureLabels = field(default_factory=PictureLabels)
-    inputs: dict[str, InputPort] = field(default_factory=dict)
+    inputs: dict[str, InputPort] = field(default_factory=InputPorts)
     edges: list[float] = field(default_factory=list)
     spatial_forces: list[OutputPort] = field(default_factory=list)
     generalized_forces: list[OutputPort] = field(default_factory=list)

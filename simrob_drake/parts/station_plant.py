@@ -58,6 +58,8 @@ class StationPlant:
     stand_in: PlantBlock | None = None  # block of another engine in the diagram; None if the plant itself is stepped
     # whether the solver of the plant holds couplings as constraints; otherwise stiff springs hold them
     holds_constraints: bool = False
+    scope: str = ""  # text before the names of the station's model instances, see `Surroundings.scope`
+    is_shared: bool = False  # whether the plant is one of the user's own, with further bodies in it
 
     @property
     def stepped(self) -> Any:
@@ -89,6 +91,21 @@ class StationPlant:
             filters.Apply(pair_collides)
         return clone
 
+    @property
+    def joints(self) -> list[Joint]:
+        """Joints of the station's robots and pieces, in the order of the plant."""
+        joints = [self.plant.get_joint(index) for index in self.plant.GetJointIndices()]
+        if not self.is_shared:
+            return joints
+        return [joint for joint in joints if int(joint.model_instance()) in self._own_instances]
+
+    @cached_property
+    def _own_instances(self) -> set[int]:
+        """Indices of the model instances of the station's robots and pieces."""
+        own = [robot.instance for robot in self.robots.values()]
+        own += [body.model_instance() for body in self.free_pieces.values()]
+        return {int(instance) for instance in own}
+
     def shapes_of_body(self, body: RigidBody) -> list[GeometryId]:
         """Collision shapes of a body, without the small balls at their corners (`contact_points`)."""
         shapes = self.plant.GetCollisionGeometriesForBody(body)
@@ -104,7 +121,7 @@ class StationPlant:
         """
         # A piece that a robot carries is a part of the robot's model instance.
         carriers = [robot.instance for robot in self.robots.values() if piece in robot.carried]
-        instance = carriers[0] if carriers else self.plant.GetModelInstanceByName(f"{piece}::{piece}")
+        instance = carriers[0] if carriers else self.plant.GetModelInstanceByName(f"{self.scope}{piece}::{piece}")
         return self.plant.GetFrameByName(frame, instance)
 
     def __repr__(self) -> str:

@@ -1,7 +1,8 @@
-"""What parts can be fixed to: bodies, shapes and frames of a station, by the names that its file knows.
+"""Bodies, shapes and frames of a station that parts such as sensors can name.
 
-Collision shapes are told apart by their names, ``<owner>::<model>::<name>``: a piece's are called ``<piece>.<shape>``,
-and their owner is the piece, or the robot that carries it. The floor has no owner.
+The name of a collision shape in Drake's scene graph is ``<owner>::<name>``, with the owner's model between the two for
+some. A shape of a piece has the name ``<piece>.<shape>``; its owner is the piece or, if a robot carries the piece, that
+robot. The floor's shapes have no owner.
 """
 
 from collections.abc import Iterator
@@ -14,60 +15,90 @@ from simrob_drake.base.messages import message
 from simrob_drake.parts.resolved import WORLD, Surroundings
 from simrob_drake.parts.station_plant import StationPlant
 
-FLOOR = "floor"  # the whole name of the floor's shape; boxes of its terrain are called `floor.<number>`
+FLOOR = "floor"
+"""Name of the floor's shape. Boxes of its terrain are named ``floor.<number>``."""
 
 
 def own_name(inspector: SceneGraphInspector, shape: GeometryId) -> str:
-    """Return the name that a shape has in its own file; those of pieces begin with the piece's name and a dot."""
+    """Name of a shape without its owner. Names of pieces' shapes begin with the name of the piece and a dot."""
     name: str = inspector.GetName(shape)
     return name.rsplit("::", 1)[-1]
 
 
 def piece_of_shape(station: Surroundings, inspector: SceneGraphInspector, shape: GeometryId) -> str | None:
-    """Return the piece that a shape belongs to; None for one of a robot's own, and the floor's."""
-    owner = inspector.GetName(shape).partition("::")[0]
+    """Find the piece to which a shape belongs. Returns None for a robot's own shapes and those of the floor."""
+    scoped_owner = inspector.GetName(shape).partition("::")[0]
+    if not scoped_owner.startswith(station.scope):
+        return None  # it belongs to something else in a plant that the station shares
+    owner = scoped_owner.removeprefix(station.scope)
     piece, dot, _ = own_name(inspector, shape).partition(".")
     found = station.pieces.get(piece) if dot else None
     return piece if found is not None and owner in (piece, found.carrier) else None
 
 
 def owner_of_shape(plant: StationPlant, shape: GeometryId) -> str:
-    """Return what a shape belongs to: a piece, a link of a robot, the floor, or a box of its terrain."""
+    """Name of the piece, link, floor or box of a terrain to which a shape belongs."""
     inspector = plant.scene_graph.model_inspector()
-    model, own = inspector.GetName(shape).partition("::")[0], own_name(inspector, shape)
-    robot, (piece, dot, _) = plant.robots.get(model), own.partition(".")
-    if dot and (piece == model if robot is None else piece in robot.carried):
+    owner = inspector.GetName(shape).partition("::")[0].removeprefix(plant.scope)
+    name = own_name(inspector, shape)
+    robot = plant.robots.get(owner)
+    piece, dot, _ = name.partition(".")
+    if robot is None:
+        is_of_piece = bool(dot) and piece == owner
+        return piece if is_of_piece else name
+    if dot and piece in robot.carried:
         return piece
     body = plant.plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
-    return own if robot is None else f"{robot.prefix}{body.name()}"
+    return f"{robot.prefix}{body.name()}"
 
 
 def owner_and_robot(plant: StationPlant, shape: GeometryId) -> tuple[str, str]:
-    """Return what a shape belongs to, all of the ground being the floor, and the robot that carries it, if any."""
-    owner, frame = owner_of_shape(plant, shape), plant.scene_graph.model_inspector().GetFrameId(shape)
-    model = plant.plant.GetBodyFromFrameId(frame).model_instance()
-    robot = next((robot.name for robot in plant.robots.values() if robot.instance == model), "")
-    return FLOOR if not robot and owner.partition(".")[0] == FLOOR else owner, robot
+    """Find to what a shape belongs, and which robot moves it.
+
+    Returns:
+        the name of the piece or link, or ``floor`` for all shapes of the ground; and the name of the robot of which it
+        is a part or that carries it, or an empty text.
+    """
+    owner = owner_of_shape(plant, shape)
+    frame = plant.scene_graph.model_inspector().GetFrameId(shape)
+    instance = plant.plant.GetBodyFromFrameId(frame).model_instance()
+    robot = next((robot.name for robot in plant.robots.values() if robot.instance == instance), "")
+    is_ground = not robot and owner.partition(".")[0] == FLOOR
+    return FLOOR if is_ground else owner, robot
 
 
 def body_names(station: Surroundings) -> list[str]:
-    """Return what a force or a distance can be measured at: robots, links, pieces, shapes of pieces, the floor."""
-    pieces = [
-        name
-        for piece in station.pieces.values()
-        for name in (piece.name, *(f"{piece.name}.{shape}" for shape in piece.model.shape_names))
-    ]
-    return [*station.robots, *_link_names(station), *pieces, *([FLOOR] if station.ground.has_floor else [])]
+    """Names of all bodies at which forces and distances can be measured.
+
+    They are robots, links, pieces, shapes of pieces and, if there is one, the floor.
+    """
+    names = [*station.robots, *_link_names(station)]
+    for piece in station.pieces.values():
+        names.append(piece.name)
+        names += [f"{piece.name}.{shape}" for shape in piece.model.shape_names]
+    if station.ground.has_floor:
+        names.append(FLOOR)
+    return names
 
 
 def frame_names(station: Surroundings) -> list[str]:
-    """Return in whose axes a vector can be given: the world, robots' links and tools, and pieces (their TCP)."""
+    """Names of all frames in whose axes vectors can be given: the world, links, tools, and pieces (at their TCP)."""
     tools = [f"{robot.prefix}{tool}" for robot in station.robots.values() for tool in robot.model.tools]
     return [WORLD, *_link_names(station), *tools, *station.pieces]
 
 
 def check_body(station: Surroundings, key: str, name: str) -> None:
-    """Check that a body or shape of a sensor exists; raises UnknownName: with the nearest known name."""
+    """Check that a body or shape exists.
+
+    Args:
+        station: the station.
+        key: key of the station that names it, for errors.
+        name: one of :func:`body_names`.
+
+    Raises:
+        UnknownName: there is no such body; proposes the nearest name.
+        InvalidParameter: it is the floor, and the station has no floor.
+    """
     if name == FLOOR and not station.ground.has_floor:
         raise InvalidParameter(
             key, name, message("parts.no_floor", "something that the station has; it has no floor: section")
@@ -76,13 +107,21 @@ def check_body(station: Surroundings, key: str, name: str) -> None:
 
 
 def check_frame(station: Surroundings, key: str, name: str) -> None:
-    """Check that a frame exists; raises UnknownName: with the nearest known name."""
+    """Check that a frame exists: one of :func:`frame_names`.
+
+    Raises:
+        UnknownName: there is no such frame; proposes the nearest name.
+    """
     one_of(message("parts.frame_for", "frame for {key}", key=key), name, frame_names(station))
 
 
 def shapes_of(plant: StationPlant, station: Surroundings, name: str) -> list[GeometryId]:
-    """Return the collision shapes of a body; raises InvalidParameter: it has none."""
-    found = list(_candidates(plant, station, name))
+    """Find the collision shapes of a body: one of :func:`body_names`.
+
+    Raises:
+        InvalidParameter: the body has no collision shapes.
+    """
+    found = list(_find_shapes(plant, station, name))
     if not found:
         raise InvalidParameter(
             "sensor",
@@ -93,7 +132,7 @@ def shapes_of(plant: StationPlant, station: Surroundings, name: str) -> list[Geo
 
 
 def frame_of(plant: StationPlant, name: str) -> Frame:
-    """Return a frame by one of :func:`frame_names`."""
+    """Find a frame by its name: one of :func:`frame_names`."""
     if name == WORLD:
         return plant.plant.world_frame()
     for robot in plant.robots.values():
@@ -102,33 +141,46 @@ def frame_of(plant: StationPlant, name: str) -> Frame:
             return robot.tools[own]
         if name.startswith(robot.prefix) and plant.plant.HasFrameNamed(own, robot.instance):
             return plant.plant.GetFrameByName(own, robot.instance)
-    return plant.plant.GetFrameByName(f"{name}_tcp")
+    return plant.piece_frame(name, f"{name}_tcp")
 
 
-def _candidates(plant: StationPlant, station: Surroundings, name: str) -> Iterator[GeometryId]:
-    inspector, piece = plant.scene_graph.model_inspector(), name.partition(".")[0]
+def _find_shapes(plant: StationPlant, station: Surroundings, name: str) -> Iterator[GeometryId]:
+    """Yield the collision shapes of a body: one of :func:`body_names`."""
+    inspector = plant.scene_graph.model_inspector()
+    piece = name.partition(".")[0]
     for shape in inspector.GetAllGeometryIds(Role.kProximity):
         if name == FLOOR:
-            meant = inspector.GetName(shape).partition(".")[0] == FLOOR  # or a box of its terrain
+            # The name of a box of the terrain goes on with a dot and a number.
+            belongs = inspector.GetName(shape).partition(".")[0] == FLOOR
         elif piece in station.pieces:
-            own = own_name(inspector, shape)
-            meant = piece_of_shape(station, inspector, shape) == piece and f"{own}.".startswith(f"{name}.")
+            # A piece has all of its shapes, and the name of one of its shapes only this one.
+            shape_name = own_name(inspector, shape)
+            is_named = f"{shape_name}.".startswith(f"{name}.")
+            belongs = is_named and piece_of_shape(station, inspector, shape) == piece
         else:
-            meant = _is_robots(plant, plant.plant.GetBodyFromFrameId(inspector.GetFrameId(shape)), name)
-        if meant:
+            body = plant.plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
+            belongs = _belongs_to_robot(plant, body, name)
+        if belongs:
             yield shape
 
 
-def _is_robots(plant: StationPlant, body: RigidBody, name: str) -> bool:
-    """Tell whether a body is part of a robot, or of a link, or of what a link has been made part of, of that name."""
+def _belongs_to_robot(plant: StationPlant, body: RigidBody, name: str) -> bool:
+    """Whether a body is a part of the robot with a name, or the link with a name.
+
+    Links that are fixed to others have no body of their own: their body is that of the link to which they are fixed.
+    """
     robot = next((one for one in plant.robots.values() if one.instance == body.model_instance()), None)
-    if robot is None or name == robot.name:
-        return robot is not None
-    own, link = plant.plant, name.removeprefix(robot.prefix)
-    return own.HasFrameNamed(link, robot.instance) and own.GetFrameByName(link, robot.instance).body() is body
+    if robot is None:
+        return False
+    if name == robot.name:
+        return True
+    link = name.removeprefix(robot.prefix)
+    has_link = plant.plant.HasFrameNamed(link, robot.instance)
+    return has_link and plant.plant.GetFrameByName(link, robot.instance).body() is body
 
 
 def _link_names(station: Surroundings) -> list[str]:
+    """Names of the links of all robots, with the robots' prefixes."""
     return [
         f"{robot.prefix}{link.get('name')}"
         for robot in station.robots.values()

@@ -1,10 +1,15 @@
-"""Uneven ground: a field of boxes on the way from the world's origin, the same for the same seed."""
+"""Uneven ground: a rectangular field of boxes on the floor. Equal seeds give equal ground.
+
+The field's own frame has its origin at that of the world. Its x axis, *along* the field, is turned from the world's x
+axis by the heading; its y axis is *across* the field, to the left. Level ground surrounds the field, and a soft patch
+may follow it: these are boxes as well. The field is divided into square tiles, in rows across and columns along.
+"""
 
 from dataclasses import dataclass
 from io import BytesIO
 from itertools import groupby
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from PIL import Image
@@ -17,62 +22,93 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Integer, Number, Positive, Strict
 
-_BELOW = 0.05  # how far the boxes reach below the lowest of their tops, and how thick what is soft is at least [m]
-_AROUND = 1.0  # level ground behind the field at least [m]
-MOST_BOXES = 1000  # contact looks at each
-_MOST_PIXELS = 100_000  # of a picture of heights
-_TILT = 0.25  # of rubble, at most [rad]
+_BELOW = 0.05
+"""Depth of the boxes' bottoms below the lowest of their tops, and smallest thickness of the soft patch [m]."""
+
+_AROUND = 1.0
+"""Smallest width of the level ground around the field [m]."""
+
+MOST_BOXES = 1000
+"""Largest count of boxes: contact is computed for each."""
+
+_MOST_PIXELS = 100_000
+"""Largest count of pixels of a picture of heights."""
+
+_LARGEST_TILT = 0.25
+"""Largest roll and pitch of a stone [rad]."""
+
+_ROUNDING = 1e-9
+"""Tolerance of the count of tiles, so that 0.6 m hold three tiles of 0.2 m."""
 
 
 @dataclass(frozen=True)
 class TerrainBox:
-    """A box of a terrain."""
+    """A box of a terrain.
 
-    pose: RigidTransform  # of its middle, in the frame of the floor
-    half: Vector  # of its sides, shape (3,) [m]
-    modulus: float | None = None  # hydroelastic modulus of what is soft [Pa]; None where it is as hard as the floor
+    Attributes:
+        pose: pose of its middle in the frame of the floor.
+        half: half of its sides, shape (3,) [m].
+        modulus: hydroelastic modulus of a soft box [Pa], or None if it is as hard as the floor.
+    """
+
+    pose: RigidTransform
+    half: Vector
+    modulus: float | None = None
+
+
+class _Tiles(NamedTuple):
+    """The square tiles of a field.
+
+    Attributes:
+        rows: count of tiles along the field.
+        columns: count of tiles across the field.
+    """
+
+    rows: int
+    columns: int
 
 
 class SoftPatch(Strict):
-    """A level patch behind the field, as wide as it, that gives way. It needs hydroelastic contact."""
+    """A level, soft patch after the field, as wide as the field. It needs hydroelastic contact."""
 
     length: Positive = 0.6
-    """Along the way [m]."""
+    """Length along the field [m]."""
     hydroelastic_modulus: Positive = 1e6
-    """Pressure of its surface pressed in to the bottom, which lies height + 0.05 m deep [Pa]."""
+    """Pressure of the surface if it is pressed in to the bottom, which is height + 0.05 m deep [Pa]."""
 
 
 class Terrain(Strict):
-    """A field of uneven ground on a floor, level around it.
+    """A field of uneven ground on the floor, with level ground around it.
 
-    Steps: square tiles whose tops lie within ± height. Slope: ridges, up to the height and down again. Bumps: bars
-    across the way, up to the height. Rubble: stones that lie about, turned at random, up to about the height. Stairs:
-    each step so much higher than the last up to the middle of the way, and down again. Gaps: trenches across the way,
-    so deep. Grid: tiles whose heights stand in a file, which says how many there are, too.
+    Steps: square tiles whose tops are within ± height. Slope: ridges, up to the height and down again. Bumps: bars
+    across the field, up to the height. Rubble: stones at random poses, up to about the height. Stairs: steps of the
+    height, up to the middle of the field and down again. Gaps: trenches across the field, as deep as the height. Grid:
+    tiles whose count and heights are given by a file.
     """
 
     kind: Literal["steps", "slope", "bumps", "rubble", "stairs", "gaps", "grid"]
     height: Positive = 0.02
-    """How high or deep it goes [m]; of stairs each step; what is white in a picture."""
+    """Largest height or depth [m]. For stairs the height of each step, for a picture that of white pixels."""
     size: Positive = 0.2
-    """Side of a tile or a stone, way up a ridge, from one bar, step or gap to the next [m]."""
+    """Side of a tile or a stone, length of one side of a ridge, distance between bars, steps or gaps [m]."""
     gap: Positive = 0.06
     """Width of a gap [m]."""
     file: Path | None = None
-    """Of a grid: a CSV file of heights [m], a line for each row across the way, from the left, in the order of the way;
-    or a PNG whose upper edge is far ahead, black 0 and white the height. Relative paths start at the station's file."""
+    """File of a grid: a CSV file of heights [m] with a line for each row across the field, from left to right, the
+    nearest row first; or a PNG with the far end of the field at its upper edge, black 0 and white the height. Relative
+    paths start at the station's file."""
     start: Number = 0.4
-    """Where it begins, from the world's origin [m]; behind it where negative."""
+    """Begin of the field along its x axis [m]; negative if it is behind the world's origin."""
     length: Positive = 3.0
-    """Along the way [m]; whole sizes fit in."""
+    """Length along the field [m]. As many whole sizes as fit are made."""
     width: Positive = 1.6
-    """Across it [m]."""
+    """Width across the field [m]."""
     heading_deg: Number = 0.0
-    """Which way it lies, counterclockwise from the world's x [deg]."""
+    """Direction of the field, counterclockwise from the world's x axis [deg]."""
     seed: Integer = Field(default=0, ge=0)
-    """Of what is random: the same seed, the same ground."""
+    """Seed of the random numbers."""
     soft: SoftPatch | None = None
-    """What comes behind it; none unless given."""
+    """A soft patch after the field; none by default."""
 
     @model_validator(mode="after")
     def _fits(self) -> "Terrain":
@@ -93,7 +129,8 @@ class Terrain(Strict):
             )
         if self.kind == "grid":
             return self
-        along, across = self.length / self.size, self.width / self.size
+        along = self.length / self.size
+        across = self.width / self.size
         if along < 1 or across < 1:
             raise ValueError(
                 message("parts.size_not_below", "size ({size:g} m) is not more than length and width", size=self.size)
@@ -113,12 +150,19 @@ class Terrain(Strict):
 
     @property
     def depth(self) -> float:
-        """How far the plane of the floor lies below the level around the field [m]."""
+        """Depth of the floor's plane below the level ground around the field [m]."""
         lowest = self.heights().min() if self.kind == "grid" else -self.height
         return _BELOW + max(self.height, -float(lowest))
 
     def heights(self) -> Vector:
-        """Return a grid's heights (ahead, from the right) [m]; raises InvalidConfig: no table, no picture."""
+        """Read the heights of a grid from its file.
+
+        Returns:
+            the heights, the nearest row first and each row from right to left, shape (rows, columns) [m].
+
+        Raises:
+            InvalidConfig: the file is no table or picture, or the picture has too many pixels.
+        """
         assert self.file is not None  # a grid has one
         if self.file.suffix.lower() != ".png":
             return read_matrix(self.file)[:, ::-1]
@@ -134,6 +178,7 @@ class Terrain(Strict):
                     )
                     raise InvalidConfig(self.file, "", pixels)
                 white = 65535.0 if "16" in picture.mode else 255.0
+                # The first pixel is far and left, the first height near and right.
                 return np.asarray(self.height / white * np.asarray(picture.convert("F"))[::-1, ::-1], dtype=float)
         except OSError as problem:
             raise InvalidConfig(
@@ -141,101 +186,168 @@ class Terrain(Strict):
             ) from problem
 
     def blocks(self, floor: float) -> list[TerrainBox]:
-        """Return the boxes, those of the level ground around the field included; ``floor`` is its side [m]."""
-        soft = 0.0 if self.soft is None else self.soft.length
-        rows, columns = self._tiles()
-        side = columns * self.size / 2
-        begin, end = self.start, self.start + rows * self.size
-        far = max(floor / 2, *(reach + _AROUND for reach in (-begin, max(end, begin + self.length) + soft, side)))
-        around = [
+        """Create the boxes of the field, of the soft patch and of the level ground around them.
+
+        Args:
+            floor: side of the square floor [m].
+
+        Raises:
+            InvalidConfig: the file of a grid cannot be read, or gives too many boxes.
+        """
+        tiles = self._tiles()
+        side = tiles.columns * self.size / 2
+        end = self.start + tiles.rows * self.size
+        grid = np.meshgrid(np.arange(tiles.rows), np.arange(tiles.columns), indexing="ij")
+        indices = np.stack(grid, axis=-1).reshape(-1, 2)
+        middles = np.asarray((indices + 0.5) * self.size + (self.start, -side))
+        random = np.random.default_rng(self.seed)
+        makers = {
+            "steps": self._steps,
+            "slope": self._ridges,
+            "bumps": self._bars,
+            "rubble": self._stones,
+            "stairs": self._stairs,
+            "gaps": self._gaps,
+            "grid": self._grid,
+        }
+        boxes = [*self._boxes_around(floor, end, side), *makers[self.kind](middles, side, random)]
+        heading = RigidTransform(RollPitchYaw(0.0, 0.0, np.deg2rad(self.heading_deg)), np.zeros(3))
+        return [TerrainBox(heading @ box.pose, box.half, box.modulus) for box in boxes]
+
+    def _boxes_around(self, floor: float, end: float, side: float) -> list[TerrainBox]:
+        """Create the level ground around the field, the soft patch, and the ground below the field.
+
+        Args:
+            floor: side of the square floor [m].
+            end: end of the field along its x axis [m].
+            side: half of the field's width [m].
+        """
+        begin = self.start
+        soft_length = 0.0 if self.soft is None else self.soft.length
+        farthest_end = max(end, begin + self.length) + soft_length
+        far = max(floor / 2, -begin + _AROUND, farthest_end + _AROUND, side + _AROUND)
+        boxes = [
             self._slab((-far, begin), (-far, far)),
-            self._slab((end + soft, far), (-far, far)),
-            self._slab((begin, end + soft), (side, far)),
-            self._slab((begin, end + soft), (-far, -side)),
+            self._slab((end + soft_length, far), (-far, far)),
+            self._slab((begin, end + soft_length), (side, far)),
+            self._slab((begin, end + soft_length), (-far, -side)),
         ]
         if self.soft is not None:
-            around.append(self._slab((end, end + soft), (-side, side), modulus=self.soft.hydroelastic_modulus))
+            modulus = self.soft.hydroelastic_modulus
+            boxes.append(self._slab((end, end + soft_length), (-side, side), modulus=modulus))
+        # Tiles of steps and grids cover the field; the others leave ground between them.
         if self.kind not in ("steps", "grid"):
-            around.append(self._slab((begin, end), (-side, side), -self.height if self.kind == "gaps" else 0.0))
-        grid = np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij")
-        middles = np.asarray((np.stack(grid, axis=-1).reshape(-1, 2) + 0.5) * self.size + (begin, -side))
-        random = np.random.default_rng(self.seed)
-        makers = {"steps": self._steps, "slope": self._ridges, "bumps": self._bars, "rubble": self._stones}
-        made = {**makers, "stairs": self._stairs, "gaps": self._gaps, "grid": self._grid}[self.kind]
-        turn = RigidTransform(RollPitchYaw(0.0, 0.0, np.deg2rad(self.heading_deg)), np.zeros(3))
-        boxes = (*around, *made(middles, side, random))
-        return [TerrainBox(turn @ each.pose, each.half, each.modulus) for each in boxes]
+            ground = -self.height if self.kind == "gaps" else 0.0
+            boxes.append(self._slab((begin, end), (-side, side), ground))
+        return boxes
 
-    def _tiles(self) -> tuple[int, int]:
-        """Return how many there are along and across the way."""
+    def _tiles(self) -> _Tiles:
+        """Count the tiles along and across the field."""
         if self.kind == "grid":
             rows, columns = self.heights().shape
-            return rows, columns
-        return int(self.length / self.size + 1e-9), int(self.width / self.size + 1e-9)
+            return _Tiles(rows, columns)
+        return _Tiles(int(self.length / self.size + _ROUNDING), int(self.width / self.size + _ROUNDING))
 
     def _slab(
         self, along: tuple[float, float], across: tuple[float, float], top: float = 0.0, modulus: float | None = None
     ) -> TerrainBox:
-        """Return an upright box from below the floor to a height [m]."""
-        low, high = np.array([along[0], across[0], -self.depth]), np.array([along[1], across[1], top])
-        return TerrainBox(RigidTransform((low + high) / 2), (high - low) / 2, modulus)
+        """Create an upright box from below the floor to a height.
+
+        Args:
+            along: lower and upper bound along the field [m].
+            across: lower and upper bound across the field [m].
+            top: height of its top [m].
+            modulus: hydroelastic modulus of a soft box [Pa].
+        """
+        lower = np.array([along[0], across[0], -self.depth])
+        upper = np.array([along[1], across[1], top])
+        return TerrainBox(RigidTransform((lower + upper) / 2), (upper - lower) / 2, modulus)
+
+    # The functions below create the boxes of one kind of field each. Their arguments are the middles of all tiles in
+    # the frame of the field, shape (m, 2) [m], half of the field's width [m], and the random numbers.
 
     def _steps(self, middles: Vector, side: float, random: np.random.Generator) -> list[TerrainBox]:
-        tops, half = random.uniform(-self.height, self.height, len(middles)), self.size / 2
+        """Create a tile of random height at each middle."""
+        tops = random.uniform(-self.height, self.height, len(middles))
+        half = self.size / 2
         return [
             self._slab((x - half, x + half), (y - half, y + half), top)
             for (x, y), top in zip(middles, tops, strict=True)
         ]
 
     def _ridges(self, middles: Vector, side: float, random: np.random.Generator) -> list[TerrainBox]:
-        angle, thick = np.arctan2(self.height, self.size), self.height
-        half = np.array([np.hypot(self.size, self.height) / 2, side, thick / 2])
-        ways = np.unique(middles[:, 0])
-        ways = ways[: len(ways) // 2 * 2]  # what goes up comes down
-        blocks = []
-        for number, x in enumerate(ways):
-            turn = RollPitchYaw(0.0, angle if number % 2 else -angle, 0.0).ToRotationMatrix()
-            middle = np.array([x, 0.0, self.height / 2]) - turn.col(2) * thick / 2
-            blocks.append(TerrainBox(RigidTransform(turn, middle), half))
-        return blocks
+        """Create plates across the field that rise and fall in turn."""
+        angle = np.arctan2(self.height, self.size)
+        thickness = self.height
+        half = np.array([np.hypot(self.size, self.height) / 2, side, thickness / 2])
+        positions = np.unique(middles[:, 0])
+        whole_ridges = len(positions) // 2
+        boxes = []
+        for index, x in enumerate(positions[: 2 * whole_ridges]):
+            falls = index % 2 == 1
+            rotation = RollPitchYaw(0.0, angle if falls else -angle, 0.0).ToRotationMatrix()
+            # The middle of the upper face is at half of the height.
+            middle = np.array([x, 0.0, self.height / 2]) - rotation.col(2) * thickness / 2
+            boxes.append(TerrainBox(RigidTransform(rotation, middle), half))
+        return boxes
 
     def _bars(self, middles: Vector, side: float, random: np.random.Generator) -> list[TerrainBox]:
-        ways = np.unique(middles[:, 0])
-        tops, half = random.uniform(0.0, self.height, len(ways)), self.size / 8
-        return [self._slab((x - half, x + half), (-side, side), top) for x, top in zip(ways, tops, strict=True)]
+        """Create bars of random height across the field, a quarter of a size long."""
+        positions = np.unique(middles[:, 0])
+        tops = random.uniform(0.0, self.height, len(positions))
+        half = self.size / 8
+        return [self._slab((x - half, x + half), (-side, side), top) for x, top in zip(positions, tops, strict=True)]
 
     def _stones(self, middles: Vector, side: float, random: np.random.Generator) -> list[TerrainBox]:
-        blocks = []
+        """Create a stone near each middle: a box of random size, orientation and height."""
+        boxes = []
         for x, y in middles:
-            at = np.array([x, y, 0.0]) + self.size * random.uniform((-0.5, -0.5, 0.0), (0.5, 0.5, 0.0))
+            # The order of the draws determines the ground that belongs to a seed.
+            middle = np.array([x, y, 0.0]) + self.size * random.uniform((-0.5, -0.5, 0.0), (0.5, 0.5, 0.0))
             half = self.size * random.uniform((0.15, 0.15, 0.0), (0.4, 0.4, 0.0))
             top = random.uniform(0.0, self.height)
-            turn = RollPitchYaw(*random.uniform(-_TILT, _TILT, 2), random.uniform(0.0, np.pi)).ToRotationMatrix()
-            reach = abs(turn.row(2)[:2]) @ half[:2]
+            roll_and_pitch = random.uniform(-_LARGEST_TILT, _LARGEST_TILT, 2)
+            rotation = RollPitchYaw(*roll_and_pitch, random.uniform(0.0, np.pi)).ToRotationMatrix()
             half[2] = self.height
-            at[2] = top - reach - abs(turn.row(2)[2]) * half[2]
-            blocks.append(TerrainBox(RigidTransform(turn, at), half))
-        return blocks
+            # The highest corner is above the middle by the half sides, projected on the vertical.
+            vertical = rotation.row(2)
+            from_sides = abs(vertical[:2]) @ half[:2]
+            middle[2] = top - from_sides - abs(vertical[2]) * half[2]
+            boxes.append(TerrainBox(RigidTransform(rotation, middle), half))
+        return boxes
 
     def _stairs(self, middles: Vector, side: float, random: np.random.Generator) -> list[TerrainBox]:
-        ways, half = np.unique(middles[:, 0]), self.size / 2
-        steps = np.minimum(np.arange(1, len(ways) + 1), np.arange(len(ways), 0, -1))
+        """Create the steps of stairs that rise up to the middle of the field, and fall again."""
+        positions = np.unique(middles[:, 0])
+        half = self.size / 2
+        count = len(positions)
+        levels = np.minimum(np.arange(1, count + 1), np.arange(count, 0, -1))
         return [
-            self._slab((x - half, x + half), (-side, side), step * self.height)
-            for x, step in zip(ways, steps, strict=True)
+            self._slab((x - half, x + half), (-side, side), level * self.height)
+            for x, level in zip(positions, levels, strict=True)
         ]
 
     def _gaps(self, middles: Vector, side: float, random: np.random.Generator) -> list[TerrainBox]:
-        ends = [self.start, *(x + sign * self.gap / 2 for x in np.unique(middles[:, 0]) for sign in (-1, 1))]
-        ends.append(self.start + self._tiles()[0] * self.size)
-        return [self._slab((ends[n], ends[n + 1]), (-side, side)) for n in range(0, len(ends), 2)]
+        """Create the level ground between the gaps, each of which is at the middle of a row."""
+        edges = [self.start]
+        for x in np.unique(middles[:, 0]):
+            edges += [x - self.gap / 2, x + self.gap / 2]
+        edges.append(self.start + self._tiles().rows * self.size)
+        # Pairs of edges are the begin and the end of level ground.
+        return [self._slab((edges[index], edges[index + 1]), (-side, side)) for index in range(0, len(edges), 2)]
 
     def _grid(self, middles: Vector, side: float, random: np.random.Generator) -> list[TerrainBox]:
+        """Create the tiles of a grid. Neighbours of equal height in a row are one box.
+
+        Raises:
+            InvalidConfig: the file cannot be read, or gives too many boxes.
+        """
         boxes = []
         for row, heights in enumerate(self.heights()):
-            begin, right = self.start + row * self.size, -side
-            for top, alike in groupby(heights.tolist()):
-                left = right + len(list(alike)) * self.size
+            begin = self.start + row * self.size
+            right = -side
+            for top, equal_heights in groupby(heights.tolist()):
+                left = right + len(list(equal_heights)) * self.size
                 boxes.append(self._slab((begin, begin + self.size), (right, left), top))
                 right = left
         if len(boxes) > MOST_BOXES:

@@ -4,6 +4,7 @@ from os.path import isfile  # which is false for names that no file can have
 from pathlib import Path
 
 from simrob_drake.base.yaml_files import is_yaml_name, read_yaml
+from simrob_drake.importer.importer import find_station_importer
 
 _PROGRAM_KEYS = frozenset(("moves", "references"))  # keys of programs that no station has
 
@@ -14,6 +15,6 @@ def is_program_file(file: Path | str) -> bool:
     Raises:
         InvalidConfig: the file cannot be read.
     """
-    if not is_yaml_name(file) or not isfile(file):
+    if not is_yaml_name(file) or not isfile(file) or find_station_importer(file) is not None:
         return False
     return not _PROGRAM_KEYS.isdisjoint(read_yaml(Path(file)))

@@ -12,6 +12,7 @@ from pydrake.multibody.tree import BodyIndex
 from simrob_drake.parts.sensors.camera import CameraSensor, Image, let_render
 from simrob_drake.results.animation.camera import frame_times
 from simrob_drake.results.animation.pictures import captions, side_by_side, write_video
+from simrob_drake.results.record.other_plant import positions_in
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.stations.posed import PosedStation
 
@@ -62,7 +63,7 @@ class Footage:
 
     def _render(self, number: int) -> Image:
         time = self.times[number : number + 1]
-        self._scene.place(self._result.positions_at(time)[0])
+        self._scene.place(positions_in(self._scene.station, self._result, time)[0])
         return self._camera.lens.image(self._scene.query(), *self._mount, float(time[0]))
 
 

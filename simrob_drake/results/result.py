@@ -40,7 +40,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from simrob_drake.base.frames import XYZ_QUATERNION_NAMES, Vector, xyz_quaternion_from_transform
 from simrob_drake.base.messages import compound, message
 from simrob_drake.parts.station_plant import StationPlant
-from simrob_drake.results.record.run import MoveSpan, begins_of
+from simrob_drake.results.record.run import MoveSpan, at_time_of_program, begins_of
 from simrob_drake.results.record.state import State, free_joint, joints_of
 from simrob_drake.results.record.touch import Event
 from simrob_drake.stations.config import StationConfig
@@ -100,9 +100,33 @@ def table_of(result: RecordedRun) -> list[list[str]]:
 
 @dataclass(frozen=True)
 class SimulationResult(RecordedRun):
-    """A run, and what can be made of it. One exists however the run ended.
+    """The result of a run: signals, verdict, plots and recording. There is one however the run ended.
 
-    Attributes: those of :class:`RecordedRun`.
+    For example, ``result["q.joint_2"]`` is a column (m,), ``result.axes("tau")`` the torques of all axes (m, n), and
+    ``result.save("folder")`` writes plots, tables and a recording.
+
+    Attributes:
+        names: names of the columns of ``values``, such as ``q.joint_2``.
+        times: times of the samples, shape (m,) [s].
+        values: the signals, shape (m, k), in SI units and radians.
+        units: units of the columns, by the name of the column.
+        ending: how the run ended: completed, monitor, diverged, interrupted or failed.
+        stopped_by: name of the monitor or block that ended the run; None if the run was completed.
+        message: how the run ended, in words.
+        verdict: what was asked of the run against what it did; ``warnings`` and ``remarks`` are parts of it.
+        config: configuration of the station in this run.
+        plant: the station's plant: ``plant.plant`` is the MultibodyPlant.
+        final_state: state of the station at the end, from which another run can begin.
+        context: function that returns a new context of the diagram at the end of the run. In a diagram of your own it
+            contains the logs of your log sinks.
+        start_time: time of the first sample [s].
+        stop_time: time of the last sample [s].
+        step_times: ends of the accepted steps of the solver [s].
+        positions_at: function that computes the plant's positions (k, nq) at times (k,) [s] of the run.
+        contacts_at: function that yields Drake's contact results at times (k,) [s]; None if the station has no contact.
+        images: what the cameras recorded, by their names.
+
+    All further attributes are listed at :class:`simrob_drake.results.record.run.RecordedRun`.
     """
 
     def _pickled_content(self) -> dict[str, Any]:
@@ -172,7 +196,7 @@ class SimulationResult(RecordedRun):
         """Three lines: how the run ended, how much of it there is, and what missed its bound."""
         samples = f"{len(self.times)} samples of {len(self.names)} columns to {self.stop_time:.4g} s"
         judgement = shortened("; ".join(self.warnings) or self.verdict.judgement, _WIDTH)
-        return f"{self.config.name}: {self.message}\n{samples}, {self.pace}\n{judgement}"
+        return f"{self.config.name}: {self.message}\n{samples}, {self.speed_in_words}\n{judgement}"
 
     def _repr_html_(self) -> str:
         """What a notebook shows: how the run ended, its verdict, a film strip, and where all joints ended."""
@@ -442,6 +466,13 @@ def _carried(run: RecordedRun, pieces: Sequence[str], rows: Vector) -> _Position
 
 
 def _message(last: RecordedRun, count: int, begin: float) -> str:
+    """Describe how a program of several runs ended.
+
+    Args:
+        last: its last run.
+        count: count of its runs.
+        begin: time of the program at which the last run began [s].
+    """
     if last.ending == "completed":
         return message(
             "results.ran_to_its_end",
@@ -451,6 +482,8 @@ def _message(last: RecordedRun, count: int, begin: float) -> str:
         )
     if last.runs:  # it was cut where something happened
         return _message(last.runs[-1], count, begin + last.simulated_time - last.runs[-1].simulated_time)
+    if last.ending == "monitor":
+        return at_time_of_program(last.message, begin - last.start_time)
     return (
         message(
             "results.ending_of_last_run",

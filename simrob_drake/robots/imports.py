@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+from pydantic import field_validator
+
 from simrob_drake.base.errors import InvalidConfig, InvalidModel
 from simrob_drake.base.files import NotRead, text_of
 from simrob_drake.base.messages import as_data, compound, from_data, join_texts, message
@@ -21,12 +23,14 @@ class ImportOptions(Strict):
 
     mesh_path: tuple[Path, ...] = ()
     """Further folders in which meshes and packages are looked for; those in a station's file start at its folder."""
+    packages: tuple[str, ...] = ()
+    """Folder of a package of ROS, as in `arm_description=/opt/arm`; a station's file has `packages` for that."""
     collision: Literal["hull", "box", "none"] = "hull"
     """Collision meshes become their convex hull, the tightest box around them, or nothing."""
     estimate_inertia: Boolean = False
     """Estimate missing and impossible inertias from the geometry, at `density`."""
     density: Positive = 1000.0
-    """Of links whose inertia is estimated [kg/m³]."""
+    """Density of links whose inertia is estimated [kg/m³]."""
     base: Literal["auto", "fixed", "floating"] = "auto"
     """Whether the root link is fixed to the world; `auto` decides by the file and the shape of the robot."""
     friction_as_damping: Boolean = False
@@ -50,6 +54,28 @@ class ImportOptions(Strict):
     """Leave joints out that close a loop, which no tree of motored joints has, instead of refusing the robot."""
     couple: Boolean = False
     """Replace joints that close a loop by couplings of the robot's first station, instead of refusing the robot."""
+
+    @field_validator("packages")
+    @classmethod
+    def _check_packages(cls, entries: tuple[str, ...]) -> tuple[str, ...]:
+        """Check that each package has a name and a folder."""
+        for entry in entries:
+            name, equals, folder = entry.partition("=")
+            if not (name and equals and folder):
+                raise ValueError(
+                    message(
+                        "robots.package_and_folder",
+                        "{entry} must be a package and its folder, such as arm_description=/opt/arm",
+                        entry=repr(entry),
+                    )
+                )
+        return entries
+
+    @property
+    def package_folders(self) -> dict[str, Path]:
+        """Folders of the packages that the user names, by the name of the package."""
+        pairs = (entry.partition("=") for entry in self.packages)
+        return {name: Path(folder).absolute() for name, _, folder in pairs}
 
 
 EntryKind = Literal["read", "repaired", "approximated", "defaulted", "dropped", "open", "lost", "refused"]

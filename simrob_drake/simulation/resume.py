@@ -160,7 +160,8 @@ def continuable_trace(result: RecordedRun) -> Trace:
         expected = message(
             "simulation.resume_own_diagram",
             "a run of simulate() or Runner; a diagram of your own is continued by "
-            "simulate_diagram(..., context=...) with a context at a later time",
+            "simulate_diagram(diagram, ports, context=result.context()), or after pickling by "
+            'simulate_diagram(diagram, ports, start=result.final_state, start_time="keep")',
         )
     elif result.ending not in ("completed", INTERRUPTED):
         found = message("simulation.run_that_ended", "a run that ended early ({ending})", ending=result.ending)

@@ -24,7 +24,7 @@ from simrob_drake.base.progress import note, progress_bar
 from simrob_drake.blocks.references import Reference, ReferenceSignal, Samples
 from simrob_drake.parts.forces import Push
 from simrob_drake.results.record.history import Recorder, StateHistory
-from simrob_drake.results.record.run import FAILED, INTERRUPTED
+from simrob_drake.results.record.run import FAILED, INTERRUPTED, stop_message
 from simrob_drake.results.record.signals import Sampler, Stop, Watch, cut_at_stop, sample_signals
 from simrob_drake.results.record.state import MotionOrigin, State, Trace
 from simrob_drake.results.result import SimulationResult
@@ -174,10 +174,7 @@ class Run:
         self.forget()
         end = sampler.history.end
         if outcome.ending == "monitor":
-            outcome = replace(
-                outcome,
-                message=message("simulation.ending_at", "{ending}, at {end:.4g} s", ending=outcome.message, end=end),
-            )
+            outcome = replace(outcome, message=stop_message(outcome.message, end))
         config = self.config
         if outcome.ending == "completed" and end < self.end:
             # The callback of a tick has ended the run: that is its duration now.
@@ -206,7 +203,7 @@ class Run:
             signal_time=perf_counter() - began,
             contacts_at=sampler.contact_results if has_contacts else None,
             solver_warnings=physics_warnings(self.config, ports),
-            context=None if not self.config.engine.moves_by_forces else lambda: sampler.looked_at,
+            context=self._final_context(sampler),
             shortened=self.stepper.shortened,
             final_state=replace(
                 State.of(
@@ -268,7 +265,23 @@ class Run:
             begins_in_motion=self.stepper.begins_in_motion,
             prepare=self.prepare,
             tolerant=tolerant,
+            context=self.stepper.user_context,
         )
+
+    def _final_context(self, sampler: Sampler) -> Callable[[], Context]:
+        """Make a function that returns a new context at the end of the run.
+
+        In a diagram of the user's own, this is a copy of the stepped context: it contains the logs of the user's log
+        sinks. If a monitor ended the run before the last step, the stepped context is moved to the end of the run, too.
+
+        Args:
+            sampler: evaluates the whole diagram, at the states of the run.
+        """
+        stepped = self.stepper.user_context
+        if stepped is None:
+            return sampler.final_context
+        sampler.history.last().put(0, stepped)
+        return stepped.Clone().Clone  # the caller may advance the stepped context further
 
     def _cut_history(self, history: StateHistory, watch: Watch, stop: Stop) -> StateHistory:
         """Shorten the history of a run: it ends when the condition of its monitor has been met for the time ``hold``.
@@ -352,7 +365,7 @@ def watched(
         repeated: compares the steps that repeat those of an earlier run; None if there are none.
     """
     ports = whole.ports
-    sampler = Sampler(whole.diagram, ports, _NO_STATES)
+    sampler = Sampler(whole.diagram, ports, _NO_STATES, context=stepper.user_context)
     held = torques_held_over_steps(ports)
     watch = Watch(ports, sampler, held=held, begins_in_motion=stepper.begins_in_motion)
     look = watch.look if ports.outputs.monitors else None
@@ -362,10 +375,19 @@ def watched(
 
 
 def _positions_watcher(stepper: Stepper, on_step: OnStep) -> Callable[[Context], None]:
-    """Make a callback for the recorder that calls ``on_step`` with the time [s] and the plant's positions (nq,)."""
+    """Make a callback for the recorder that calls ``on_step`` with the time [s] and the plant's positions (nq,).
+
+    The recorder sees some times more than once: the start of the run, events at the end of a step, and times at which
+    the diagram changes. The user's callback gets each time once.
+    """
+    last_time = -np.inf
 
     def watch(context: Context) -> None:
         """Callback of the recorder after each step, with the context of the stepped diagram."""
+        nonlocal last_time
+        if context.get_time() <= last_time:
+            return
+        last_time = context.get_time()
         ports = stepper.built.ports
         own_context = ports.state.get_system().GetMyContextFromRoot(context)
         state = ports.state.Eval(own_context)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, Self, get_args
 
 import numpy as np
-from pydrake.systems.framework import Context, Diagram, LeafSystem
+from pydrake.systems.framework import LeafSystem
 
 from simrob_drake.base.arguments import drake_asserts, instance, seconds
 from simrob_drake.base.errors import InvalidParameter, SimrobError, one_of, quoted
@@ -26,9 +26,8 @@ from simrob_drake.simulation.built import ByHand, Hands, StationDiagrams
 from simrob_drake.simulation.resume import StepsDiffer, continuable_trace, is_same_motion, other_station, restarts_of
 from simrob_drake.simulation.run import OnStep, ReferencesLike, Run, by_robot, watched, with_duration, with_pushes
 from simrob_drake.simulation.stepping import Outcome, Restart, Stepper, Ticks
-from simrob_drake.stations.closed import ClosedStation, check_reference, station_references
+from simrob_drake.stations.closed import check_reference, station_references
 from simrob_drake.stations.config import StationConfig
-from simrob_drake.stations.open_inputs import check_inputs
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.prescribed import alone_on, begin_on_prescribed
 from simrob_drake.stations.resolve import check_parts, resolve
@@ -39,7 +38,6 @@ StartTime = Literal["zero", "keep"]
 """Time at which a run begins: zero, or the time of the state in which it begins."""
 
 Blocks = Sequence[LeafSystem] | Mapping[str, LeafSystem]
-_NOT_OWN = ("pydrake", "simrob_drake")
 
 
 @former_argument("config_or_station", "station")
@@ -81,9 +79,9 @@ def simulate(
             of the solver.
         pushes: in place of the configuration's, by name, as in ``{"shove": {"start": 1, "force": [5, 0, 0]}}``.
         progress: show a bar on a terminal.
-        on_step: called after each accepted step with the time [s] and the positions of the whole plant (nq,), perhaps
-            a few steps beyond a monitor's stop; it cannot change the run. What it raises goes on to the caller;
-            KeyboardInterrupt ends the run.
+        on_step: callback with the time [s] and the positions of the whole plant (nq,): once at the start, and after
+            each accepted step, perhaps a few steps beyond a monitor's stop. Each time comes once. The callback cannot
+            change the run. Its exceptions are raised to the caller; KeyboardInterrupt ends the run.
         commands: what walks are asked for while the run is under way, in place of what their sections say: by the name
             of the controller a function that returns it at a time [s] after each step, as speeds ahead and to the left
             [m/s] and turn [rad/s], or None to leave it as it is. The sections of the result's configuration hold it
@@ -207,22 +205,31 @@ class Runner:
         ticks: Ticks | None = None,
         strict: bool = False,
     ) -> SimulationResult:
-        """Run the station, as :func:`simulate` does, whose arguments and errors these are, but for two.
+        """Run the station, and return the result that :func:`simulate` gives.
 
         Args:
-            reference: as in :func:`simulate`, as are the other arguments.
-            duration: as in :func:`simulate`.
-            start: as in :func:`simulate`.
-            start_time: as in :func:`simulate`.
-            pushes: as in :func:`simulate`.
-            on_step: as in :func:`simulate`.
-            commands: as in :func:`simulate`.
-            strict: as in :func:`simulate`.
-            progress: as in :func:`simulate`, but off by default, since a runner makes many runs.
-            ticks: even times at which stepping begins anew, and may end; None if there are none.
+            reference: in place of the configuration's: a trajectory of shape (n, 1), an array (m, 1 + n) whose first
+                column is the time, or a pair of times (m,) and positions (m, n); in SI units and radians. With several
+                robots, a mapping by robot.
+            duration: length of the run, in place of the configuration's [s].
+            start: state in which the station begins, such as the ``final_state`` of another result; None for the
+                configuration's own start.
+            start_time: ``zero`` begins at 0 s, with references and pushes anew. ``keep`` continues the run that ended
+                in ``start``, at its time.
+            pushes: in place of the configuration's, by name, as in ``{"shove": {"start": 1, "force": [5, 0, 0]}}``.
+            progress: show a bar on a terminal. It is off by default, since a runner makes many runs.
+            on_step: callback with the time [s] and the positions of the whole plant (nq,): once at the start, and
+                after each accepted step.
+            commands: functions of the time [s] that command walks during the run, by the name of the controller.
+            ticks: evenly spaced times at which stepping begins anew, and may end; None if there are none.
+            strict: raise an error if the result has warnings.
+
+        Raises:
+            SimrobError: input that cannot be run at all.
+            VerdictError: with ``strict``, a run that has warnings, diverged, or in which a block failed.
         """
         config = with_pushes(with_duration(self.config, duration), pushes)
-        _check_callback(on_step)
+        check_callback(on_step)
         requested = by_robot(config, reference)
         keeps_time = one_of("start_time", start_time, get_args(StartTime)) == "keep"
         # A start that the caller or the station gives continues another run. _start_of() also makes a start for a robot
@@ -264,9 +271,10 @@ class Runner:
             result: a run of this station that was completed, or interrupted by the user. It may come from another
                 process, by pickle.
             until: end of the run [s]. It is later than that of ``result``.
-            progress: as in :func:`simulate`.
-            on_step: as in :func:`simulate`, for the steps after the end of ``result``.
-            strict: as in :func:`simulate`.
+            progress: show a bar on a terminal.
+            on_step: callback with the time [s] and the positions of the whole plant (nq,), after each accepted step
+                after the end of ``result``.
+            strict: raise an error if the result has warnings.
 
         Returns:
             the whole run, from the start of ``result``: equal, to the last bit, to a run that was not stopped. A solver
@@ -279,7 +287,7 @@ class Runner:
         """
         expected = message("simulation.a_result", "a result of simulate() or of a Runner")
         trace = continuable_trace(instance(result, "result", SimulationResult, expected))
-        _check_callback(on_step)
+        check_callback(on_step)
         end = seconds(until, "until")
         if end <= result.stop_time:
             later = message("simulation.later_than", "later than the end of the run, {end:g} s", end=result.stop_time)
@@ -518,81 +526,6 @@ class Runner:
                 check_reference(alone_on(robot, place), reference, duration)
 
 
-@drake_asserts()
-def simulate_diagram(
-    diagram: Diagram,
-    ports: StationPorts,
-    *,
-    duration: float | None = None,
-    context: Context | None = None,
-    progress: bool = True,
-    on_step: OnStep | None = None,
-) -> SimulationResult:
-    """Run a Diagram of your own that contains a station, and return the same result as :func:`simulate` does.
-
-    Args:
-        diagram: all of whose inputs are fed.
-        ports: what :func:`add_station` gave, or ``station.ports``.
-        duration: length of the run, in place of that of the station's configuration [s].
-        context: of the diagram, to begin in; its default one unless given. The run begins at the time of the context,
-            and the times of the result are absolute.
-        progress: show a bar on a terminal.
-        on_step: as of :func:`simulate`.
-
-    Returns:
-        the result. Saved, its ``station.yaml`` is the station alone, with the recorded reference and the state in which
-        it began: a run of this file repeats the motion if the diagram gave the station nothing but its reference.
-
-    Raises:
-        SimrobError: a solver that cannot run the station where it stands, or open inputs.
-    """
-    instance(
-        diagram,
-        "diagram",
-        Diagram,
-        message("simulation.diagram_with_station", "a Diagram of Drake that contains a station"),
-    )
-    instance(
-        ports, "ports", StationPorts, message("simulation.station_ports", "what add_station() gave, or station.ports")
-    )
-    check_inputs(diagram, ports.inputs, may_be_exported=False)
-    config = with_duration(ports.config, duration)
-    built = ClosedStation(diagram, ports)
-    names = [
-        system.get_name() for system in diagram.GetSystems() if type(system).__module__.split(".")[0] not in _NOT_OWN
-    ]
-    blocks = {name: diagram.GetSubsystemByName(name) for name in names}
-    begins_in_motion = False
-    begin = 0.0
-    if context is not None:
-        expected = message(
-            "simulation.context_of_diagram", "a Context of the diagram, such as diagram.CreateDefaultContext() gives"
-        )
-        instance(context, "context", Context, expected)
-        begins_in_motion = _is_moving(ports, context)
-        begin = context.get_time()
-    stepper = Stepper(
-        config,
-        lambda time: built,
-        sorted(set(ports.edges)),
-        blocks=blocks,
-        begin=begin,
-        begins_in_motion=begins_in_motion,
-    )
-    start = None
-    if context is not None:
-        stepper.simulator.get_mutable_context().SetTimeStateAndParametersFrom(context)
-        start = State.of(diagram, ports, stepper.simulator.get_context())
-    run = Run(config, built, stepper, begin=begin, in_own_diagram=True)
-    return run.result(progress=progress, on_step=on_step, references={}, start=start)
-
-
-def _is_moving(ports: StationPorts, context: Context) -> bool:
-    """Whether any joint of a station has a velocity in ``context``, a context of the root diagram."""
-    velocities = [ports.outputs.value(f"{robot.prefix}velocity", context) for robot in ports.plant.robots.values()]
-    return any(velocity.any() for velocity in velocities)
-
-
 def _built_of(config: StationConfig) -> StationConfig:
     """Return a station without what its diagrams can be given anew."""
     robots = {name: robot.model_copy(update={"reference": None}) for name, robot in config.robots.items()}
@@ -605,7 +538,7 @@ def _built_of(config: StationConfig) -> StationConfig:
     return config.model_copy(update={**played, "robots": robots, "forces": forces})
 
 
-def _check_callback(on_step: OnStep | None) -> None:
+def check_callback(on_step: OnStep | None) -> None:
     """Check the user's callback after each step; raises InvalidParameter: it cannot be called."""
     if on_step is not None and not callable(on_step):
         expected = message("simulation.function_of_time_and_positions", "a function of time and positions")
@@ -618,12 +551,33 @@ def _origins(start: State | None) -> dict[str, Vector] | None:
 
 
 def _checked_start(config: StationConfig, start: State | None) -> State | None:
+    """Check the state in which a run begins.
+
+    Args:
+        config: configuration of the station, which may name a file with a state.
+        start: state that the user gives; None for that of the configuration.
+
+    Returns:
+        the state, or None if neither gives one.
+
+    Raises:
+        InvalidParameter: the state has values that are no finite numbers.
+        InvalidConfig: the file of the configuration holds no state.
+    """
     if start is None:
         return State.at_start_of(config)
-    instance(
-        start, "start", State, message("simulation.a_state", "a State, such as the final_state of a result")
-    ).check()
+    check_state(start)
     return start
+
+
+def check_state(start: State) -> None:
+    """Check the state in which a run should begin.
+
+    Raises:
+        InvalidParameter: it is no State, or has values that are no finite numbers.
+    """
+    expected = message("simulation.a_state", "a State, such as the final_state of a result")
+    instance(start, "start", State, expected).check()
 
 
 class RunBranch:
@@ -701,11 +655,13 @@ class RunBranch:
         """Run on under pushes, and return the whole run with its signals.
 
         Args:
-            pushes: pushes that begin at the time of the branch or later, as in :meth:`Runner.run`. They take the place
-                of the station's own ones of these times.
-            progress: as in :meth:`Runner.run`.
-            on_step: as in :meth:`Runner.run`, for the steps after the branch.
-            strict: as in :meth:`Runner.run`.
+            pushes: pushes that begin at the time of the branch or later, by name, as in
+                ``{"shove": {"start": 1, "force": [5, 0, 0]}}``. They take the place of the station's own ones of these
+                times.
+            progress: show a bar on a terminal.
+            on_step: callback with the time [s] and the positions of the whole plant (nq,), after each accepted step
+                after the branch.
+            strict: raise an error if the result has warnings.
 
         Raises:
             InvalidParameter: a push that begins before the branch.

@@ -141,6 +141,7 @@ class Stepper:
         end: planned end of the run [s].
         begins_in_motion: whether the run continues the motion of another run.
         shortened: how often the solver tried a step again with a shorter length; None if all steps have one length.
+        user_context: the caller's context, which the run advances; None if there is none.
     """
 
     def __init__(
@@ -156,6 +157,7 @@ class Stepper:
         reached: Context | None = None,
         begins_in_motion: bool = False,
         restart: Restart | None = None,
+        context: Context | None = None,
     ) -> None:
         """Prepare to step a station.
 
@@ -172,7 +174,10 @@ class Stepper:
             begins_in_motion: whether the run continues the motion of another run, so that it may begin with long steps.
             restart: recorded step of another run from which this stepper steps again; None if there is none. It takes
                 the place of ``begin``.
+            context: context of the diagram that is stepped, if it is always the same diagram. The run advances it. If
+                it is None, the simulators make their own contexts.
         """
+        self.user_context = context
         self._config = config
         self._diagram_at = diagram_at
         self._blocks = blocks
@@ -195,7 +200,7 @@ class Stepper:
         for time in [begin, *self._edges[:-1]]:
             built = diagram_at(time)
             if id(built) not in self._simulators:
-                self._simulators[id(built)] = self._simulator(built)
+                self._simulators[id(built)] = self._simulator(built, context)
         has_variable_steps = controlled_by(config) is not None
         self.shortened = 0 if has_variable_steps else None
         self.begins_in_motion = begins_in_motion or reached is not None
@@ -313,7 +318,9 @@ class Stepper:
         """
         before = int((history.times < time).sum()) - 1  # row of the last recorded state before the time
         built = self._diagram_at(float(history.times[before]))
-        simulator = self._simulator(built)
+        # A copy of the caller's context has its parameters, which a default context may not have.
+        own_context = None if self.user_context is None else self.user_context.Clone()
+        simulator = self._simulator(built, own_context)
         history.put(before, simulator.get_mutable_context())
         flight = self._make_flight(built, simulator)
         recorder = Recorder(simulator, pace=None if flight is None else flight.look)
@@ -400,9 +407,14 @@ class Stepper:
         solver = stepped_by(self._config)
         return None if solver is None else Flight(built.ports.plant.plant, solver, simulator)
 
-    def _simulator(self, built: ClosedStation) -> Simulator:
-        """Make a simulator for a diagram, with the solver of the station."""
-        simulator = Simulator(built.diagram)
+    def _simulator(self, built: ClosedStation, context: Context | None) -> Simulator:
+        """Make a simulator for a diagram, with the solver of the station.
+
+        Args:
+            built: the diagram.
+            context: context that the simulator advances; None for a default context.
+        """
+        simulator = Simulator(built.diagram) if context is None else Simulator(built.diagram, context)
         set_solver(simulator, self._config)
         return simulator
 

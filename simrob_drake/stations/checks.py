@@ -29,6 +29,7 @@ from simrob_drake.stations.physics_findings import CONTACT, physics_findings
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.solver_config import bound_value
+from simrob_drake.stations.start_jump import axes_off_reference, jump_text
 from simrob_drake.stations.start_overlap import TOUCHING, allowed_overlap, deepest_overlap
 
 _LISTED = 6  # largest count of links that carry a robot and are listed by name
@@ -51,6 +52,7 @@ def check_station(config: StationConfig) -> list[Finding]:
     findings = _piece_findings(ports)
     for robot in robots:
         findings += _reference_findings(config, robot, closed.references.get(robot.name))
+        findings += _jump_findings(config, robot, closed.references.get(robot.name))
     for robot in robots:
         findings += _effort_findings(config, robot)
         findings += _motor_findings(robot)
@@ -188,6 +190,41 @@ def _reference_findings(config: StationConfig, robot: StationRobot, reference: R
             "stations.share_of_speed", ", at most {share:.0%} of their speed", share=np.nanmax(speeds / limits)
         )
     return [Finding("ok", subject, text)]
+
+
+def _jump_findings(config: StationConfig, robot: StationRobot, reference: Reference | None) -> list[Finding]:
+    """Warn of a reference that begins away from the robot, so that its servos jump at the start.
+
+    Args:
+        config: the station. If it begins in a recorded state, or moves its robots exactly along their references,
+            there is nothing to warn of.
+        robot: the robot.
+        reference: the robot's reference, or None if a controller leads the robot.
+    """
+    if reference is None or config.start is not None or not config.engine.moves_by_forces:
+        return []
+    first_positions = reference_samples(reference, config.duration)[1][0]
+    axes = axes_off_reference(robot, robot.initial, first_positions)
+    if not axes.size:
+        return []
+    farthest = int(axes[0])
+    text = compound(
+        "{jump}{others}; {remedy}",
+        jump=jump_text(robot, farthest, robot.initial[farthest], first_positions[farthest]),
+        others=""
+        if axes.size == 1
+        else message(
+            "stations.other_axes_jump",
+            ", and {count} other {count:axis jumps|axes jump} too",
+            count=axes.size - 1,
+        ),
+        remedy=message(
+            "stations.start_at_reference",
+            "set {key}, or begin the reference where the robot begins",
+            key="robot.initial_deg" if config.only_robot else f"robots.{robot.name}.initial_deg",
+        ),
+    )
+    return [Finding("warning", message("stations.start_of", "start of {robot}", robot=robot.name), text)]
 
 
 def _effort_findings(config: StationConfig, robot: StationRobot) -> list[Finding]:

@@ -286,6 +286,12 @@ class StationConfig(Renamed):
     extensions: tuple[str, ...] = ()
     """Packages whose extensions the station needs, such as `simrob-playground`: one that is missing is then reported by
     its name."""
+    packages: dict[str, Path] = Field(default_factory=dict)
+    """Folders of packages of ROS by name, for paths such as `package://arm_description/urdf/arm.urdf`; further ones are
+    found around the file, with `--mesh-path` and in `ROS_PACKAGE_PATH`."""
+    add_directives: tuple[Path, ...] = ()
+    """Files with model directives or scenarios of Drake, whose models the station has as robots and pieces; keys of the
+    station's own take the place of theirs. `FILE#NAME` is the scenario NAME of a file with several."""
     mode: Literal["dynamic", "kinematic"] = "dynamic"
     """Dynamic: moved by torque. Kinematic: the motion is the input, and the torque is computed."""
     robots: dict[str, RobotConfig] = Field(default_factory=dict)
@@ -354,6 +360,19 @@ class StationConfig(Renamed):
         for name in entries:
             check_plain(name)
         return entries
+
+    @model_validator(mode="after")
+    def _check_keys_of_files(self) -> "StationConfig":
+        """Check that no key is left that only the loading of a file takes into account."""
+        if self.packages or self.add_directives:
+            raise ValueError(
+                message(
+                    "stations.keys_of_files",
+                    "packages and add_directives are keys of a station's file; load_station replaces them by robots "
+                    "and pieces",
+                )
+            )
+        return self
 
     @field_validator("pieces")
     @classmethod

@@ -64,11 +64,19 @@ def needs_shapes(config: StationConfig) -> bool:
     return config.contact is not None or (not config.engine.moves_by_forces and measures_shapes)
 
 
-def apply_materials(plant: MultibodyPlant, scene_graph: SceneGraph, station: ResolvedStation) -> None:
-    """Write stiffness, dissipation, friction and modulus into the shapes of a plant, before the plant is finalized.
+def apply_materials(
+    plant: MultibodyPlant, scene_graph: SceneGraph, station: ResolvedStation, shapes: Sequence[GeometryId]
+) -> None:
+    """Write stiffness, dissipation, friction and modulus into the shapes of a station, before its plant is finalized.
 
     Finalizing makes the collision filters between neighbouring links, and a shape would lose them if its material were
     written later.
+
+    Args:
+        plant: the plant, not finalized.
+        scene_graph: the scene graph of the plant.
+        station: the station.
+        shapes: collision shapes of the station.
 
     Raises:
         InvalidParameter: the resolution is too fine, or a piece that meets others at points does not fit the model.
@@ -81,7 +89,6 @@ def apply_materials(plant: MultibodyPlant, scene_graph: SceneGraph, station: Res
     source = plant.get_source_id()
     assert source is not None  # add_plant registers the plant
     inspector = scene_graph.model_inspector()
-    shapes = inspector.GetAllGeometryIds(Role.kProximity)
     if contact.model != "point":
         _check_resolution(contact.resolution, [inspector.GetShape(shape) for shape in shapes])
     for shape in shapes:
@@ -139,8 +146,16 @@ def _check_resolution(resolution: float, shapes: Sequence[Shape]) -> None:
         raise InvalidParameter("contact.resolution", compound("{resolution:g} m", resolution=resolution), expected)
 
 
-def check_stiffnesses(plant: MultibodyPlant, scene_graph: SceneGraph, station: ResolvedStation) -> None:
+def check_stiffnesses(
+    plant: MultibodyPlant, scene_graph: SceneGraph, station: ResolvedStation, shapes: Sequence[GeometryId]
+) -> None:
     """Check that the solver of a station can hold the contacts of its bodies.
+
+    Args:
+        plant: the finalized plant.
+        scene_graph: the scene graph of the plant.
+        station: the station.
+        shapes: collision shapes of the station.
 
     Raises:
         InvalidParameter: a stiffness is too large; the message gives the largest one that the solver can hold.
@@ -149,7 +164,7 @@ def check_stiffnesses(plant: MultibodyPlant, scene_graph: SceneGraph, station: R
     if config.contact is None or not config.engine.moves_by_forces:
         return
     inspector = scene_graph.model_inspector()
-    for shape in inspector.GetAllGeometryIds(Role.kProximity):
+    for shape in shapes:
         body = plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
         material = _material(config, config.contact, piece_of_shape(station, inspector, shape))
         stiffness = material.stiffness

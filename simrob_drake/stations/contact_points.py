@@ -142,7 +142,11 @@ def uses_contact_points(config: StationConfig) -> bool:
 
 
 def add_contact_points(
-    plant: MultibodyPlant, scene_graph: SceneGraph, station: ResolvedStation, robots: Sequence[StationRobot]
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    station: ResolvedStation,
+    robots: Sequence[StationRobot],
+    shapes: Sequence[GeometryId],
 ) -> ContactPoints:
     """Register the balls of a station's flat shapes in the plant, before the plant is finalized. Returns these balls.
 
@@ -154,12 +158,13 @@ def add_contact_points(
         scene_graph: the scene graph of the plant.
         station: the station with its pieces and configuration.
         robots: the robots in the plant.
+        shapes: collision shapes of the station.
     """
     points = ContactPoints()
     if not uses_contact_points(station.config):
         return points
     owners = _ShapeOwners(plant, scene_graph.model_inspector(), station, robots)
-    flat = [shape for shape in owners.inspector.GetAllGeometryIds(Role.kProximity) if is_flat(owners.inspector, shape)]
+    flat = [shape for shape in shapes if is_flat(owners.inspector, shape)]
     free = [shape for shape in flat if owners.is_free(shape)]
     if not free:  # nothing rests on a face, and balls would only cost time
         return points

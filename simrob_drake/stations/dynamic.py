@@ -1,11 +1,15 @@
-"""Wire a station's robots: each is moved by the torques of its servos, or its motion is the input."""
+"""Wire a station's robots: each is moved by the torques of its servos, or its motion is the input.
+
+The ports of a robot have one value for each of its n axes. The plant has its own order of positions and velocities; a
+robot's *axis map* converts between the two by constant matrices.
+"""
 
 from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 from pydrake.systems.controllers import InverseDynamics
-from pydrake.systems.framework import Context, DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, PassThrough
 
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
@@ -18,6 +22,7 @@ from simrob_drake.blocks.model_torque import add_admittance, add_computed_torque
 from simrob_drake.blocks.monitor import SteadySteps
 from simrob_drake.blocks.passive_joints import add_external_force, add_joint_stops
 from simrob_drake.blocks.servo import ServoSignals, add_actuator_servos, add_motor, add_servos
+from simrob_drake.parts.inputs import InputPorts
 from simrob_drake.parts.outputs import FromState
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationPlant, StationRobot
@@ -35,74 +40,121 @@ from simrob_drake.stations.ports import (
 from simrob_drake.stations.prescribed import add_prescribed_motion, add_prescribed_torque, uses_reaction_forces
 
 _DERIVATIVES = "reference_velocity", "reference_acceleration"
+"""Inputs of a robot's desired motion in addition to the positions."""
+
 _STABLE = 2.0
 """An explicit damper on a mass is stable while kd·h / M stays below this (forward Euler on v' = -(kd/M) v)."""
 
 
 def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
-    """Add inputs, state, servos, friction and joint stops for every robot of a plant that stands in the diagram."""
-    config, robots = ports.config, ports.plant.robots
-    if robots and not any(robot.tcp for robot in robots.values()):
-        for external in config.inputs:
-            if external.startswith("external"):
-                expected = message(
-                    "stations.robot_with_tool",
-                    "for a robot with a tool, and none has one here; the section forces acts on any link",
-                )
-                raise InvalidParameter("inputs", external, expected)
-    signals = _with_feedforward(builder, ports, {name: _add_signals(builder, ports, robots[name]) for name in robots})
+    """Add inputs, state, servos, friction and joint stops of every robot, if the diagram contains the plant.
+
+    Raises:
+        InvalidParameter: the station lists the input of an external force, but no robot has a tool.
+    """
+    config = ports.config
+    robots = ports.plant.robots
+    _check_external_inputs(config, robots)
+    signals = {name: _add_signals(builder, ports, robot) for name, robot in robots.items()}
+    signals = _with_feedforward(builder, ports, signals)
     for robot in robots.values():
         _add_servos(builder, ports, robot, signals[robot.name])
         for external in ("external_force", "external_torque"):
-            if external not in config.inputs or robot.tcp not in robot.tools:
-                continue
-            name, tool, turns = f"{robot.prefix}{external}", robot.tools[robot.tcp], external == "external_torque"
-            block = add_external_force(builder, ports.plant.stepped, tool, name=name, turns=turns)
-            entry = builder.AddNamedSystem(f"{name}.input", PassThrough(3))
-            builder.Connect(entry.get_output_port(), block.get_command_input_port())
-            ports.inputs[name] = entry.get_input_port()
-            output, unit = name.replace("external", "applied"), "N·m" if turns else "N"
-            place = f"{robot.prefix}{robot.tcp}"
-            title, label = _external_words(place, turns=turns)
-            ports.outputs.add(output, entry.get_output_port(), applied_signal(output, unit, title))
-            ports.spatial_forces.append(block.get_spatial_forces_output_port())
-            ports.picture.draw(name, "force", label)
+            if external in config.inputs and robot.tcp in robot.tools:
+                _add_external_input(builder, ports, robot, external)
     wire_friction(builder, ports)
     if not config.engine.holds_joint_limits:
         stiffness, damping = stops_of(config, ports.plant)
-        stops = add_joint_stops(builder, ports.plant.plant, stiffness=stiffness, damping=damping)
-        ports.generalized_forces.extend([stops] if stops is not None else [])
+        joints = ports.plant.joints
+        stops = add_joint_stops(builder, ports.plant.plant, stiffness=stiffness, damping=damping, joints=joints)
+        if stops is not None:
+            ports.generalized_forces.append(stops)
     for name, coupling in config.couplings.items():
         coupling.add_forces(builder, ports, f"couplings.{name}")
 
 
-def stops_of(config: StationConfig, plant: StationPlant) -> Vector:
-    """Return stiffness and damping of the stop at each of the plant's velocities, shape (2, nv).
+def _check_external_inputs(config: StationConfig, robots: Mapping[str, StationRobot]) -> None:
+    """Check that inputs of external forces have a tool on which they act.
 
-    Joints that are no axes have what the station says of all.
+    Raises:
+        InvalidParameter: the station lists such an input, but none of its robots has a tool.
     """
-    stated, usual = config.joint_stops.model_dump(), JointStops().model_dump()
-    of_all = [usual[key] if isinstance(value, list | dict) else value for key, value in stated.items()]
-    stops = np.tile(np.array(of_all)[:, np.newaxis], plant.plant.num_velocities())
+    if not robots or any(robot.tcp for robot in robots.values()):
+        return
+    for name in config.inputs:
+        if name.startswith("external"):
+            expected = message(
+                "stations.robot_with_tool",
+                "for a robot with a tool, and none has one here; the section forces acts on any link",
+            )
+            raise InvalidParameter("inputs", name, expected)
+
+
+def _add_external_input(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, external: str) -> None:
+    """Add the input of a force or torque at the tool centre point of a robot, size 3 [N or N·m].
+
+    Args:
+        builder: builder of the diagram.
+        ports: ports of the station, which get the input, and an output with the applied values.
+        robot: a robot with a tool.
+        external: name of the input: ``external_force`` or ``external_torque``.
+    """
+    is_torque = external == "external_torque"
+    name = f"{robot.prefix}{external}"
+    tool = robot.tools[robot.tcp]
+    block = add_external_force(builder, ports.plant.stepped, tool, name=name, turns=is_torque)
+    entry = builder.AddNamedSystem(f"{name}.input", PassThrough(3))
+    builder.Connect(entry.get_output_port(), block.get_command_input_port())
+    ports.inputs[name] = entry.get_input_port()
+    ports.spatial_forces.append(block.get_spatial_forces_output_port())
+
+    output = name.replace("external", "applied")
+    unit = "N·m" if is_torque else "N"
+    title, label = _external_words(f"{robot.prefix}{robot.tcp}", turns=is_torque)
+    ports.outputs.add(output, entry.get_output_port(), applied_signal(output, unit, title))
+    ports.picture.draw(name, "force", label)
+
+
+def stops_of(config: StationConfig, plant: StationPlant) -> Vector:
+    """Collect the stiffness and damping of the stops at each of the plant's velocities.
+
+    Joints that are no axes of a robot have the values that the station gives for all axes or, if it gives values by
+    axis, the default values.
+
+    Returns:
+        stiffness [N·m/rad or N/m] and damping [N·m·s/rad or N·s/m], shape (2, nv).
+    """
+    stated = config.joint_stops.model_dump()
+    usual = JointStops().model_dump()
+    for_all = [usual[key] if isinstance(value, list | dict) else value for key, value in stated.items()]
+    stops = np.tile(np.array(for_all)[:, np.newaxis], plant.plant.num_velocities())
     for robot in plant.robots.values():
         stops[:, robot.axis_map.velocity_places] = robot.stops
     return stops
 
 
 def servo_inertias(config: StationConfig, robot: StationRobot, context: Context | None = None) -> Vector:
-    """Return what the gains of a robot's servos are to be compared with, (n,): 1 where they are by inertia already."""
-    by_inertia = config.servo_of(robot.name).law == "computed_torque"
-    return np.ones(len(robot.axes)) if by_inertia else robot.free_inertias(context)
+    """Inertias that the servos of a robot move, to judge their gains, shape (n,) [kg m² or kg].
+
+    They are 1 for computed torque, whose gains are multiplied by the inertia already.
+    """
+    if config.servo_of(robot.name).law == "computed_torque":
+        return np.ones(len(robot.axes))
+    return robot.free_inertias(context)
 
 
 def largest_explicit_steps(config: StationConfig, robot: StationRobot) -> Vector:
-    """Return the largest step (n,) [s] at which each joint's damping is stable when it is stepped explicitly."""
-    with np.errstate(divide="ignore"):
+    """Largest time step at which the damping of each axis is stable in an explicit scheme, shape (n,) [s]."""
+    with np.errstate(divide="ignore"):  # an axis without damping has no largest step
         return np.asarray(_STABLE * servo_inertias(config, robot) / robot.gains.kd)
 
 
 def check_servo_steps(config: StationConfig, plant: StationPlant) -> None:
-    """Check that servo blocks are stable at an explicit engine's steps; raises InvalidParameter: a joint's are not."""
+    """Check that servos made of blocks are stable at the time step of an explicit engine.
+
+    Raises:
+        InvalidParameter: the servo of an axis is not; names the axis and the largest time step.
+    """
     for robot in plant.robots.values():
         steps = largest_explicit_steps(config, robot)
         worst = int(np.argmin(steps))
@@ -125,9 +177,22 @@ def check_servo_steps(config: StationConfig, plant: StationPlant) -> None:
 
 
 def axis_signal(robot: StationRobot, columns: str, output: str, role: Role) -> Signal:
-    """Return what an output of one value an axis is."""
-    units = robot.model.units
-    shown = [f"{unit.si}/s" if columns == "v" else unit.effort if role == "effort" else unit.si for unit in units]
+    """Describe an output with one value for each axis of a robot.
+
+    Args:
+        robot: the robot.
+        columns: beginning of the names of its columns, such as ``q`` in ``q.joint_1``; ``v`` stands for velocities.
+        output: name of the output.
+        role: meaning of the values.
+    """
+    shown = []
+    for unit in robot.model.units:
+        if columns == "v":
+            shown.append(f"{unit.si}/s")
+        elif role == "effort":
+            shown.append(unit.effort)
+        else:
+            shown.append(unit.si)
     names = tuple(f"{robot.prefix}{columns}.{axis}" for axis in robot.axes)
     return Signal(names, tuple(shown), role, f"{robot.prefix}{output}")
 
@@ -135,8 +200,13 @@ def axis_signal(robot: StationRobot, columns: str, output: str, role: Role) -> S
 def add_motion(
     site: Site, robot: StationRobot, reference: OutputPort, position: OutputPort, velocity: OutputPort
 ) -> None:
-    """Declare what a robot is asked and how it moves, which the plant's state tells at once."""
-    rows, count = robot.axis_map.state_matrix, len(robot.axes)
+    """Declare the outputs of a robot's reference, position and velocity, size n each.
+
+    Position and velocity are linear functions of the plant's state, so that they can be computed from a record of
+    states at once.
+    """
+    count = len(robot.axes)
+    rows = robot.axis_map.state_matrix
     site.outputs.add(f"{robot.prefix}reference", reference, axis_signal(robot, "q_ref", "reference", "reference"))
     motion = axis_signal(robot, "q", "position", "motion")
     site.outputs.add(f"{robot.prefix}position", position, motion, of_state=FromState(rows[:count]))
@@ -145,7 +215,14 @@ def add_motion(
 
 
 def _add_signals(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot) -> ServoSignals:
-    prefix, count, listed = robot.prefix, len(robot.joints), ports.config.inputs
+    """Add the inputs of a robot and the signals that its servos read.
+
+    Returns:
+        the signals: desired motion, state, and torques that are added. Inputs that the station does not list are None.
+    """
+    prefix = robot.prefix
+    count = len(robot.joints)
+    servo = ports.config.servo_of(robot.name)
     state = add_matrix_gain(builder, f"{prefix}axes", robot.axis_map.state_matrix, ports.state)
     split = Demultiplexer([count, count])
     ports.outputs.add_report(builder, f"{prefix}state", split, state, f"{prefix}position", f"{prefix}velocity")
@@ -153,10 +230,12 @@ def _add_signals(builder: DiagramBuilder, ports: StationPorts, robot: StationRob
     if robot.prescribed:
         reference = add_prescribed_motion(builder, ports, robot, reference)
     add_motion(ports, robot, reference, split.get_output_port(0), split.get_output_port(1))
-    read = {*listed, *(_DERIVATIVES if ports.config.servo_of(robot.name).follows_motion else ())}
-    optional = {name: ports.add_input(builder, robot, name) for name in (*_DERIVATIVES, "feedforward") if name in read}
-    if (bus := ports.config.servo_of(robot.name).bus) is not None:
-        reference = _add_bus(builder, ports, robot, bus, reference, optional)
+    names: set[str] = set(ports.config.inputs)
+    if servo.follows_motion:
+        names.update(_DERIVATIVES)
+    optional = {name: ports.add_input(builder, robot, name) for name in (*_DERIVATIVES, "feedforward") if name in names}
+    if servo.bus is not None:
+        reference, optional = _add_bus(builder, ports, robot, servo.bus, reference, optional)
     return ServoSignals(reference, state, **optional)
 
 
@@ -167,18 +246,35 @@ def _add_bus(
     bus: CommandBusConfig,
     reference: OutputPort,
     optional: dict[str, OutputPort],
-) -> OutputPort:
-    """Add the bus that brings a robot's servos their commands; return the references behind it, velocities in place."""
-    fast = next((name for name in optional if name != "reference_velocity"), None)
-    if fast is not None:
+) -> tuple[OutputPort, dict[str, OutputPort]]:
+    """Add the bus that brings the commands to a robot's servos, late and rounded.
+
+    Args:
+        builder: builder of the diagram.
+        ports: ports of the station.
+        robot: the robot.
+        bus: parameters of the bus.
+        reference: desired positions.
+        optional: desired velocities by their name, if the station has them. A bus brings nothing else.
+
+    Returns:
+        the reference and the optional signals behind the bus.
+
+    Raises:
+        Unsuitable: the station has signals that a bus does not bring.
+    """
+    not_brought = next((name for name in optional if name != "reference_velocity"), None)
+    if not_brought is not None:
         raise Unsuitable(
             "servo.bus",
-            message("stations.bus_brings_positions", "a bus brings positions and speeds alone, not {fast}", fast=fast),
-            message("stations.leave_out_bus", "leave out the bus, or {fast}", fast=fast),
+            message(
+                "stations.bus_brings_positions", "a bus brings positions and speeds alone, not {fast}", fast=not_brought
+            ),
+            message("stations.leave_out_bus", "leave out the bus, or {fast}", fast=not_brought),
         )
+    # The resolution of a motor's encoder counts, unless the bus has its own; 0 means no rounding.
     own_steps = [0.0 if motor is None else motor.resolution_deg or 0.0 for motor in robot.motors]
     steps = np.array(own_steps) if bus.resolution_deg is None else np.full(len(robot.axes), bus.resolution_deg)
-    own = {"reference": reference, **optional}
     block = CommandBus(
         period=1 / bus.rate,
         delay=bus.delay,
@@ -187,47 +283,61 @@ def _add_bus(
     )
     name = f"{robot.prefix}command_bus"
     builder.AddNamedSystem(name, block)
-    for key, port in own.items():
+    for key, port in {"reference": reference, **optional}.items():
         builder.Connect(port, block.GetInputPort(key))
-        own[key] = block.GetOutputPort(key)
-    optional.update({key: own[key] for key in optional})
     label = message("stations.block_bus", "Bus\n{rate:g} Hz", rate=bus.rate)
     if bus.delay:
         label += message("stations.block_late", ", {delay:g} ms late", delay=1000 * bus.delay / bus.rate)
     ports.picture.draw(name, "servo", label, robot)
-    return own["reference"]
+    return block.GetOutputPort("reference"), {key: block.GetOutputPort(key) for key in optional}
 
 
 def _with_feedforward(
     builder: DiagramBuilder, ports: StationPorts, signals: Mapping[str, ServoSignals]
 ) -> dict[str, ServoSignals]:
-    """Add the torques that the model predicts, and return what the servos read, by robot, with them in it."""
-    read, servo_of = dict(signals), ports.config.servo_of
-    fed_forward = {name: own for name, own in signals.items() if servo_of(name).feedforward != "none"}
-    if not fed_forward:
-        return read
-    robots = [(ports.plant.robots[name].axis_map, own) for name, own in fed_forward.items()]
-    torques = add_feedforward(builder, ports.plant.plant, robots, name="model_feedforward")
-    for (name, own), torque in zip(fed_forward.items(), torques, strict=True):
-        prefix = ports.plant.robots[name].prefix
-        parts = [port for port in (own.feedforward,) if port is not None]
-        damping = ports.plant.robots[name].gains.damping
-        if damping.any() and servo_of(name).feedforward == "inverse_dynamics":  # dampers of motors need no torque
+    """Add the torques that the model predicts for the desired motion to the signals that the servos read.
+
+    Args:
+        builder: builder of the diagram.
+        ports: ports of the station.
+        signals: signals of each robot's servos, by the robot's name.
+
+    Returns:
+        the signals, with the predicted torques in the feedforward of the robots that have such servos.
+    """
+    servo_of = ports.config.servo_of
+    predicted = {name: own for name, own in signals.items() if servo_of(name).feedforward != "none"}
+    if not predicted:
+        return dict(signals)
+    changed = dict(signals)
+    maps = [(ports.plant.robots[name].axis_map, own) for name, own in predicted.items()]
+    torques = add_feedforward(builder, ports.plant.plant, maps, name="model_feedforward")
+    for (name, own), torque in zip(predicted.items(), torques, strict=True):
+        robot = ports.plant.robots[name]
+        parts = [torque]
+        if own.feedforward is not None:
+            parts.append(own.feedforward)
+        damping = robot.gains.damping
+        if damping.any() and servo_of(name).feedforward == "inverse_dynamics":
+            # The plant has the falling torque line of a motor as a damper of the joint. It is not a load, so the
+            # torque that the inverse dynamics adds for it is subtracted: tau = ... - d v.
             assert own.reference_velocity is not None
             matrix = -np.diag(damping)
-            parts.append(add_matrix_gain(builder, f"{prefix}motors.feedforward", matrix, own.reference_velocity))
-        read[name] = replace(own, feedforward=add_sum(builder, f"{prefix}whole_feedforward", torque, *parts))
-    draw_feedforward(ports, list(fed_forward))
-    return read
+            parts.append(add_matrix_gain(builder, f"{robot.prefix}motors.feedforward", matrix, own.reference_velocity))
+        changed[name] = replace(own, feedforward=add_sum(builder, f"{robot.prefix}whole_feedforward", *parts))
+    draw_feedforward(ports, list(predicted))
+    return changed
 
 
 def declare_torque(site: Site, robot: StationRobot, torque: OutputPort) -> None:
-    """Declare the torques of a robot's axes, size n [N·m or N]."""
+    """Declare the output of the torques of a robot's axes, size n [N·m or N]."""
     site.outputs.add(f"{robot.prefix}torque", torque, axis_signal(robot, "tau", "torque", "effort"))
 
 
 def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, signals: ServoSignals) -> None:
-    servo, plant = ports.config.servo_of(robot.name), ports.plant.plant
+    """Add the servos of a robot, in the plant's actuators or as blocks, and the output of their torques."""
+    servo = ports.config.servo_of(robot.name)
+    plant = ports.plant.plant
     if servo.realization == "implicit":
         actuation = robot.axis_map.actuation_matrix(plant, robot.instance, robot.gains.passive)
         torque = add_actuator_servos(
@@ -245,7 +355,13 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
         declare_torque(ports, robot, torque)
         draw_actuator_servos(ports, robot)
         if (robot.gains.ki > 0).any():
-            draw_integral(ports, robot, "servo", list(range(len(robot.axes))), f"{len(robot.axes)} joints")
+            draw_integral(
+                ports,
+                robot,
+                "servo",
+                list(range(len(robot.axes))),
+                message("stations.block_joints", "{count} joints", count=len(robot.axes)),
+            )
     elif servo.admittance_gain > 0:
         _add_admittance_servos(builder, ports, robot, signals)
     else:
@@ -260,21 +376,40 @@ def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobo
 def _add_servo_blocks(
     builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, signals: ServoSignals
 ) -> OutputPort:
-    """Add servos as blocks; return their torques. With some engines the actuators limit the torques, not blocks."""
-    plant, servo, count = ports.plant.plant, ports.config.servo_of(robot.name), len(robot.axes)
+    """Add the servos of a robot as blocks, and connect them to the plant's actuators.
+
+    With some engines, the actuators limit the torques themselves. The blocks then give commands without limits, and
+    another block computes the torques that the actuators apply.
+
+    Returns:
+        the applied torques, size n [N·m or N].
+    """
+    plant = ports.plant.plant
+    servo = ports.config.servo_of(robot.name)
+    count = len(robot.axes)
     in_actuators = ports.config.engine.limits_torques_in_actuators
     prefix = robot.prefix
     per_joint = servo.realization == "per_joint"
-    speed, every = np.eye(2 * count)[count:], list(range(count))
+    to_speed = np.eye(2 * count)[count:]  # from the state (positions, velocities) of the axes
 
-    def limited(command: OutputPort) -> OutputPort:
-        name, limiter = f"{prefix}motors", f"{prefix}torque"
-        return add_motor(builder, command, robot.gains, every, name, bus=signals.state, speed=speed, limiter=limiter)
+    def add_limits(command: OutputPort) -> OutputPort:
+        """Add a block that limits commands by the torque limits and motors of all axes. Returns the torques."""
+        return add_motor(
+            builder,
+            command,
+            robot.gains,
+            list(range(count)),
+            f"{prefix}motors",
+            bus=signals.state,
+            speed=to_speed,
+            limiter=f"{prefix}torque",
+        )
 
     if servo.law == "computed_torque":
         name = f"{prefix}computed_torque"
         command = add_computed_torque(builder, plant, ports.state, robot.axis_map, signals, robot.gains, name=name)
-        command = command if in_actuators else limited(command)
+        if not in_actuators:
+            command = add_limits(command)
         draw_computed_torque(ports, robot)
     else:
         command = add_servos(
@@ -290,13 +425,14 @@ def _add_servo_blocks(
     matrix = robot.axis_map.actuation_matrix(plant, robot.instance, robot.gains.passive)
     driven = command
     if robot.gains.damping.any():
+        # The plant's joints have the motors' dampers, -d v. Actuators that drive with tau + d v leave tau in all.
         bus = add_multiplexer(builder, f"{prefix}motors.commands", command, signals.state)
-        dampers = np.hstack([np.eye(count), np.diag(robot.gains.damping) @ speed])
+        dampers = np.hstack([np.eye(count), np.diag(robot.gains.damping) @ to_speed])
         driven = add_matrix_gain(builder, f"{prefix}motors.driven", dampers, bus)
     if len(matrix) > 0:  # a robot without any motor has no actuators to connect
         actuation = add_matrix_gain(builder, f"{prefix}actuators", matrix, driven)
         builder.Connect(actuation, ports.plant.stepped.get_actuation_input_port(robot.instance))
-    return limited(command) if in_actuators else command
+    return add_limits(command) if in_actuators else command
 
 
 def _external_words(place: str, *, turns: bool) -> tuple[str, str]:
@@ -316,13 +452,20 @@ def _external_words(place: str, *, turns: bool) -> tuple[str, str]:
 def _add_admittance_servos(
     builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, signals: ServoSignals
 ) -> None:
-    prefix, gain = robot.prefix, ports.config.servo_of(robot.name).admittance_gain
-    plant, name = ports.plant.plant, f"{prefix}model_torque"
+    """Add servos with an integrator that gives way to external torques, and an output of these torques.
+
+    The external ("felt") torque is the model's torque at the present state without acceleration, minus the torque of
+    the servos.
+    """
+    prefix = robot.prefix
+    gain = ports.config.servo_of(robot.name).admittance_gain
+    plant = ports.plant.plant
+    name = f"{prefix}model_torque"
     steady = add_and_connect(builder, f"{name}.acceleration", ConstantVectorSource(np.zeros(plant.num_velocities())))
     force = add_model_torque(builder, plant, ports.state, steady, name=name)
     model = add_matrix_gain(builder, f"{name}.axes", robot.axis_map.velocity_matrix, force)
     extra = add_admittance(builder, signals, robot.gains, model, gain=gain, prefix=prefix)
-    feedforward = [port for port in (signals.feedforward,) if port is not None]
+    feedforward = [] if signals.feedforward is None else [signals.feedforward]
     total = add_sum(builder, f"{prefix}feedforward_sum", *feedforward, extra)
     torque = _add_servo_blocks(builder, ports, robot, replace(signals, feedforward=total))
     declare_torque(ports, robot, torque)
@@ -341,49 +484,60 @@ def _add_admittance_servos(
     ports.picture.draw_nothing(f"{prefix}felt_torque", f"{prefix}model_torque.axes", f"{prefix}admittance.bus")
     felt = add_multiplexer(builder, f"{prefix}felt_torque.bus", model, torque)
     difference = np.hstack([np.eye(len(robot.joints)), -np.eye(len(robot.joints))])
-    output, port = f"{prefix}felt_torque", add_matrix_gain(builder, f"{prefix}felt_torque", difference, felt)
+    output = f"{prefix}felt_torque"
+    port = add_matrix_gain(builder, output, difference, felt)
     ports.outputs.add(output, port, axis_signal(robot, "felt", "felt_torque", "effort"))
 
 
-STEP = 0.01  # how often monitors look [s]: nothing is integrated here, so a simulator would go to the end in one step
+STEP = 0.01
+"""Step of a kinematic station [s]. Nothing is integrated there, so a simulator would go to the end in one step, and
+monitors would miss all that happens before."""
 
 _MOTION = ("reference", "reference_velocity", "reference_acceleration")
 
 
-def add_motion_inputs(builder: DiagramBuilder, plant: StationPlant) -> tuple[dict[str, InputPort], OutputPort]:
-    """Add inputs of position, velocity and acceleration for every robot.
+def add_motion_inputs(builder: DiagramBuilder, plant: StationPlant) -> tuple[InputPorts, OutputPort]:
+    """Add inputs of position, velocity and acceleration for every robot of a kinematic station.
 
-    Returns them, each handed on by its block, and the state of the whole plant that they make.
+    Returns:
+        the inputs, each that of a PassThrough, and a port with the state of the whole plant (nq + nv,) that follows.
     """
-    inputs: dict[str, InputPort] = {}
+    inputs = InputPorts()
     motions: list[OutputPort] = []
     for robot in plant.robots.values():
         for signal in _MOTION:
             block = builder.AddNamedSystem(f"{robot.prefix}{signal}", PassThrough(len(robot.joints)))
             inputs[f"{robot.prefix}{signal}"] = block.get_input_port()
-            motions += [] if signal == _MOTION[-1] else [block.get_output_port()]
-    spread = np.hstack([robot.axis_map.state_matrix.T for robot in plant.robots.values()])
-    return inputs, add_matrix_gain(builder, "multibody_state", spread, add_multiplexer(builder, "motions", *motions))
+            if signal != "reference_acceleration":  # the state has no accelerations
+                motions.append(block.get_output_port())
+    # The transposed map of a robot's axes puts their values into the state of the plant.
+    to_state = np.hstack([robot.axis_map.state_matrix.T for robot in plant.robots.values()])
+    motion = add_multiplexer(builder, "motions", *motions)
+    return inputs, add_matrix_gain(builder, "multibody_state", to_state, motion)
 
 
 def add_kinematic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
-    """Add outputs, inverse dynamics and geometry poses of robots, their plant out of the diagram, never stepped."""
-    for robot in ports.plant.robots.values():
-        sources = {signal: ports.inputs[f"{robot.prefix}{signal}"].get_system() for signal in _MOTION}
-        position, velocity = (sources[signal].get_output_port() for signal in _MOTION[:2])
-        add_motion(ports, robot, position, position, velocity)
+    """Add the outputs, inverse dynamics and geometry poses of the robots of a kinematic station.
+
+    The plant is not in the diagram and is never stepped: the inputs determine its state.
+    """
     robots = ports.plant.robots.values()
+    accelerations = []
+    for robot in robots:
+        position, velocity, acceleration = (
+            ports.inputs[f"{robot.prefix}{signal}"].get_system().get_output_port() for signal in _MOTION
+        )
+        add_motion(ports, robot, position, position, velocity)
+        accelerations.append(acceleration)
     dynamics = InverseDynamics(ports.plant.plant, InverseDynamics.InverseDynamicsMode.kInverseDynamics)
     builder.AddNamedSystem("inverse_dynamics", dynamics)
     builder.Connect(ports.state, dynamics.get_input_port_estimated_state())
-    accelerations = [ports.inputs[f"{robot.prefix}{_MOTION[-1]}"].get_system().get_output_port() for robot in robots]
-    spread = np.hstack([robot.axis_map.velocity_matrix.T for robot in robots])
-    desired = add_matrix_gain(
-        builder, "accelerations", spread, add_multiplexer(builder, "robot_accelerations", *accelerations)
-    )
+    to_velocities = np.hstack([robot.axis_map.velocity_matrix.T for robot in robots])
+    of_axes = add_multiplexer(builder, "robot_accelerations", *accelerations)
+    desired = add_matrix_gain(builder, "accelerations", to_velocities, of_axes)
     builder.Connect(desired, dynamics.get_input_port_desired_acceleration())
     force = dynamics.get_output_port_generalized_force()
-    for robot in ports.plant.robots.values():
+    for robot in robots:
         torque = add_matrix_gain(builder, f"{robot.prefix}torque", robot.axis_map.velocity_matrix, force)
         declare_torque(ports, robot, with_friction(builder, ports, robot, torque))
     builder.Connect(ports.state, ports.plant.add_geometry_poses(builder, of_state=True))

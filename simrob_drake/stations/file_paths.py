@@ -14,9 +14,10 @@ from copy import deepcopy
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.errors import InvalidConfig, SimrobError, shortened
 from simrob_drake.base.files import ROBOT_FILE
-from simrob_drake.base.packages import Border, resolved
+from simrob_drake.base.messages import compound
+from simrob_drake.base.packages import PACKAGE_URI, Border, OutsideBorder, package_path, resolved
 from simrob_drake.base.yaml_files import is_yaml_name
 from simrob_drake.importer.importing import robot_from_file
 from simrob_drake.importer.meshes.places import MeshPlaces
@@ -26,6 +27,9 @@ from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.robots.pieces import described_piece
 from simrob_drake.robots.urdf import mesh_file
 from simrob_drake.stations.config import StationConfig
+
+_KEYS_WITH_LISTS = ("mesh_path", "add_directives")
+"""Last parts of the keys whose values are lists of paths."""
 
 _KEYS_OF_ROBOT = (
     "urdf",
@@ -37,6 +41,8 @@ _KEYS_OF_ROBOT = (
 )
 _KEYS = (
     "start",
+    "add_directives",
+    "packages.*",
     "program",
     "program.file",
     "reference.file",
@@ -95,12 +101,37 @@ def with_absolute_paths(content: Mapping[str, Any], folder: Path, border: Border
         if last == "class":
             section[last] = class_from(value, folder)  # code needs a permission of its own, which is checked elsewhere
             continue
-        paths = [str(folder / str(path)) for path in (value if isinstance(value, list) else [value])]
+        named = value if isinstance(value, list) else [value]
+        paths = [_absolute_path(path, key, folder, border) for path in named]
         if border is not None:
             for path in paths:
                 border.check(Path(path), key)
         section[last] = paths if isinstance(value, list) else paths[0]
     return result
+
+
+def _absolute_path(path: object, key: str, folder: Path, border: Border | None) -> str:
+    """Make a path absolute. A path ``package://NAME/…`` starts at the folder of the package.
+
+    Args:
+        path: value in a station's file.
+        key: its dotted key, for errors.
+        folder: folder at which relative paths start.
+        border: border of the file. None if the value is not from a file: then packages are looked for from the folder.
+
+    Raises:
+        InvalidConfig: the package is not found.
+    """
+    text = str(path)
+    if not text.startswith(PACKAGE_URI):
+        return str(folder / text)
+    own_border = border or Border(folder / "station.yaml")
+    try:
+        return str(package_path(text, own_border))
+    except OutsideBorder as problem:
+        raise InvalidConfig(
+            own_border.source, key, compound("{path} {problem}", path=shortened(text, 300), problem=problem)
+        ) from problem
 
 
 def changes_with_absolute_paths(
@@ -177,7 +208,7 @@ def _paths_at(node: Any, pattern: list[str], prefix: str = "") -> Iterator[Named
             yield from _paths_at(value, pattern[1:], f"{prefix}{key}.")
             continue
         is_model_name = key == "model" and not is_yaml_name(str(value))
-        expected_type = list if key == "mesh_path" else str
+        expected_type = list if key in _KEYS_WITH_LISTS else str
         if isinstance(value, expected_type) and not is_model_name:
             yield NamedPath(node, key, f"{prefix}{key}")
 

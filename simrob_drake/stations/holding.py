@@ -63,7 +63,7 @@ def holding_findings(ports: StationPorts, robot: StationRobot, positions: Vector
 
 
 def _passive_finding(robot: StationRobot, axis: int, torques: Vector) -> Finding:
-    """Say that an axis has no motor, and whether it would rest along the reference.
+    """Describe an axis without a motor, and the torque that it would need to rest along the reference.
 
     Args:
         robot: the robot.

@@ -13,6 +13,7 @@ Errors name the file or the override that causes them: the parameter ``where`` o
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
+from dataclasses import replace
 from os.path import exists, isdir, isfile  # these return False for names that no file can have; Path methods raise
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ from simrob_drake.base.messages import Message, join_texts, message
 from simrob_drake.base.packages import Border
 from simrob_drake.base.sections import validated
 from simrob_drake.base.yaml_files import is_yaml_name, place_of, read_yaml
+from simrob_drake.importer.importer import SceneRequest, find_station_importer
 from simrob_drake.importer.robot_files import is_robot_file
 from simrob_drake.stations.change_of_kind import KeyLosses, kind_of
 from simrob_drake.stations.config import StationConfig
@@ -157,8 +159,16 @@ def _read_station(
     path: Path, overrides: Mapping[str, Any], where: Path | str, *, allow_code: bool, mesh_path: tuple[Path, ...]
 ) -> StationConfig:
     """Read a station's file and apply overrides. Relative paths in the file start at the file's folder."""
-    border = Border(path, mesh_path)  # decides which files the station's file may name
-    content = with_absolute_paths(read_yaml(path), path.parent, border)
+    scenes = find_station_importer(path)
+    if scenes is not None:
+        # The file is a scene of another tool. It has no keys of a station but those of the overrides.
+        named = _named_packages({}, overrides, path.parent)
+        content = scenes.station_sections(path, SceneRequest(packages=named, mesh_path=mesh_path))
+        return _make_config({"name": path.stem, **content}, overrides, where, allow_code, mesh_path)
+    content = read_yaml(path)
+    # The border decides which files the station's file may name.
+    border = Border(path, mesh_path, _named_packages(content, overrides, path.parent))
+    content = with_absolute_paths(content, path.parent, border)
     if "program" in content:
         content["program"] = _program_content(content["program"], path.parent, border)
     content = {"name": path.stem, **content}  # the name of the file, unless the file gives another one
@@ -243,7 +253,11 @@ def _make_config(
         _override(content, paths[key], overrides[key], where, losses)
     content = with_absolute_paths(content, Path.cwd())  # relative paths in overrides start at the current folder
     content = _with_robots_section(content, where)
-    _add_mesh_path(content, mesh_path)
+    packages = _named_packages(content, {}, Path.cwd())
+    content.pop("packages", None)
+    content = _with_directives(content, where, SceneRequest(packages=packages, mesh_path=mesh_path))
+    _add_to_imports(content, "mesh_path", [str(folder) for folder in mesh_path])
+    _add_to_imports(content, "packages", [f"{name}={folder}" for name, folder in packages.items()])
     config = _validate(content, where, allow_code)
     if warns:
         losses.warn()
@@ -324,19 +338,108 @@ def _check_extensions(content: Content, where: Path | str) -> None:
                 )
 
 
-def _add_mesh_path(content: Content, mesh_path: tuple[Path, ...]) -> None:
-    """Add folders to the import options of each robot that is imported from a file. The content is changed."""
+def _named_packages(content: Content, overrides: Mapping[str, Any], folder: Path) -> dict[str, Path]:
+    """Find the folders of packages that the section ``packages`` of a file and its overrides name.
+
+    Args:
+        content: content of the file. A section of another form is refused by the validation later.
+        overrides: new values. Their relative paths start at the current folder.
+        folder: folder at which relative paths in the file start.
+    """
+    found = dict[str, Path]()
+    section = content.get("packages")
+    if isinstance(section, dict):
+        found |= {str(name): folder / str(path) for name, path in section.items()}
+    changed = overrides.get("packages")
+    if isinstance(changed, Mapping):
+        found |= {str(name): Path.cwd() / str(path) for name, path in changed.items()}
+    for key, path in overrides.items():
+        if key.startswith("packages."):
+            found[key.removeprefix("packages.")] = Path.cwd() / str(path)
+    return found
+
+
+def _with_directives(content: Content, where: Path | str, request: SceneRequest) -> Content:
+    """Add the robots and pieces of the files under ``add_directives``. Returns a copy without this key.
+
+    Args:
+        content: content of the station's file, with absolute paths. Its own keys take the place of the same keys of
+            robots and pieces that the files add.
+        where: name of the station's file, for errors.
+        request: packages and folders that may be read.
+
+    Raises:
+        InvalidConfig: a file is no scene, or two of them have a robot or a piece of the same name.
+    """
+    if "add_directives" not in content:
+        return content
+    rest = {key: value for key, value in content.items() if key != "add_directives"}
+    entries = content["add_directives"]
+    added: Content = {}
+    for entry in entries if isinstance(entries, list) else [entries]:
+        name, _, scenario = str(entry).partition("#")
+        file = Path(name)
+        if not isfile(file):
+            raise InvalidConfig(
+                where, "add_directives", message("stations.no_file", "there is no file {file}", file=file)
+            )
+        scenes = find_station_importer(file)
+        if scenes is None:
+            raise InvalidConfig(
+                where,
+                "add_directives",
+                message(
+                    "stations.no_scene",
+                    "{file} has no model directives of Drake: no list under the key directives",
+                    file=file,
+                ),
+            )
+        sections = scenes.station_sections(file, replace(request, scenario=scenario))
+        for section in ("robots", "pieces"):
+            for key, value in sections.get(section, {}).items():
+                known = added.setdefault(section, {})
+                if key in known:
+                    raise InvalidConfig(
+                        where,
+                        "add_directives",
+                        message(
+                            "stations.name_in_two_scenes",
+                            "two files have a model {name}; the names of models differ",
+                            name=key,
+                        ),
+                    )
+                known[key] = value
+    return _merged(added, rest)
+
+
+def _merged(lower: Content, upper: Content) -> Content:
+    """Merge two nested mappings. Where both have a value, that of `upper` counts."""
+    result = dict(lower)
+    for key, value in upper.items():
+        below = result.get(key)
+        result[key] = _merged(below, value) if isinstance(below, dict) and isinstance(value, dict) else value
+    return result
+
+
+def _add_to_imports(content: Content, key: str, values: list[str]) -> None:
+    """Add values to a list in the import options of each robot that is imported from a file, in place.
+
+    Args:
+        content: content of a station with the section ``robots``.
+        key: key of the import options, such as ``mesh_path``.
+        values: values that are added. Without any, nothing changes.
+    """
     robots = content.get("robots")
-    if not mesh_path or not isinstance(robots, dict):  # a section of a wrong type is refused by the validation later
+    if not values or not isinstance(robots, dict):  # a section of a wrong type is refused by the validation later
         return
     for robot in robots.values():
         if not isinstance(robot, dict) or not robot.get("urdf"):
             continue
         options = robot.get("import_options") or {}
         if isinstance(options, dict):
-            folders = [*(options.get("mesh_path") or []), *map(str, mesh_path)]
-            without_duplicates = list(dict.fromkeys(folders))
-            robot["import_options"] = {**options, "mesh_path": without_duplicates}
+            all_values = [*(options.get(key) or []), *values]
+            without_duplicates = list(dict.fromkeys(all_values))
+            robot["import_options"] = {**options, key: without_duplicates}
 
 
 def station_content(config: StationConfig, *, only: Mapping[str, Any] | None = None) -> Content:

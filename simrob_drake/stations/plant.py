@@ -2,7 +2,9 @@
 
 import logging
 import re
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple, TypeAlias
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -11,16 +13,19 @@ from pydrake.geometry import (
     AddRigidHydroelasticProperties,
     Box,
     CollisionFilterDeclaration,
+    GeometryId,
     HalfSpace,
     ProximityProperties,
+    Role,
     SceneGraph,
 )
 from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlant, CoulombFriction, MultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import FixedOffsetFrame, JointActuatorIndex, ModelInstanceIndex, RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
-from simrob_drake.base.errors import InvalidModel, InvalidParameter
+from simrob_drake.base.errors import InvalidModel, InvalidParameter, SimrobError
 from simrob_drake.base.frames import transform_from_pose
 from simrob_drake.base.messages import message
 from simrob_drake.blocks.passive_joints import set_friction
@@ -35,7 +40,7 @@ from simrob_drake.robots.pieces import FRICTION, TCP, add_piece, piece_robot
 from simrob_drake.robots.urdf import scale_masses, with_absolute_meshes
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import apply_materials, check_stiffnesses, needs_shapes
-from simrob_drake.stations.contact_points import add_contact_points, filter_contact_points
+from simrob_drake.stations.contact_points import ContactPoints, add_contact_points, filter_contact_points
 from simrob_drake.stations.other_engine import add_plant_block, other_engine
 from simrob_drake.stations.prescribed import set_rotors
 from simrob_drake.stations.resolve import ResolvedStation
@@ -48,75 +53,232 @@ logging.getLogger("drake").addFilter(lambda record: not _NEEDLESS.search(record.
 
 _FLOOR_COLOUR = np.array([0.82, 0.84, 0.86, 1.0])
 _SOFT_COLOUR = np.array([0.62, 0.48, 0.36, 1.0])
-_SHADE = 0.2  # how much lighter the highest boxes of a terrain are, and darker the lowest
+
+_SHADE = 0.2
+"""The highest boxes of a terrain are lighter by this fraction, the lowest ones have the floor's colour."""
+
 _FLOOR_THICKNESS = 0.02
-_FLOOR_STIFFNESS = 1e9  # N/m: of two in a row the softer counts, which is that of what stands on the floor
+"""Thickness of the slab that is drawn [m]. Contact is with a half-space."""
+
+_FLOOR_STIFFNESS = 1e9
+"""Stiffness of the floor in point contact [N/m]. Two surfaces are springs in series: the softer one, that of the body
+on the floor, determines the contact."""
+
 _FLOOR_FRICTION = CoulombFriction(FRICTION["mu_static"], FRICTION["mu_dynamic"])
 
 
-def add_plant(builder: DiagramBuilder, resolved: ResolvedStation) -> StationPlant:
+ParserHook: TypeAlias = Callable[[Parser], object]
+"""Callback of the user that may add models to a plant, or packages to its parser."""
+BuilderHook: TypeAlias = Callable[[DiagramBuilder], object]
+"""Callback of the user that may add systems to a diagram."""
+
+
+class PlantHooks(NamedTuple):
+    """Callbacks of the user while a plant is filled. Both get the same Parser of the plant."""
+
+    parser_preload: ParserHook | None = None  # before the robots are added
+    prefinalize: ParserHook | None = None  # after robots and pieces are added, before the plant is finalized
+
+    @property
+    def is_used(self) -> bool:
+        """Whether there is any callback, so that the plant may have bodies of the user's own."""
+        return self.parser_preload is not None or self.prefinalize is not None
+
+    def preload(self, parser: Parser) -> None:
+        """Call the callback that comes before the robots."""
+        if self.parser_preload is not None:
+            self.parser_preload(parser)
+
+    def finish(self, parser: Parser) -> None:
+        """Call the callback that comes before the plant is finalized."""
+        if self.prefinalize is not None:
+            self.prefinalize(parser)
+
+
+def check_steps_plant(config: StationConfig) -> None:
+    """Check that a station steps Drake's plant, so that bodies of the user's own in the plant move.
+
+    Raises:
+        SimrobError: the station is kinematic, or another engine stands in for the plant.
+    """
+    if not config.engine.moves_by_forces or other_engine(config) is not None:
+        raise SimrobError(
+            message(
+                "stations.plant_not_stepped",
+                "{station} cannot share a plant with bodies of your own: it is kinematic, or its solver ({solver}) "
+                "does not step Drake's plant; call add_station(builder, station) alone",
+                station=config.name,
+                solver=config.solver.kind,
+            )
+        )
+
+
+def add_plant(builder: DiagramBuilder, resolved: ResolvedStation, hooks: PlantHooks | None = None) -> StationPlant:
     """Add a station's scene graph and plant to a diagram.
 
     The plant stays outside of the diagram if the station is kinematic, or if another engine stands in for it.
 
+    Args:
+        builder: builder of the diagram.
+        resolved: the station.
+        hooks: callbacks that may add bodies to the plant; None if there are none.
+
     Raises:
         SimrobError: a robot does not suit the mode of the station, or the engine cannot simulate the station.
     """
+    hooks = PlantHooks() if hooks is None else hooks
     config = resolved.config
-    engine = config.engine
+    if hooks.is_used:
+        check_steps_plant(config)
     stand_in = other_engine(config)
-    collision = needs_shapes(config)  # without any, the plant never asks the scene graph: a fifth less work
-    if not engine.moves_by_forces or stand_in is not None:
+    if not config.engine.moves_by_forces or stand_in is not None:
         plant = MultibodyPlant(0.0)
         scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
         plant.RegisterAsSourceForSceneGraph(scene_graph)
+        plant.set_name("plant")
+        plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -config.gravity]))
     else:
-        settings = MultibodyPlantConfig(
-            time_step=engine.time_step, contact_model=config.contact.model if config.contact else "point"
-        )
-        if engine.has_discrete_states:
-            settings.discrete_contact_approximation = engine.name
-            settings.use_sampled_output_ports = False  # so that signals can be evaluated again from a recorded state
-        plant, scene_graph = AddMultibodyPlant(settings, builder)
-    plant.set_name("plant")
-    scene_graph.set_name("scene_graph")
-    plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -config.gravity]))
-    robots = {name: add_robot(plant, resolved, robot, collision=collision) for name, robot in resolved.robots.items()}
-    free_pieces = _add_standing_pieces(plant, resolved, collision)
-    _add_floor(plant, resolved, collision)
-    points = add_contact_points(plant, scene_graph, resolved, [*robots.values()])
-    apply_materials(plant, scene_graph, resolved)
-    station = StationPlant(
-        plant, scene_graph, robots, free_pieces, resolved.ground, holds_constraints=engine.constrains_in_plant
-    )
-    for coupling in config.couplings.values() if engine.moves_by_forces else ():
-        coupling.add(station)
+        plant, scene_graph = add_empty_plant(builder, config)
+    if hooks.is_used:
+        parser = Parser(plant)
+        hooks.preload(parser)
+        models = add_models(plant, scene_graph, resolved, floor=True, is_shared=True)
+        hooks.finish(parser)
+    else:
+        models = add_models(plant, scene_graph, resolved, floor=True)
     plant.Finalize()
-    for robot in robots.values():
-        for joint, sign, angle in zip(robot.joints, robot.axis_map.signs, robot.initial, strict=True):
-            joint.set_default_positions(np.array([sign * angle]))
-    for robot in robots.values():
-        set_rotors(plant, robot.joints, robot)
-    start = plant.CreateDefaultContext() if config.couplings else None
-    for name, coupling in config.couplings.items() if start is not None else ():
-        coupling.check_start(f"couplings.{name}", station, start)
-    check_stiffnesses(plant, scene_graph, resolved)
-    _filter_collisions(station, config.contact)
-    replaced = filter_contact_points(scene_graph, points)
-    station = replace(station, contact_points=frozenset(points.balls), replaced_pairs=tuple(replaced))
+    station = complete_plant(models)
+    replaced = filter_contact_points(scene_graph, models.points)
+    station = replace(station, replaced_pairs=tuple(replaced))
     if stand_in is None:
         return station
     return replace(station, stand_in=add_plant_block(builder, stand_in, resolved, station))
 
 
+def add_empty_plant(builder: DiagramBuilder, config: StationConfig) -> tuple[MultibodyPlant, SceneGraph]:
+    """Add a plant without bodies and its scene graph to a diagram, with the settings of a station."""
+    engine = config.engine
+    settings = MultibodyPlantConfig(
+        time_step=engine.time_step, contact_model=config.contact.model if config.contact else "point"
+    )
+    if engine.has_discrete_states:
+        settings.discrete_contact_approximation = engine.name
+        settings.use_sampled_output_ports = False  # so that signals can be evaluated again from a recorded state
+    plant, scene_graph = AddMultibodyPlant(settings, builder)
+    plant.set_name("plant")
+    scene_graph.set_name("scene_graph")
+    plant.mutable_gravity_field().set_gravity_vector(np.array([0.0, 0.0, -config.gravity]))
+    return plant, scene_graph
+
+
+@dataclass(frozen=True)
+class StationModels:
+    """The robots, pieces and floor of a station in a plant that may not be finalized yet.
+
+    Attributes:
+        resolved: the station.
+        plant: the plant with the station's robots and pieces.
+        shapes: collision shapes of the station, with its contact points.
+        points: its contact points.
+    """
+
+    resolved: ResolvedStation
+    plant: StationPlant
+    shapes: Sequence[GeometryId]
+    points: ContactPoints
+
+
+def add_models(
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    resolved: ResolvedStation,
+    *,
+    floor: bool,
+    is_shared: bool = False,
+) -> StationModels:
+    """Add the robots, pieces, floor and couplings of a station to a plant that is not finalized.
+
+    Args:
+        plant: the plant. It may contain other bodies.
+        scene_graph: the scene graph with which the plant is registered.
+        resolved: the station.
+        floor: whether to add the floor that the station may have.
+        is_shared: whether the plant is one of the user's own.
+
+    Raises:
+        SimrobError: a robot does not suit the mode of the station, or a value does not suit its solver.
+    """
+    config = resolved.config
+    engine = config.engine
+    collision = needs_shapes(config)  # without any, the plant never asks the scene graph: a fifth less work
+    inspector = scene_graph.model_inspector()
+    others = set(inspector.GetAllGeometryIds(Role.kProximity))
+    robots = {name: add_robot(plant, resolved, robot, collision=collision) for name, robot in resolved.robots.items()}
+    free_pieces = _add_standing_pieces(plant, resolved, collision)
+    if floor:
+        _add_floor(plant, resolved, collision)
+    own_shapes = [shape for shape in inspector.GetAllGeometryIds(Role.kProximity) if shape not in others]
+    points = add_contact_points(plant, scene_graph, resolved, [*robots.values()], own_shapes)
+    # The contact points are shapes of the station, too.
+    own_shapes = [shape for shape in inspector.GetAllGeometryIds(Role.kProximity) if shape not in others]
+    apply_materials(plant, scene_graph, resolved, own_shapes)
+    station = StationPlant(
+        plant,
+        scene_graph,
+        robots,
+        free_pieces,
+        resolved.ground,
+        contact_points=frozenset(points.balls),
+        holds_constraints=engine.constrains_in_plant,
+        scope=resolved.scope,
+        is_shared=is_shared,
+    )
+    for coupling in config.couplings.values() if engine.moves_by_forces else ():
+        coupling.add(station)
+    return StationModels(resolved, station, own_shapes, points)
+
+
+def complete_plant(models: StationModels) -> StationPlant:
+    """Set what a station can set only after its plant is finalized: initial posture, rotors, collision filters.
+
+    Args:
+        models: the station's robots and pieces.
+
+    Raises:
+        SimrobError: a coupling does not hold at the start, or the solver cannot hold a contact.
+    """
+    resolved = models.resolved
+    config = resolved.config
+    station = models.plant
+    plant = station.plant
+    for robot in station.robots.values():
+        for joint, sign, angle in zip(robot.joints, robot.axis_map.signs, robot.initial, strict=True):
+            joint.set_default_positions(np.array([sign * angle]))
+    for robot in station.robots.values():
+        set_rotors(plant, robot.joints, robot)
+    start = plant.CreateDefaultContext() if config.couplings else None
+    for name, coupling in config.couplings.items() if start is not None else ():
+        coupling.check_start(f"couplings.{name}", station, start)
+    check_stiffnesses(plant, station.scene_graph, resolved, models.shapes)
+    _filter_collisions(station, config.contact)
+    return station
+
+
 def _add_standing_pieces(plant: MultibodyPlant, station: ResolvedStation, collision: bool) -> dict[str, RigidBody]:
-    """Add the pieces that no robot carries; return the free ones among them."""
+    """Add the pieces that no robot carries.
+
+    Returns:
+        the bodies of the free pieces among them, by name.
+    """
     instances: dict[str, ModelInstanceIndex] = {}
     free: dict[str, RigidBody] = {}
+    # Each piece comes after its parent, so that the parent's frame exists.
     for name, piece in station.pieces.items():
         if piece.carrier == WORLD:
             robot = piece_robot(name, piece.model)
-            instance = add_urdf(plant, robot, name=name, where=f"pieces.{name}", collision=collision)
+            instance = add_urdf(
+                plant, robot, name=f"{station.scope}{name}", where=f"pieces.{name}", collision=collision
+            )
             if piece.free:
                 free[name] = plant.GetBodyByName(name, instance)
                 plant.SetDefaultFloatingBaseBodyPose(free[name], piece.pose)
@@ -129,20 +291,36 @@ def _add_standing_pieces(plant: MultibodyPlant, station: ResolvedStation, collis
 
 
 def _add_floor(plant: MultibodyPlant, station: ResolvedStation, collision: bool) -> None:
-    config, tilt = station.config, station.ground.floor_pose
+    """Add the floor of a station, if it has one: a half-space, or the boxes of its terrain.
+
+    Args:
+        plant: the plant, which is not finalized.
+        station: the station.
+        collision: whether the floor takes part in contact.
+    """
+    config = station.config
+    floor_pose = station.ground.floor_pose
     if config.floor is None:
         return
-    if config.floor.terrain is None:  # else all of it is boxes: copying a half-space among many ends in Drake's crash
+    terrain = config.floor.terrain
+    if terrain is None:
         slab = Box(config.floor.size, config.floor.size, _FLOOR_THICKNESS)
         below = RigidTransform(np.array([0.0, 0.0, -_FLOOR_THICKNESS / 2]))
-        plant.RegisterVisualGeometry(plant.world_body(), tilt @ below, slab, FLOOR, _FLOOR_COLOUR)
+        plant.RegisterVisualGeometry(plant.world_body(), floor_pose @ below, slab, FLOOR, _FLOOR_COLOUR)
         if collision:
-            plant.RegisterCollisionGeometry(plant.world_body(), tilt, HalfSpace(), FLOOR, _floor_surface(config, None))
+            surface = _floor_surface(config, None)
+            plant.RegisterCollisionGeometry(plant.world_body(), floor_pose, HalfSpace(), FLOOR, surface)
         return
-    for number, block in enumerate(config.floor.terrain.blocks(config.floor.size)):
-        box, name, pose = Box(*(2 * block.half)), f"{FLOOR}.{number}", tilt @ block.pose
-        level = (block.pose.translation()[2] + block.half[2]) / config.floor.terrain.height
-        colour = _SOFT_COLOUR if block.modulus else _FLOOR_COLOUR * ([1 + _SHADE * level] * 3 + [1.0])
+    # With a terrain there is no half-space, though there may be level ground: Drake crashes when it copies a
+    # half-space among many boxes.
+    for number, block in enumerate(terrain.blocks(config.floor.size)):
+        name = f"{FLOOR}.{number}"
+        box = Box(*(2 * block.half))
+        pose = floor_pose @ block.pose
+        top = block.pose.translation()[2] + block.half[2]
+        relative_height = top / terrain.height
+        brightness = 1 + _SHADE * relative_height
+        colour = _SOFT_COLOUR if block.modulus else _FLOOR_COLOUR * ([brightness] * 3 + [1.0])
         plant.RegisterVisualGeometry(plant.world_body(), pose, box, name, np.clip(colour, 0.0, 1.0))
         if collision:
             surface = _floor_surface(config, block.modulus)
@@ -150,7 +328,12 @@ def _add_floor(plant: MultibodyPlant, station: ResolvedStation, collision: bool)
 
 
 def _floor_surface(config: StationConfig, modulus: float | None) -> ProximityProperties:
-    """Return what a floor is made of: rigid, or soft where it has a hydroelastic modulus [Pa]."""
+    """Create the contact properties of a floor.
+
+    Args:
+        config: the station.
+        modulus: hydroelastic modulus of a soft floor [Pa], or None for a rigid floor.
+    """
     surface = ProximityProperties()
     if config.contact is not None and config.contact.model != "point":
         if modulus is None:
@@ -163,9 +346,9 @@ def _floor_surface(config: StationConfig, modulus: float | None) -> ProximityPro
 
 
 def _filter_collisions(station: StationPlant, contact: ContactConfig | None) -> None:
-    """Let the links and pieces of one robot pass through each other; with self-collision, its feet alone.
+    """Exclude contact among the links and carried pieces of each robot or, with self-collision, among its feet.
 
-    Contact spheres may reach further than the feet that they stand for, even over the other foot.
+    Feet are excluded because their contact spheres may reach beyond the foot, even into the other foot.
     """
     if contact is None:
         return
@@ -181,7 +364,18 @@ def _filter_collisions(station: StationPlant, contact: ContactConfig | None) -> 
 def add_robot(
     plant: MultibodyPlant, station: ResolvedStation, robot: ResolvedRobot, *, collision: bool
 ) -> StationRobot:
-    """Add a robot and what it carries to an unfinished plant; raises InvalidModel: one not for the station's mode."""
+    """Add a robot and the pieces that it carries to a plant that is not finalized.
+
+    Args:
+        plant: the plant.
+        station: the station.
+        robot: the robot.
+        collision: whether its shapes take part in contact.
+
+    Raises:
+        InvalidModel: links that move have no inertia, though the station is dynamic.
+        InvalidParameter: an axis has backlash, but its motor has no rotor inertia.
+    """
     model = robot.model
     if station.engine.moves_by_forces and model.links_without_inertia:
         listed = ", ".join(model.links_without_inertia)
@@ -204,7 +398,7 @@ def add_robot(
     scale_masses(urdf, station.config.robots[robot.name].mass_factors)
     if station.engine.moves_by_forces:
         add_play(urdf, dict(zip([axis.joint for axis in model.axes.values()], model.play.tolist(), strict=True)))
-    instance = add_urdf(plant, urdf, name=robot.name, where=model.urdf_path, collision=collision)
+    instance = add_urdf(plant, urdf, name=f"{station.scope}{robot.name}", where=model.urdf_path, collision=collision)
     root = plant.GetFrameByName(model.root, instance)
     if robot.floats:
         plant.SetDefaultFloatingBaseBodyPose(root.body(), robot.base)
@@ -242,7 +436,7 @@ def add_robot(
 
 
 def urdf_with_pieces(station: ResolvedStation, robot: ResolvedRobot) -> Element:
-    """Return a robot's URDF with the feet that it wears and the pieces that it carries, mesh names absolute."""
+    """URDF of a robot with its contact feet and the pieces that it carries. Its mesh names are absolute."""
     element = with_absolute_meshes(robot.model.element, robot.model.folder)
     if robot.feet is not None:
         put_on_feet(element, robot.feet)

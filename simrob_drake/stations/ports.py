@@ -12,15 +12,34 @@ from simrob_drake.base.messages import compound, join_texts, message, translate
 from simrob_drake.parts.captions import MANY, short, shown_limits, shown_values, wrapped
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
-from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.config import Feedforward, StationConfig
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class StationPorts(Site):
-    """The ports of a station; names carry the prefix ``<robot>.`` where there are several robots.
+    """The ports of a station, as :func:`add_station` returns them and a built station has them as ``ports``.
 
-    Attributes of :class:`~simrob_drake.parts.site.Site`, and:
+    With several robots, the names of a robot's ports begin with ``<robot>.``. For example::
+
+        builder.Connect(source.get_output_port(), ports.inputs["reference"])
+        builder.Connect(ports.outputs["tcp_pose"], planner.get_input_port())
+        body = ports.plant.plant.GetBodyByName("link_6")
+
+    Attributes:
+        inputs: input ports by name, a mapping: ``reference`` (n), and the inputs that the station lists under
+            ``inputs``, such as ``feedforward``. All are open: connect or export each.
+        outputs: output ports by name, a mapping: ``position``, ``velocity``, ``torque`` (n), ``tcp_pose`` (7), and
+            those of pieces and sensors, such as ``force.<sensor>`` (3).
+        plant: the plant of the station: ``plant.plant`` is the MultibodyPlant, ``plant.scene_graph`` the SceneGraph,
+            ``plant.robots`` the robots by name.
+        state: output port with the positions and velocities of the whole plant, size nq + nv.
         config: the station's configuration.
+        station: the robots, pieces and parts of the station.
+        blocks: controllers and other blocks of the user's own, by name.
+        picture: the labels of the block picture.
+        edges: times at which a run must end a step, such as the start of a push [s].
+        spatial_forces: output ports whose forces on bodies act on the plant.
+        generalized_forces: output ports whose forces on joints act on the plant, in addition to the motors.
         sources: what drives inputs from the start, by name: these need no block that hands them on.
         name: name of the station in a diagram of the user's own: the prefix of its systems' names, with a dot between
             them; empty if they have none.
@@ -40,6 +59,12 @@ class StationPorts(Site):
 
 
 _MOTOR = "drives", "drive", "stall", "brakes", "brake"
+_FEEDFORWARDS: dict[Feedforward, str] = {
+    "none": "",
+    "gravity": message("stations.block_gravity", "gravity"),
+    "inverse_dynamics": message("stations.block_dynamics", "inverse dynamics"),
+}
+"""What a feedforward compensates, as the block picture shows it."""
 _PARTS = "pd", "position_loop", "speed_limit", "velocity_loop", "saturation", "integrator", "integral_clip", *_MOTOR
 """What a servo may be made of."""
 
@@ -82,7 +107,10 @@ def draw_plant(ports: StationPorts) -> None:
 
 
 def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) -> None:
-    """Draw servos as they are made: a row for each joint, or one for all; of many the middle ones share a block."""
+    """Draw servos that are made of blocks: a row for each joint, or one row for all joints.
+
+    Of many joints, only the first and the last have a row. Those between share a single block.
+    """
     axes, prefix = robot.axes, robot.prefix
     if ports.config.engine.limits_torques_in_actuators:  # one block shows the limits of all
         _draw_saturation(ports, f"{prefix}torque", list(range(len(axes))), robot)
@@ -113,7 +141,7 @@ def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) ->
 
 
 def draw_actuator_servos(ports: StationPorts, robot: StationRobot) -> None:
-    """Draw servos inside the plant's actuators: a block of their own beside the plant."""
+    """Draw the servos in the plant's actuators as a separate block next to the plant."""
     driven = _axes_with_motor(robot, list(range(len(robot.axes))))
     label = compound(
         "{joints}{passive}",
@@ -138,14 +166,14 @@ def draw_actuator_servos(ports: StationPorts, robot: StationRobot) -> None:
 
 def draw_feedforward(ports: StationPorts, robots: list[str]) -> None:
     """Draw what the model predicts for the desired motion of robots: one block for all of them."""
-    kinds = dict.fromkeys(ports.config.servo_of(robot).feedforward.replace("_", " ") for robot in robots)
+    kinds = dict.fromkeys(_FEEDFORWARDS[ports.config.servo_of(robot).feedforward] for robot in robots)
     whose = message("stations.block_of_reference", "of what is asked for")
     if len(ports.plant.robots) > 1:
         whose = message("stations.block_of_robots", "of {robots}", robots=", ".join(robots))
     label = message(
         "stations.block_feedforward",
         "Feedforward: {kinds}\n{whose}",
-        kinds=", ".join(kinds),
+        kinds=join_texts(kinds),
         whose=wrapped(translate(whose)),
     )
     ports.picture.draw("model_feedforward", "servo", label)
@@ -185,7 +213,7 @@ def _passive_text(robot: StationRobot) -> str:
 
 
 def _draw_servo(ports: StationPorts, robot: StationRobot, row: str, group: list[int], who: str) -> None:
-    """Draw the servo of a group of joints. Passive joints have none: a block says that they have no motor."""
+    """Draw the servo of a group of joints. Passive joints have no servo: their block is labelled "no motor"."""
     gains = robot.gains
     name = f"{robot.prefix}{row}"
     driven = _axes_with_motor(robot, group)
@@ -256,8 +284,10 @@ def _draw_saturation(ports: StationPorts, name: str, group: list[int], robot: St
 
 
 def _robot_text(robot: StationRobot) -> str:
+    """Describe a robot in the block of the plant: what it is, and its count of axes."""
     kind = robot.model.description.split(",")[0]
     kind = kind if short(kind) else robot.model.name
     title = f"{robot.name}: {kind}" if robot.prefix else kind
-    whole = f"{title}, {len(robot.axes)} axes"
-    return whole if short(whole) else f"{wrapped(title)},\n{len(robot.axes)} axes"
+    axes = message("stations.block_axes", "{count} {count:axis|axes}", count=len(robot.axes))
+    whole = translate(compound("{title}, {axes}", title=title, axes=axes))
+    return whole if short(whole) else compound("{title},\n{axes}", title=wrapped(title), axes=axes)

@@ -86,7 +86,7 @@ def _describe_bent_legs(length: float) -> str:
 
 
 class Stances:
-    """Search for the good stances of a robot: home if the robot stands there, else postures with bent legs.
+    """Search for the good stances of a robot: first at home, then with bent legs.
 
     A robot stands on the ends of its chains of axes. A robot without legs may stand on its root link as well.
     """
@@ -216,7 +216,7 @@ class Stances:
             yield tidy
 
     def _reasons_against(self, found: Standing, feet: set[str], length: float) -> Iterator[str]:
-        """Yield what prevents the robot from standing steadily on its feet alone, in words.
+        """Yield the reasons that prevent the robot from standing steadily on its feet alone, in words.
 
         Args:
             found: statics of the stance. The robot is placed in it.

@@ -1,13 +1,15 @@
 """Compose a station: plant, servos, poses, sensors, forces, controllers, monitors."""
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer
-from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem, OutputPort
+from pydrake.geometry import SceneGraph
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer, MultibodyPlant
+from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, LeafSystem, OutputPort
 
 from simrob_drake.base.arguments import drake_asserts, instance
 from simrob_drake.base.errors import InvalidParameter, SimrobError, quoted
@@ -22,13 +24,25 @@ from simrob_drake.parts.controllers.own import add_own_blocks, wire_own_blocks, 
 from simrob_drake.parts.forces import add_force
 from simrob_drake.parts.monitors.monitor import add_monitor
 from simrob_drake.parts.outputs import OutputRegistry
+from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.dynamic import add_dynamic_robots, add_kinematic_robots, add_motion_inputs, check_servo_steps
 from simrob_drake.stations.load import load_station, with_settings
-from simrob_drake.stations.plant import add_plant
+from simrob_drake.stations.plant import (
+    BuilderHook,
+    ParserHook,
+    PlantHooks,
+    StationModels,
+    add_empty_plant,
+    add_models,
+    add_plant,
+    check_steps_plant,
+    complete_plant,
+)
 from simrob_drake.stations.ports import StationPorts, draw_plant
 from simrob_drake.stations.poses import add_free_pieces, add_poses
 from simrob_drake.stations.resolve import ResolvedStation, resolve
+from simrob_drake.stations.shared_plant import check_builder, check_plant, scene_graph_in, shared_plant
 
 StationLike: TypeAlias = "str | Path | StationConfig | Station"
 """What users mean a station by: a name, a YAML file, a configuration, or a built station."""
@@ -62,7 +76,15 @@ def config_of(station: StationLike, overrides: Mapping[str, Any] | None = None) 
 @former_argument("config", "station")
 @drake_asserts()
 def add_station(
-    builder: DiagramBuilder, station: StationLike, *, name: str = "", overrides: Mapping[str, Any] | None = None
+    builder: DiagramBuilder,
+    station: StationLike,
+    *,
+    name: str = "",
+    overrides: Mapping[str, Any] | None = None,
+    plant: MultibodyPlant | None = None,
+    scene_graph: SceneGraph | None = None,
+    parser_preload: ParserHook | None = None,
+    prefinalize: ParserHook | None = None,
 ) -> StationPorts:
     """Add a station's systems to a diagram under construction, flat.
 
@@ -75,26 +97,196 @@ def add_station(
         name: prefix of the names of all systems that are added, with a dot after it. Each of several stations in one
             builder needs another one. It is no part of the names of ports and signals.
         overrides: new values of the station, as :func:`load_station` takes them.
+        plant: plant of your own in this builder, in which the station shall stand. It is finalized here, after
+            ``prefinalize``. To finalize it yourself, or for several stations in one plant, see :func:`place_station`.
+            Without it the station gets a plant of its own.
+        scene_graph: scene graph of ``plant``; by default the one in the builder.
+        parser_preload: callback with a Parser of the plant, before the robots are added to it.
+        prefinalize: callback with the same Parser, after robots and pieces are added and before the plant is finalized.
+            What it adds, such as tables, is part of the world but not of the station.
 
     Returns:
         the station's ports, with its plant.
 
     Raises:
-        SimrobError: there is no such station, or the builder has systems of the same names.
+        SimrobError: there is no such station, the builder has systems of the same names, or the plant does not suit
+            the station.
     """
     instance(builder, "builder", DiagramBuilder, message("stations.diagram_builder", "a DiagramBuilder of Drake"))
     _check_name(name)
+    hooks = PlantHooks(parser_preload, prefinalize)
     resolved = resolve(config_of(station, overrides))
+    if plant is None:
+        if scene_graph is not None:
+            needed = message("stations.plant_with_scene_graph", "given together with the plant of your own")
+            raise InvalidParameter("scene_graph", quoted(scene_graph), needed)
+        known = [system.get_name() for system in builder.GetSystems()]
+        _check_clash(known, [_with_prefix(name, own) for own in _ALWAYS_THERE], name)
+        return _add_named(builder, name, lambda: _compose_with_edges(builder, resolved, hooks=hooks))
+    expected = message("stations.drakes_plant", "a MultibodyPlant of Drake")
+    instance(plant, "plant", MultibodyPlant, expected)
+    scene_graph = scene_graph_in(builder, plant) if scene_graph is None else scene_graph
+    check_builder(builder, [plant, scene_graph])
+    parser = Parser(plant)
+    hooks.preload(parser)
+    placed = place_station(plant, resolved.config, scene_graph=scene_graph, name=name)
+    hooks.finish(parser)
+    plant.Finalize()
+    return placed.wire(builder)
+
+
+@drake_asserts()
+def place_station(
+    plant: MultibodyPlant,
+    station: StationLike,
+    *,
+    scene_graph: SceneGraph,
+    name: str = "",
+    overrides: Mapping[str, Any] | None = None,
+) -> "PlacedStation":
+    """Put a station's robots, pieces and floor into a plant of your own, so that several stations share one world.
+
+    Add everything that shall stand in the world, call ``plant.Finalize()``, and then :meth:`PlacedStation.wire` of each
+    station, which adds its servos, sensors and monitors to the diagram. The plant must have the station's gravity, time
+    step and contact model; :func:`add_world` makes such a plant.
+
+    Args:
+        plant: the plant, not finalized.
+        station: the station: its name, its file, its configuration, or a built one, whose configuration is taken.
+        scene_graph: the scene graph of the plant.
+        name: prefix of the names of the station's model instances and systems, with a dot after it. Each of several
+            stations in one plant needs another one. It is no part of the names of ports and signals.
+        overrides: new values of the station, as :func:`load_station` takes them.
+
+    Raises:
+        SimrobError: there is no such station, or the plant does not suit it: it is finalized, belongs to another scene
+            graph, differs in gravity, time step or contact model, or has a station of this name.
+    """
+    _check_name(name)
+    scope = f"{name}." if name else ""
+    resolved = replace(resolve(config_of(station, overrides)), scope=scope)
+    check_plant(plant, scene_graph, resolved, name)
+    contents = shared_plant(plant)
+    if resolved.config.contact is not None:
+        plant.set_stiction_tolerance(resolved.config.contact.stiction_speed)
+    if resolved.engine.has_discrete_states:
+        plant.SetUseSampledOutputPorts(False)  # so that signals can be evaluated again from a recorded state
+    floor = contents.needs_floor(resolved)
+    models = add_models(plant, scene_graph, resolved, floor=floor, is_shared=True)
+    contents.add(name, resolved, models.points)
+    return PlacedStation(name, models)
+
+
+class PlacedStation:
+    """A station whose robots and pieces stand in a plant of the user's own; :func:`place_station` makes it.
+
+    Attributes:
+        name: name of the station in the plant and in the diagram; it may be empty.
+        robots: model instance of each robot in the plant, by the name of the robot.
+    """
+
+    def __init__(self, name: str, models: StationModels) -> None:
+        """Keep the station's models until the plant is finalized."""
+        self.name = name
+        self.robots = {robot.name: robot.instance for robot in models.plant.robots.values()}
+        self._models = models
+        self._is_wired = False
+
+    def __repr__(self) -> str:
+        """Describe the placed station in one line."""
+        return f"<PlacedStation {self.name or self._models.resolved.config.name}>"
+
+    @drake_asserts()
+    def wire(self, builder: DiagramBuilder) -> StationPorts:
+        """Add the station's servos, sensors, forces and monitors to the diagram of its plant.
+
+        Forces of the station are added to those that are connected to the plant already. Connect forces of your own to
+        ``get_applied_spatial_force_input_port`` and ``get_applied_generalized_force_input_port`` before this call.
+
+        Args:
+            builder: the builder that has the plant.
+
+        Returns:
+            the station's ports, as :func:`add_station` returns them.
+
+        Raises:
+            SimrobError: the plant is not finalized or in another builder, the station is wired already, or the builder
+                has systems of the same names.
+        """
+        instance(builder, "builder", DiagramBuilder, message("stations.diagram_builder", "a DiagramBuilder of Drake"))
+        station = self._models.plant
+        if not station.plant.is_finalized():
+            raise SimrobError(
+                message(
+                    "stations.plant_not_finalized",
+                    "the plant is not finalized; call plant.Finalize() before wire(builder)",
+                )
+            )
+        check_builder(builder, [station.plant, station.scene_graph])
+        if self._is_wired:
+            raise SimrobError(message("stations.wired_already", "this station is wired already; wire it once"))
+        self._is_wired = True
+        pairs = shared_plant(station.plant).filter_contact_points(station.scene_graph)
+        complete = replace(complete_plant(self._models), replaced_pairs=pairs)
+        resolved = self._models.resolved
+        return _add_named(builder, self.name, lambda: _compose_with_edges(builder, resolved, plant=complete))
+
+
+@drake_asserts()
+def add_world(
+    builder: DiagramBuilder, station: StationLike, *, overrides: Mapping[str, Any] | None = None
+) -> tuple[MultibodyPlant, SceneGraph]:
+    """Add an empty plant and its scene graph to a diagram, with the time step, gravity and contact model of a station.
+
+    Place stations and bodies of your own in the plant, and finalize it: see :func:`place_station`.
+
+    Args:
+        builder: builder of the diagram. The systems are named ``plant`` and ``scene_graph``.
+        station: the station whose settings are taken: its name, its file, its configuration, or a built one.
+        overrides: new values of the station, as :func:`load_station` takes them.
+
+    Raises:
+        SimrobError: there is no such station, it does not step Drake's plant, or the names are taken.
+    """
+    instance(builder, "builder", DiagramBuilder, message("stations.diagram_builder", "a DiagramBuilder of Drake"))
+    config = config_of(station, overrides)
+    check_steps_plant(config)
+    _check_clash([system.get_name() for system in builder.GetSystems()], _ALWAYS_THERE, "")
+    return add_empty_plant(builder, config)
+
+
+def _compose_with_edges(builder: DiagramBuilder, station: ResolvedStation, **how: Any) -> StationPorts:
+    """Add a station's systems, and a block that ends steps where its references and pushes have corners.
+
+    Args:
+        builder: builder of the diagram.
+        station: the station.
+        **how: arguments of `compose`.
+    """
+    ports = compose(builder, station, **how)
+    if ports.edges:
+        builder.AddNamedSystem("edges", EventTimes(ports.edges))
+    return ports
+
+
+def _add_named(builder: DiagramBuilder, name: str, add: Callable[[], StationPorts]) -> StationPorts:
+    """Add a station's systems to a builder, with the name of the station before their names.
+
+    Args:
+        builder: builder of the diagram.
+        name: name of the station in the diagram, or an empty text.
+        add: adds the systems, and returns the ports of the station.
+
+    Raises:
+        SimrobError: the builder has systems of the same names.
+    """
     known = list(builder.GetSystems())
     names = [system.get_name() for system in known]
-    _check_clash(names, [_with_prefix(name, own) for own in _ALWAYS_THERE], name)
     # While the station is composed, blocks are found by their names without the prefix: nothing else has these then.
     for index, system in enumerate(known):
         system.set_name(f"{_HIDDEN}{index}")
     try:
-        ports = compose(builder, resolved)
-        if ports.edges:
-            builder.AddNamedSystem("edges", EventTimes(ports.edges))
+        ports = add()
     finally:
         for system, own_name in zip(known, names, strict=True):
             system.set_name(own_name)
@@ -172,6 +364,8 @@ def compose(
     sources: Mapping[str, OutputPort] | None = None,
     lean: bool = False,
     closed: bool = False,
+    plant: StationPlant | None = None,
+    hooks: PlantHooks | None = None,
 ) -> StationPorts:
     """Add a station's systems, and perhaps not all of its parts.
 
@@ -180,11 +374,12 @@ def compose(
     station's controllers, made, and others of the user's own, by name; ``sources`` drive inputs of a dynamic
     station, by the inputs' names, so that these are no inputs. In a ``lean`` diagram blocks that only
     report stand where something reads them: the recorded states tell the poses of robots after a run. ``closed``
-    tells that no more systems with continuous states come.
+    tells that no more systems with continuous states come. ``plant`` is a finalized plant in which the station's
+    robots and pieces stand already; without it the station gets a plant of its own, to which ``hooks`` may add.
     """
     own = own_blocks(station.config.controllers) if blocks is None else blocks
     config = station.config.model_copy(update={"inputs": with_driven(station.config.inputs, own)})
-    plant = add_plant(builder, station)
+    plant = add_plant(builder, station, hooks) if plant is None else plant
     if plant.stand_in is not None:
         check_servo_steps(config, plant)
     if not station.engine.moves_by_forces:
@@ -240,11 +435,53 @@ def gather_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
             builder, "external_forces", ExternallyAppliedSpatialForceMultiplexer(len(found)), *found
         )
         ports.picture.draw_nothing("external_forces")
-        builder.Connect(forces, ports.plant.stepped.get_applied_spatial_force_input_port())
+        port = ports.plant.stepped.get_applied_spatial_force_input_port()
+        before = _disconnected(builder, port)
+        if before is not None:
+            both = ExternallyAppliedSpatialForceMultiplexer(2)
+            forces = add_and_connect(builder, "all_external_forces", both, before, forces)
+            ports.picture.draw_nothing("all_external_forces")
+        builder.Connect(forces, port)
     if ports.generalized_forces:
         joints = add_sum(builder, "joint_forces", *ports.generalized_forces)
         ports.picture.draw_nothing("joint_forces")
-        builder.Connect(joints, ports.plant.stepped.get_applied_generalized_force_input_port())
+        port = ports.plant.stepped.get_applied_generalized_force_input_port()
+        before = _disconnected(builder, port)
+        if before is not None:
+            joints = add_sum(builder, "all_joint_forces", before, joints)
+            ports.picture.draw_nothing("all_joint_forces")
+        builder.Connect(joints, port)
+
+
+def _disconnected(builder: DiagramBuilder, port: InputPort) -> OutputPort | None:
+    """Disconnect an input of a plant that others may feed already, such as another station in the plant.
+
+    Args:
+        builder: builder of the diagram.
+        port: the input.
+
+    Returns:
+        the output that was connected to it; None if there was none.
+
+    Raises:
+        SimrobError: the input is exported, so that nothing can be added to it.
+    """
+    if not builder.IsConnectedOrExported(port):
+        return None
+    source = builder.connection_map().get((port.get_system(), port.get_index()))
+    if source is None:
+        raise SimrobError(
+            message(
+                "stations.exported_force_port",
+                "the port {port} of the plant is exported, and the station has forces for it, too; connect a "
+                "PassThrough to the port and export the input of the PassThrough",
+                port=port.get_name(),
+            )
+        )
+    system, index = source
+    output = system.get_output_port(index)
+    builder.Disconnect(output, port)
+    return output
 
 
 class Station(Diagram):
@@ -256,12 +493,22 @@ class Station(Diagram):
     """
 
     @former_argument("config", "station")
-    def __init__(self, station: StationLike, *, overrides: Mapping[str, Any] | None = None) -> None:
-        """Build a station; arguments and errors are those of :func:`add_station`."""
+    def __init__(
+        self,
+        station: StationLike,
+        *,
+        overrides: Mapping[str, Any] | None = None,
+        parser_preload: ParserHook | None = None,
+        prefinalize: ParserHook | None = None,
+        prebuild: BuilderHook | None = None,
+    ) -> None:
+        """Build a station; arguments and errors are those of :func:`build_station`."""
         super().__init__()
         self.config = config_of(station, overrides)
         builder = DiagramBuilder()
-        self.ports = add_station(builder, self.config)
+        self.ports = add_station(builder, self.config, parser_preload=parser_preload, prefinalize=prefinalize)
+        if prebuild is not None:
+            prebuild(builder)
         for name, port in self.ports.inputs.items():
             if not builder.IsConnectedOrExported(port):
                 builder.ExportInput(port, name)
@@ -277,14 +524,27 @@ class Station(Diagram):
 
 
 @former_argument("config", "station")
-def build_station(station: StationLike, *, overrides: Mapping[str, Any] | None = None) -> Station:
+def build_station(
+    station: StationLike,
+    *,
+    overrides: Mapping[str, Any] | None = None,
+    parser_preload: ParserHook | None = None,
+    prefinalize: ParserHook | None = None,
+    prebuild: BuilderHook | None = None,
+) -> Station:
     """Build a station as one Diagram, with its ports exported by name.
 
     Args:
         station: the station: its name, its file, its configuration, or a built one, whose configuration is taken.
         overrides: new values of the station, as :func:`load_station` takes them.
+        parser_preload: callback with a Parser of the plant, before the robots are added to it.
+        prefinalize: callback with the same Parser, after robots and pieces are added and before the plant is finalized.
+        prebuild: callback with the builder, before the diagram is built: it may add systems, connect them to the
+            station's, and export their ports.
 
     Raises:
         SimrobError: there is no such station, or it cannot be built.
     """
-    return Station(station, overrides=overrides)
+    return Station(
+        station, overrides=overrides, parser_preload=parser_preload, prefinalize=prefinalize, prebuild=prebuild
+    )

@@ -143,9 +143,9 @@ def test_ways_of_several_tools_are_told_apart(tmp_path):
 def test_how_fast_a_run_was_has_two_digits(simulated, clock, said, result):
     run = replace(result, times=np.array([0.0, simulated]), stepping_time=clock, signal_time=0.0)
     run = replace(run, step_times=np.linspace(0.0, simulated, 7))
-    assert run.pace.startswith(said)
-    assert run.pace.endswith("6 steps")
-    assert "0 × real" not in run.pace
+    assert run.speed_in_words.startswith(said)
+    assert run.speed_in_words.endswith("6 steps")
+    assert "0 × real" not in run.speed_in_words
 
 
 @pytest.mark.long

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 from pathlib import Path
 from string import Formatter
 
@@ -14,6 +15,7 @@ from simrob_drake.base.messages import catalogue, in_language
 from simrob_drake.base.remarks import Remark, Remedy, worst_severity
 from simrob_drake.base.yaml_files import parse_yaml
 from simrob_drake.cli.app import run_command
+from simrob_drake.cli.screen import say_remark
 from simrob_drake.programs.whole_program import perform
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.results.verdict.judge import CRITERIA
@@ -212,6 +214,26 @@ def test_the_command_line_tells_a_shared_remedy_once(tmp_path, monkeypatch, caps
     assert captured.err.count("--set contact={}") == 1
     assert max(map(len, captured.err.splitlines())) <= 80
     assert "verdict   " not in captured.out
+
+
+def test_an_option_and_its_setting_stay_on_one_line(capsys):
+    """So that they can be copied; a setting with spaces is quoted for the shell, and remains whole."""
+    settings = (
+        ("contact.stiffness", 25000.0),
+        ("solver.max_step", 0.0005),
+        ("reference.target_deg", "{joint_5: 60, joint_2: 30}"),
+        ("servo.feedforward", "gravity"),
+    )
+    text = "take smaller steps in the solver or let the arm rest, such as with --set solver.max_step=0.0005"
+    say_remark(Remark("warning", "it fails", Remedy(text, "contact", {}, settings)))
+    lines = [line.strip() for line in capsys.readouterr().err.splitlines()]
+    options = " ".join(lines[lines.index("--set contact={} --set contact.stiffness=25000.0") :])
+    assert max(map(len, lines)) <= 72
+    assert not [line for line in lines if line.endswith("--set")]
+    expected = ["contact={}", *(f"{key}={value}" for key, value in settings)]
+    assert shlex.split(options) == [word for setting in expected for word in ("--set", setting)]
+    quoted = "--set 'reference.target_deg={joint_5: 60, joint_2: 30}'"
+    assert [line for line in lines if quoted in line]
 
 
 def test_a_lag_in_a_program_is_answered_with_time():

@@ -24,18 +24,27 @@ def compare(
     station: StationArgument,
     with_: Annotated[
         Path | None,
-        typer.Option("--with", metavar="FILE", help="Logged signals: .csv with a header, .mat or .parquet."),
+        typer.Option(
+            "--with",
+            metavar="FILE",
+            help=message("comparison.help_compare_with", "Logged signals: .csv with a header, .mat or .parquet."),
+        ),
     ] = None,
     map_: Annotated[
         list[str] | None,
         typer.Option(
             "--map",
             metavar="THEIRS=OURS",
-            help="What a logged signal is called here, as yout.1=q.joint_1, or yout.1=q.joint_1:deg.",
+            help=message(
+                "comparison.help_compare_map",
+                "What a logged signal is called here, as yout.1=q.joint_1, or yout.1=q.joint_1:deg.",
+            ),
         ),
     ] = None,
     set_: Settings = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for the numbers and pictures.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help=message("comparison.help_compare_out", "Folder for the numbers and pictures."))
+    ] = None,
     force: Force = False,
 ) -> None:
     """Hold a station's run against others: logged signals of the original, or other engines with error bars.

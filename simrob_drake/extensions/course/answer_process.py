@@ -14,8 +14,15 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from simrob_drake.base.messages import message, translate
 from simrob_drake.blocks.sampled import BlockFails, RunEnds, SampledBlock
-from simrob_drake.extensions.course.process import apply_limits, error_text, load_module, take_over_output
+from simrob_drake.extensions.course.process import (
+    apply_limits,
+    error_text,
+    load_module,
+    take_over_output,
+    write_in_language,
+)
 from simrob_drake.extensions.course.wire import decode, encode
 
 Request = dict[str, Any]
@@ -28,6 +35,7 @@ def main() -> None:
     """Read the job and serve requests from the standard input until it is closed, and end the process."""
     replies = take_over_output()
     job = json.loads(sys.stdin.readline())
+    write_in_language(str(job["language"]))
     apply_limits(int(job["memory"]), int(job["seconds"]))
     # The limits hold before any code of the answer runs.
     answer = ServedAnswer(Path(job["answer"]))
@@ -116,13 +124,17 @@ class ServedAnswer:
 
         That is the innermost line of the traceback that belongs to the answer, as later ones are those of libraries.
         """
-        place = ""
+        line = None
         trace = problem.__traceback__
         while trace is not None:
             if Path(trace.tb_frame.f_code.co_filename) == self.file:
-                place = f" ({self.file.name}, line {trace.tb_lineno})"
+                line = trace.tb_lineno
             trace = trace.tb_next
-        return error_text(problem) + place
+        text = error_text(problem)
+        if line is None:
+            return text
+        place = message("course.in_line", " ({file}, line {line})", file=self.file.name, line=line)
+        return text + translate(place)
 
 
 if __name__ == "__main__":

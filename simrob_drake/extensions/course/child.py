@@ -18,7 +18,13 @@ from types import ModuleType
 from typing import Any
 
 from simrob_drake.extensions.course.measuring import Reading
-from simrob_drake.extensions.course.process import apply_limits, error_text, load_module, take_over_output
+from simrob_drake.extensions.course.process import (
+    apply_limits,
+    error_text,
+    load_module,
+    take_over_output,
+    write_in_language,
+)
 from simrob_drake.extensions.course.remote_answer import AnswerEnded, AnswerFailed, RemoteAnswer
 
 Reply = dict[str, Any]
@@ -29,6 +35,7 @@ points: the answer cannot be measured."""
 def main() -> None:
     """Read the job from the standard input, measure all its points, and end the process."""
     job = json.loads(sys.stdin.readline())
+    write_in_language(str(job["language"]))
     replies = take_over_output()
     apply_limits(int(job["memory"]), int(job["seconds"]))
     # Each reply is written at once, so that points that are measured count even if a later one ends the process.
@@ -45,8 +52,8 @@ def _measure_points(job: Mapping[str, Any]) -> Iterator[Reply]:
     """Load the checks and the answer, and yield a reply for each point; or a single problem if that is not possible.
 
     Args:
-        job: files of the checks and of the answer, names of the points, and limits of memory [bytes] and processor time
-            [s] of the answer's process.
+        job: files of the checks and of the answer, names of the points, the language of problems, and limits of
+            memory [bytes] and processor time [s] of the answer's process.
 
     Raises:
         AnswerEnded: the process of the answer has ended.

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from simrob_drake.base.errors import InvalidConfig, Unsuitable
 from simrob_drake.base.folders import check_ending, check_new_file, written_at_once
-from simrob_drake.base.messages import in_language, message, set_output_language
+from simrob_drake.base.messages import in_language, message, set_output_language, with_decimal_sign
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.language import LANGUAGE_VARIABLE
@@ -39,10 +39,21 @@ _STYLES: dict[PointState, str] = {"ok": "green", "fails": "red", "missing": "yel
 _STATE_WIDTH = 8  # characters; the longest word for a state and a space
 
 _ExerciseArgument = Annotated[
-    str, typer.Argument(metavar="EXERCISE", help="A number of `simrob course list`, or the folder of one of your own.")
+    str,
+    typer.Argument(
+        metavar="EXERCISE",
+        help=message(
+            "course.help_exercise_argument", "A number of `simrob course list`, or the folder of one of your own."
+        ),
+    ),
 ]
 _Spoken = Annotated[
-    Language, typer.Option("--language", envvar=LANGUAGE_VARIABLE, help="Of titles, templates, points and errors.")
+    Language,
+    typer.Option(
+        "--language",
+        envvar=LANGUAGE_VARIABLE,
+        help=message("course.help_spoken", "Language of titles, templates, points and errors."),
+    ),
 ]
 
 
@@ -57,13 +68,15 @@ def list_exercises(language: _Spoken = "en") -> None:
     rows = []
     for entry in exercises():
         exercise = entry.exercise
-        rows.append((str(exercise.number), exercise.title.of(language), f"{exercise.hours:g}"))
+        rows.append((str(exercise.number), exercise.title.of(language), with_decimal_sign(f"{exercise.hours:g}")))
     console.print(table(("", words["exercise"], words["hours"]), *rows, numbers=False))
 
 
 def start(
     exercise: _ExerciseArgument,
-    out: Annotated[Path, typer.Option(help="Folder that takes the template, as answer.py.")] = Path(),
+    out: Annotated[
+        Path, typer.Option(help=message("course.help_start_out", "Folder that takes the template, as answer.py."))
+    ] = Path(),
     language: _Spoken = "en",
     force: Force = False,
 ) -> None:
@@ -85,24 +98,41 @@ def check(
     exercise: _ExerciseArgument,
     answer: Annotated[
         Path,
-        typer.Argument(metavar="ANSWER", help="A Python file, which is run; or a folder of submissions, for --csv."),
+        typer.Argument(
+            metavar="ANSWER",
+            help=message(
+                "course.help_check_answer", "A Python file, which is run; or a folder of submissions, for --csv."
+            ),
+        ),
     ],
-    allow_code: Annotated[bool, typer.Option("--allow-code", help="Run the code of the answer.")] = False,
+    allow_code: Annotated[
+        bool, typer.Option("--allow-code", help=message("course.help_check_allow_code", "Run the code of the answer."))
+    ] = False,
     csv: Annotated[
-        Path | None, typer.Option("--csv", help="File for the points of all submissions; only for a folder.")
+        Path | None,
+        typer.Option(
+            "--csv", help=message("course.help_check_csv", "File for the points of all submissions; only for a folder.")
+        ),
     ] = None,
     language: _Spoken = "en",
     seconds: Annotated[
-        float, typer.Option(min=1, max=86400, help="Time limit of all points of an answer [s].")
+        float,
+        typer.Option(
+            min=1, max=86400, help=message("course.help_check_seconds", "Time limit of all points of an answer [s].")
+        ),
     ] = SECONDS,
-    memory: Annotated[float, typer.Option(min=0.6, max=1000, help="Memory limit of an answer [GB].")] = MEMORY,
+    memory: Annotated[
+        float,
+        typer.Option(min=0.6, max=1000, help=message("course.help_check_memory", "Memory limit of an answer [GB].")),
+    ] = MEMORY,
     force: Force = False,
 ) -> ExitCode:
     """Measure an answer, in one line a point; the exit code is 0 if all points hold, and 4 if not.
 
     A point is ok, fails (its value is out of bounds), is missing (its function is not written yet), or has an error.
     The answer runs in a process of its own, with limits of time and memory. For a folder of submissions, one Python
-    file or one folder a student, the points of all of them are written to a table.
+    file or one folder a student, the points of all of them are written to a table, and the exit code is 0 once it is
+    written.
 
     For example:
 
@@ -162,7 +192,7 @@ def _check_folder(
     for number, submission in enumerate(submissions, start=1):
         with errors.status(Text(f"{number}/{len(submissions)} {submission.name}")):
             checked.append(check_submission(entry, submission, seconds=seconds, memory=memory))
-        written_at_once(file, points_table(entry, checked))
+        written_at_once(file, points_table(entry, checked, words, language))
         say(_submission_line(checked[-1], len(entry.exercise.points), language))
     say(f"{words['table']:<10}{file}")
 
@@ -183,7 +213,7 @@ def _result(point: CheckedPoint, language: Language) -> str:
     words = _words(language)
     if point.reading is None:
         return in_language(point.problem, language) or words["unwritten"]
-    value = _with_unit(f"{point.reading.value:.4g}", point.reading.unit)
+    value = _with_unit(with_decimal_sign(f"{point.reading.value:.4g}"), point.reading.unit)
     return f"{words['measured']} {value}; {words['asked']} {_bounds(point.reading, words)}"
 
 
@@ -196,7 +226,7 @@ def _bounds(reading: Reading, words: Mapping[str, str]) -> str:
         template = words["least"]
     else:
         template = words["near"]
-    text = template.format(*(f"{bound:.4g}" for bound in ends))
+    text = template.format(*(with_decimal_sign(f"{bound:.4g}") for bound in ends))
     return _with_unit(text, reading.unit)
 
 

@@ -18,7 +18,7 @@ from pydantic import Field
 from simrob_drake.base.errors import InvalidConfig, OutputError, SimrobError, UnknownName, shortened
 from simrob_drake.base.files import EXERCISE_FILE, NotRead, content_of, exercise_files, text_of
 from simrob_drake.base.folders import written_at_once
-from simrob_drake.base.messages import compound, message
+from simrob_drake.base.messages import compound, message, output_language
 from simrob_drake.base.sections import Integer, Number, Strict, validated
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.extensions.course.measuring import Reading
@@ -190,7 +190,7 @@ def checked_points(
     names = list(entry.exercise.points)
     job = {
         "checks": str(entry.checks.resolve()), "answer": str(answer.resolve()), "points": names,
-        "memory": memory * 1e9, "seconds": seconds,
+        "language": output_language(), "memory": memory * 1e9, "seconds": seconds,
     }  # fmt: skip
     for name, reply in zip(names, _replies(job, answer, seconds, memory), strict=True):
         failed = reply.pop("problem", None)

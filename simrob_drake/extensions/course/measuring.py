@@ -83,7 +83,7 @@ def value_of(answer: ModuleType, name: str, *arguments: Any) -> Any:
     if not callable(function):
         raise InvalidParameter(
             message("course.of_the_answer", "{name} of the answer", name=name),
-            "missing" if function is None else message("course.no_function", "no function"),
+            message("course.missing", "missing") if function is None else message("course.no_function", "no function"),
             message("course.a_function", "a function"),
         )
     return function(*arguments)

@@ -8,16 +8,26 @@ import os
 import resource
 import sys
 from contextlib import suppress
+from importlib import import_module
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
 from typing import TextIO
 
 from simrob_drake.base.errors import shortened
-from simrob_drake.base.messages import compound, message
+from simrob_drake.base.messages import compound, message, set_output_language, translate
 
 LONGEST_PROBLEM = 300
 """Longest text of an error that is passed on [characters]."""
+
+
+def write_in_language(language: str) -> None:
+    """Write the problems of this process in a language, such as ``es``.
+
+    The messages of this package are found by the module of extensions, which nothing else imports here.
+    """
+    import_module("simrob_drake.base.extension")
+    set_output_language(language)
 
 
 def apply_limits(memory: int, seconds: int) -> None:
@@ -67,5 +77,6 @@ def load_module(file: Path, name: str) -> ModuleType:
 
 
 def error_text(problem: BaseException) -> str:
-    """Class and message of an error on one line, cut if it is long."""
-    return shortened(compound("{name}: {problem}", name=type(problem).__name__, problem=problem), LONGEST_PROBLEM)
+    """Class and message of an error on one line in the language of the output, cut if the line is long."""
+    whole = compound("{name}: {problem}", name=type(problem).__name__, problem=problem)
+    return translate(shortened(whole, LONGEST_PROBLEM))

@@ -13,7 +13,7 @@ from types import ModuleType
 from typing import IO, Any, cast
 
 from simrob_drake.base.errors import SimrobError
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import message, output_language
 from simrob_drake.blocks.sampled import TIME, BlockFails, Changes, Named, RunEnds, SampledBlock
 from simrob_drake.extensions.course.wire import decode, encode
 
@@ -58,7 +58,7 @@ class RemoteAnswer(ModuleType):
         super().__init__("answer")
         command = [sys.executable, "-P", "-X", "utf8", "-m", PROCESS]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-        self._write({"answer": str(file), "memory": memory, "seconds": seconds})
+        self._write({"answer": str(file), "language": output_language(), "memory": memory, "seconds": seconds})
         # Names of the answer; true for functions and classes.
         self._is_callable: dict[str, bool] = self.request({"do": "load"})["names"]
 

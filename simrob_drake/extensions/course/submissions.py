@@ -2,17 +2,18 @@
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from simrob_drake.base.errors import InvalidParameter
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import in_language, message
 from simrob_drake.extensions.course.exercise import (
     ANSWER_FILE,
     AnswerStopped,
     CheckedPoint,
     ExerciseFolder,
+    Language,
     checked_points,
 )
 
@@ -99,27 +100,41 @@ def check_submission(
     return CheckedSubmission(submission.name, points)
 
 
-def points_table(exercise: ExerciseFolder, submissions: Sequence[CheckedSubmission]) -> str:
+def points_table(
+    exercise: ExerciseFolder, submissions: Sequence[CheckedSubmission], words: Mapping[str, str], language: Language
+) -> str:
     """Write the points of all submissions as CSV, one line for each submission.
 
     The columns are the submission, the number of points that hold, the number of points of the exercise, then for each
-    point its state (``ok``, ``fails``, ``missing`` or ``error``) and its measured value, and last the problem that kept
-    the submission or its points from being measured.
+    point its state (ok, fails, missing or error) and its measured value, and last the problem that kept the submission
+    or its points from being measured. Commas separate the columns, and numbers have a decimal point in any language, so
+    that programs read the file without knowing its language.
+
+    Args:
+        exercise: the exercise.
+        submissions: the submissions that are measured.
+        words: words of the language: states and headings.
+        language: language of the texts of points and of problems.
     """
-    names = list(exercise.exercise.points)
+    texts = exercise.exercise.points
+    names = list(texts)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    point_columns = [column for name in names for column in (name, f"{name}.value")]
-    writer.writerow(["submission", "passed", "points", *point_columns, "problem"])
+    point_columns: list[str] = []
+    for name in names:
+        heading = texts[name].of(language)
+        unit = _unit_of(name, submissions)
+        point_columns += [heading, f"{heading}: {words['measured']}{f' [{unit}]' if unit else ''}"]
+    writer.writerow([words["submission"], words["passed"], words["count"], *point_columns, words["problem"]])
     for submission in submissions:
         by_name = {point.name: point for point in submission.points}
         cells: list[str] = []
-        problems = [submission.problem] if submission.problem else []
+        problems = [in_language(submission.problem, language)] if submission.problem else []
         for name in names:
             point = by_name.get(name)
-            cells += ["", ""] if point is None else [point.state, _value_cell(point)]
+            cells += ["", ""] if point is None else [words[point.state], _value_cell(point)]
             if point is not None and point.problem:
-                problems.append(f"{name}: {point.problem}")
+                problems.append(f"{name}: {in_language(point.problem, language)}")
         first_cells = [_text_cell(submission.name), str(submission.passed), str(len(names))]
         writer.writerow([*first_cells, *cells, _text_cell("; ".join(problems))])
     return text.getvalue()
@@ -140,6 +155,12 @@ def _find_answer(folder: Path) -> Path | None:
     named = [file for file in files if file.name == ANSWER_FILE]
     candidates = named or files
     return candidates[0] if len(candidates) == 1 else None
+
+
+def _unit_of(name: str, submissions: Sequence[CheckedSubmission]) -> str:
+    """Unit of the measured values of a point; empty if they have none, or if no submission has a value."""
+    readings = [point.reading for submission in submissions for point in submission.points if point.name == name]
+    return next((reading.unit for reading in readings if reading is not None), "")
 
 
 def _value_cell(point: CheckedPoint) -> str:

@@ -38,7 +38,12 @@ _REMEMBERED = ("action", "clock", "goal")
 class Policy(LoopSection):
     """A network that was learnt: it observes the robot, and moves its axes from their reference."""
 
-    stages: ClassVar[tuple[str, ...]] = ("Observation", "Network", "Scale of each joint")
+    label: ClassVar[str] = message("learning.loop_policy", "policy")
+    stages: ClassVar[tuple[str, ...]] = (
+        message("learning.stage_observation", "Observation"),
+        message("learning.stage_network", "Network"),
+        message("learning.stage_scale", "Scale of each joint"),
+    )
 
     kind: Literal["policy"]
     rate: Positive = 50.0

@@ -29,12 +29,22 @@ def linearize_station(
         str | None,
         typer.Option(
             metavar="ANGLES",
-            help="The references that it rests at [deg, or m], per axis: 30, [0, 30, ...] or {joint_2: 30}; with "
-            "several robots {left: 30}. The initial postures by default.",
+            help=message(
+                "linear.help_linearize_station_at",
+                "The references that it rests at [deg, or m], per axis: 30, [0, 30, ...] or {{joint_2: 30}}; with "
+                "several robots {{left: 30}}. The initial postures by default.",
+            ),
         ),
     ] = None,
     set_: Settings = None,
-    out: Annotated[Path | None, typer.Option(help="Folder of the result; runs/STATION-linear-TIME by default.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help=message(
+                "linear.help_linearize_station_out", "Folder of the result; runs/STATION-linear-TIME by default."
+            )
+        ),
+    ] = None,
     force: Force = False,
     allow_code: AllowCode = False,
 ) -> None:

@@ -1,10 +1,11 @@
 """What this extension adds to the toolbox. The core finds it by the entry points of pyproject.toml."""
 
 from simrob_drake.base.extension import Extension
+from simrob_drake.base.messages import message
 
 EXTENSION = Extension(
     core=">=0.1",
-    title="Stations",
+    title=message("cli.title_stations", "Stations"),
     commands={"linearize": "simrob_drake.extensions.linear.commands:linearize_station"},
     messages={"linear": "simrob_drake.extensions.linear:languages"},
 )

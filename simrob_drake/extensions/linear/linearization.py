@@ -8,7 +8,7 @@ import numpy.typing as npt
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import AffineSystem, Demultiplexer, FirstOrderTaylorApproximation
 
-from simrob_drake.base.errors import InvalidParameter, SimrobError, one_of, quoted
+from simrob_drake.base.errors import InvalidParameter, SimrobError, Unsuitable, one_of, quoted
 from simrob_drake.base.frames import Vector, finite
 from simrob_drake.base.lifetime import built
 from simrob_drake.base.messages import message
@@ -25,7 +25,7 @@ from simrob_drake.stations.plant import add_plant
 from simrob_drake.stations.ports import StationPorts
 from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.solver_config import ContinuousSolver
-from simrob_drake.stations.station import StationLike, config_of, gather_forces
+from simrob_drake.stations.station import Station, StationLike, config_of, gather_forces
 
 Posture = npt.ArrayLike | Mapping[str, npt.ArrayLike]
 """Positions (n,) [rad or m] of the only robot, or of several by name."""
@@ -46,7 +46,7 @@ class NoRest(SimrobError):
 
 
 def linearize(
-    station: StationLike, at: Posture | None = None, *, overrides: Mapping[str, Any] | None = None
+    station: StationLike | StationPorts, at: Posture | None = None, *, overrides: Mapping[str, Any] | None = None
 ) -> LinearModel:
     """Return how a station moves near a rest, by Drake's first-order Taylor expansion of its equations.
 
@@ -59,7 +59,9 @@ def linearize(
     where there are several.
 
     Args:
-        station: a name, a file, a configuration or a built station; dynamic, with robots on fixed bases.
+        station: a name, a file, a configuration, a built station, or the ports that :func:`add_station` returned, which
+            stand for their station; dynamic, with robots on fixed bases. Blocks of the diagram around are not part of
+            the model.
         at: the references, as :data:`Posture`; the initial postures unless given.
         overrides: new values of the station, as :func:`simrob_drake.load_station` takes them.
 
@@ -67,7 +69,7 @@ def linearize(
         InvalidParameter: a kinematic station, a robot or piece that only contact holds, or a wrong posture.
         NoRest: the motors are too weak for the posture.
     """
-    config, notes = _smooth(config_of(station, overrides))
+    config, notes = _smooth(_config_of(station, overrides))
     builder, resolved = DiagramBuilder(), resolve(config)
     for name, robot in resolved.robots.items():
         if robot.floats:
@@ -93,6 +95,28 @@ def linearize(
     return rest.model(tuple(notes))
 
 
+def _config_of(station: StationLike | StationPorts, overrides: Mapping[str, Any] | None) -> StationConfig:
+    """Find the configuration of what a user means by a station, which may be the ports of one in a diagram.
+
+    Args:
+        station: the station, as in :func:`linearize`.
+        overrides: new values of the station; None if there are none.
+
+    Raises:
+        Unsuitable: a Diagram of the user's own, which is more than a station.
+        SimrobError: as :func:`simrob_drake.load_station`.
+    """
+    if isinstance(station, StationPorts):
+        return config_of(station.config, overrides)
+    if isinstance(station, Diagram) and not isinstance(station, Station):
+        problem = message(
+            "linear.diagram_of_own", "it is a Diagram, and linearize() makes the model of a station alone"
+        )
+        remedy = message("linear.pass_ports", "pass the ports that add_station() returned, as in linearize(ports)")
+        raise Unsuitable("station", problem, remedy)
+    return config_of(station, overrides)
+
+
 def _smooth(config: StationConfig) -> tuple[StationConfig, list[str]]:
     """Return what of a station has a slope, in continuous time, and in words what has not."""
     if not config.engine.moves_by_forces or not config.robots:
@@ -110,7 +134,10 @@ def _smooth(config: StationConfig) -> tuple[StationConfig, list[str]]:
         )
     left_out = {
         "contact": message("linear.contact_left_out", "contact: things pass through each other"),
-        "controllers": message("linear.controllers_left_out", "controllers: their inputs are those of the model"),
+        "controllers": message(
+            "linear.controllers_left_out",
+            "controllers: they are not part of the model, whose input is the reference that they would drive",
+        ),
         "forces": message("linear.forces_left_out", "forces that act at given times"),
     }
     notes: list[str] = [note for section, note in left_out.items() if getattr(config, section)]

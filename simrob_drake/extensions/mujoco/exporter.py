@@ -16,13 +16,13 @@ from simrob_drake.stations.config import StationConfig
 class MjcfOptions:
     """Options of the export as MJCF."""
 
-    step: Annotated[float, typer.Option(help="Length of MuJoCo's steps [s].")] = 2e-3
+    step: Annotated[float, typer.Option(help=message("mujoco.help_mjcf_step", "Length of MuJoCo's steps [s]."))] = 2e-3
 
 
 class MjcfExporter(StationExporter):
     """Writes a station as an MJCF file that MuJoCo loads by itself (extra `mujoco`)."""
 
-    help: ClassVar[str] = "The MJCF file of MuJoCo to write, FILE.xml."
+    help: ClassVar[str] = message("mujoco.help_mjcf_file", "The MJCF file of MuJoCo to write, FILE.xml.")
     suffix: ClassVar[str] = ".xml"
     options_class: ClassVar[type[Any]] = MjcfOptions
 

@@ -74,6 +74,7 @@ class Stepped:
             outputs[signal.output] if signal.entries is None else outputs[signal.output][:, signal.entries]
             for signal in built.signals
         ]
+        final_state = self._state(steps, float(times[-1]))
         return SimulationResult(
             config=self.config,
             plant=built.ports.plant,
@@ -90,9 +91,9 @@ class Stepped:
             stepping_time=self.seconds,
             signal_time=perf_counter() - began,
             solver_warnings=self._warnings(self.sensed[:count]),
-            final_state=self._state(steps, float(times[-1])),
+            final_state=final_state,
             start=self.start,
-            context=built.diagram.CreateDefaultContext,
+            context=lambda: final_state.context_of(built.diagram, built.ports),
         )
 
     def _outputs(self, steps: Vector, times: Vector) -> dict[str, Vector]:

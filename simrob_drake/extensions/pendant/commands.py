@@ -15,18 +15,46 @@ from simrob_drake.cli.screen import say
 @with_mesh_path
 def teach(
     subject: Annotated[
-        str, typer.Argument(metavar="ROBOT|STATION|FILE", help="A name of `simrob list`, a station's YAML, or a URDF.")
+        str,
+        typer.Argument(
+            metavar="ROBOT|STATION|FILE",
+            help=message("pendant.help_teach_subject", "A name of `simrob list`, a station's YAML, or a URDF."),
+        ),
     ] = "irb120_teach",
     port: Annotated[
-        int | None, typer.Option(min=0, max=65535, help="Where the page listens; the first free one from 8100.")
+        int | None,
+        typer.Option(
+            min=0,
+            max=65535,
+            help=message("pendant.help_teach_port", "Port of the page; the first free one from 8100 by default."),
+        ),
     ] = None,
-    no_browser: Annotated[bool, typer.Option("--no-browser", help="Tell the address, and open no browser.")] = False,
-    folder: Annotated[Path, typer.Option(help="For what is taught, and what is taken away.")] = Path("taught"),
-    language: Annotated[Literal["en", "es"], typer.Option(envvar=LANGUAGE_VARIABLE, help="Of the page.")] = "en",
+    no_browser: Annotated[
+        bool,
+        typer.Option(
+            "--no-browser", help=message("pendant.help_teach_no_browser", "Tell the address, and open no browser.")
+        ),
+    ] = False,
+    folder: Annotated[
+        Path, typer.Option(help=message("pendant.help_teach_folder", "Folder for what is taught, and for downloads."))
+    ] = Path("taught"),
+    language: Annotated[
+        Literal["en", "es"],
+        typer.Option(envvar=LANGUAGE_VARIABLE, help=message("pendant.help_teach_language", "Language of the page.")),
+    ] = "en",
     allow_code: AllowCode = False,
-    lessons: Annotated[Path | None, typer.Option(help="A folder with lessons, beside those that there are.")] = None,
+    lessons: Annotated[
+        Path | None,
+        typer.Option(help=message("pendant.help_teach_lessons", "A folder with lessons, beside those that there are.")),
+    ] = None,
     root_path: Annotated[
-        str | None, typer.Option(help="Where a proxy shows the page: a path, or the whole address. Opens no browser.")
+        str | None,
+        typer.Option(
+            help=message(
+                "pendant.help_teach_root_path",
+                "Where a proxy shows the page: a path, or the whole address. Opens no browser.",
+            )
+        ),
     ] = None,
 ) -> None:
     """Open a page in the browser to teach, push, tune and watch a robot; it needs the extra `gui`.

@@ -7,6 +7,7 @@ import tempfile
 import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from contextvars import copy_context
 from html import escape
 from pathlib import Path
 
@@ -140,9 +141,11 @@ class Server(uvicorn.Server):
         while not self.started:
             await asyncio.sleep(0.02)
         loop = asyncio.get_running_loop()
+        # The language of the output belongs to the context, which a thread of an executor does not inherit.
+        own_context = copy_context()
 
         def tell() -> None:
-            loop.run_in_executor(None, ready, self.guard.address(tell))
+            loop.run_in_executor(None, own_context.copy().run, ready, self.guard.address(tell))
 
         tell()
         if file is not None:

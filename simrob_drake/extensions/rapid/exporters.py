@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from simrob_drake.base.messages import message
 from simrob_drake.programs.exporter import ExportedTexts, ProgramExporter
 from simrob_drake.programs.program import Program
 from simrob_drake.stations.config import StationConfig
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 class RapidExporter(ProgramExporter):
     """Writes a program as a RAPID module, with a table of its signals next to it."""
 
-    help: ClassVar[str] = "The RAPID module of a program to write, FILE.mod."
+    help: ClassVar[str] = message("rapid.help_rapid_file", "The RAPID module of a program to write, FILE.mod.")
 
     def program_texts(
         self, program: Program, config: StationConfig, file: Path, options: Any, *, source: str
@@ -47,7 +48,7 @@ class RapidExporter(ProgramExporter):
 class UrscriptExporter(ProgramExporter):
     """Writes a program as URScript, the language of Universal Robots' controllers."""
 
-    help: ClassVar[str] = "The URScript of a program to write, FILE.script."
+    help: ClassVar[str] = message("rapid.help_urscript_file", "The URScript of a program to write, FILE.script.")
 
     def program_texts(
         self, program: Program, config: StationConfig, file: Path, options: Any, *, source: str

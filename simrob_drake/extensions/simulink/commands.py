@@ -14,17 +14,24 @@ from simrob_drake.cli.screen import STATION, say_place, say_text
 from simrob_drake.stations.config import StationConfig
 
 Step = Annotated[
-    float | None, typer.Option(help="Take steps of this length [s], the fastest way at a given communication step.")
+    float | None,
+    typer.Option(
+        help=message(
+            "simulink.help_step", "Take steps of this length [s], the fastest way at a given communication step."
+        )
+    ),
 ]
 
 
 @with_mesh_path
 def fmu(
     station: StationArgument,
-    out: Annotated[Path | None, typer.Option(help="FILE.fmu; STATION.fmu unless given.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help=message("simulink.help_fmu_out", "FILE.fmu; STATION.fmu unless given."))
+    ] = None,
     set_: Settings = None,
     step: Step = None,
-    fmi: Annotated[int, typer.Option(help="Version of FMI: 2 or 3.")] = 2,
+    fmi: Annotated[int, typer.Option(help=message("simulink.help_fmu_fmi", "Version of FMI: 2 or 3."))] = 2,
     force: Force = False,
 ) -> None:
     """Write a station as an FMI co-simulation unit, for Simulink, OpenModelica and others.
@@ -47,9 +54,19 @@ def serve(
     set_: Settings = None,
     step: Step = None,
     host: Annotated[
-        str, typer.Option(help="Where to listen; others than this computer reach it if it is not its own.")
+        str,
+        typer.Option(
+            help=message(
+                "simulink.help_serve_host", "Where to listen; others than this computer reach it if it is not its own."
+            )
+        ),
     ] = "127.0.0.1",
-    port: Annotated[int | None, typer.Option(min=0, max=65535, help="8300, or a free one, unless given.")] = None,
+    port: Annotated[
+        int | None,
+        typer.Option(
+            min=0, max=65535, help=message("simulink.help_serve_port", "Port; 8300, or a free one, by default.")
+        ),
+    ] = None,
 ) -> None:
     """Let others step a station over TCP, as MATLAB on Windows; they need its token, of SIMROB_TOKEN or a random one.
 

@@ -1,6 +1,7 @@
 """What this extension adds to the toolbox. The core finds it by the entry points of pyproject.toml."""
 
 from simrob_drake.base.extension import Extension
+from simrob_drake.base.messages import message
 
 _IMPORTER = "simrob_drake.extensions.simulink.importer:SimulinkImporter"
 # The last two elements are those of the first generation, for which the importer names the remedy.
@@ -11,7 +12,7 @@ _FILES = (
 
 EXTENSION = Extension(
     core=">=0.1",
-    title="Exchange and other engines",
+    title=message("cli.title_exchange", "Exchange and other engines"),
     commands={
         "fmu": "simrob_drake.extensions.simulink.commands:fmu",
         "serve": "simrob_drake.extensions.simulink.commands:serve",

@@ -24,23 +24,39 @@ class ModelReading:
             metavar="DIR",
             exists=True,
             file_okay=False,
-            help="A folder with libraries of a Simulink model; may be given often.",
+            help=message(
+                "simulink.help_modelreading_library", "A folder with libraries of a Simulink model; may be given often."
+            ),
         ),
     ] = None
     variables: Annotated[
         list[Path] | None,
-        typer.Option(metavar="FILE", help="Variables of a Simulink model: .mat, or an .m of assignments."),
+        typer.Option(
+            metavar="FILE",
+            help=message(
+                "simulink.help_modelreading_variables", "Variables of a Simulink model: .mat, or an .m of assignments."
+            ),
+        ),
     ] = None
     assume: Annotated[
         bool,
         typer.Option(
             "--assume",
-            help="Take variables that a Simulink model lacks from files beside it, or defaults.",
+            help=message(
+                "simulink.help_modelreading_assume",
+                "Take variables that a Simulink model lacks from files beside it, or defaults.",
+            ),
         ),
     ] = False
     octave: Annotated[
         bool,
-        typer.Option("--octave", help="Run a Simulink model's own MATLAB code in GNU Octave: for models you trust."),
+        typer.Option(
+            "--octave",
+            help=message(
+                "simulink.help_modelreading_octave",
+                "Run a Simulink model's own MATLAB code in GNU Octave: for models you trust.",
+            ),
+        ),
     ] = False
 
 
@@ -50,10 +66,23 @@ class ModelImport(ModelReading):
 
     servos: Annotated[
         bool,
-        typer.Option("--servos", help="Let laws of a Simulink model that come to a PID be servos, not a signal flow."),
+        typer.Option(
+            "--servos",
+            help=message(
+                "simulink.help_modelimport_servos",
+                "Let laws of a Simulink model that come to a PID be servos, not a signal flow.",
+            ),
+        ),
     ] = False
     contact_law: Annotated[
-        bool, typer.Option("--contact-law", help="Let spheres of a Simulink model touch planes by Simscape's own law.")
+        bool,
+        typer.Option(
+            "--contact-law",
+            help=message(
+                "simulink.help_modelimport_contact_law",
+                "Let spheres of a Simulink model touch planes by Simscape's own law.",
+            ),
+        ),
     ] = False
 
 

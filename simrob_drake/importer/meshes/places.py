@@ -2,7 +2,7 @@
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from os.path import exists, isfile  # which are false for names that no file can have
 from pathlib import Path, PurePosixPath
@@ -44,10 +44,11 @@ class MeshPlaces:
 
     source: Path  # the URDF, an absolute path
     mesh_path: tuple[Path, ...] = ()  # further folders that the user allows
+    named_packages: Mapping[str, Path] = field(default_factory=dict)  # folders of packages that the user names
     _found: dict[str, Place] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
-        self.border = Border(self.source, self.mesh_path)
+        self.border = Border(self.source, self.mesh_path, self.named_packages)
 
     def find(self, uri: str) -> Place:
         """Return the file of a mesh.
@@ -143,7 +144,7 @@ class MeshPlaces:
 
 def mesh_files(robot: ET.Element, *, source: Path, options: ImportOptions) -> list[Path]:
     """Return every file that a robot's meshes are read from, as far as it exists and may be read, in order."""
-    places, found = MeshPlaces(source, options.mesh_path), dict[Path, None]()
+    places, found = MeshPlaces(source, options.mesh_path, options.package_folders), dict[Path, None]()
     for name in dict.fromkeys(mesh.get("filename", "") for mesh in robot.iter("mesh")):
         try:
             path = places.find(name).path

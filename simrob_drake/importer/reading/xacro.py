@@ -45,7 +45,7 @@ def expanded(path: Path, text: str, options: ImportOptions, report: ImportReport
     if package is None or package.origin is None:  # a robot's folder of that name has no origin
         raise report.refusal("", lacking(message("importer.is_xacro", "is a xacro file, which"), "xacro"))
     path = path.absolute()
-    files = _Files({str(path): text}, Border(path, options.mesh_path), report)
+    files = _Files({str(path): text}, Border(path, options.mesh_path, options.package_folders), report)
     arguments = _arguments(options, report)
     while True:
         job, end, problem = {"file": str(path), "arguments": arguments}, dict[str, Any](), ""

@@ -41,7 +41,13 @@ def import_shapes(
     ``source``; ``folder`` takes ``meshes/``, None nothing. Raises InvalidModel: a mesh lies outside of what may be
     read.
     """
-    shapes = _Shapes(robot, MeshLibrary(MeshPlaces(source, options.mesh_path)), MeshWriter(folder), options, report)
+    shapes = _Shapes(
+        robot,
+        MeshLibrary(MeshPlaces(source, options.mesh_path, options.package_folders)),
+        MeshWriter(folder),
+        options,
+        report,
+    )
     for link in robot.iterfind("link"):
         for tag in ("visual", "collision"):
             for where, element in _shapes_of(link, tag):

@@ -38,7 +38,7 @@ def read_sdf(root: ET.Element, path: Path, options: ImportOptions, report: Impor
     Raises:
         InvalidModel: the file has a defect that leaves its meaning open, or holds no robot.
     """
-    includes = _Includes(MeshPlaces(path, options.mesh_path), report)
+    includes = _Includes(MeshPlaces(path, options.mesh_path, options.package_folders), report)
     for owner in [element for element in root.iter() if element.tag in ("world", "model", "sdf")]:
         includes.put_in(owner)
     model = _chosen(root, options.model, report)

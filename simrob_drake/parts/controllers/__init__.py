@@ -22,6 +22,7 @@ KINDS = Kinds(
         "touchdown": "touchdown.Touchdown",
         "walk": "walk.Walk",
         "get_up": "get_up.GetUp",
+        "swing_up": "swing_up.SwingUpController",
     },
     base=LoopSection,
     point="controllers",

@@ -155,7 +155,12 @@ class Strategy(Strict):
 class Balance(LoopSection):
     """Answer pushes to a robot that stands: by strategies for ankles, hips, arms and knees, added up, and by a step."""
 
-    stages: ClassVar[tuple[str, ...]] = ("Capture point", "Strategies\nankles, hips, arms", "Step\nif they fail")
+    label: ClassVar[str] = message("parts.loop_balance", "balance")
+    stages: ClassVar[tuple[str, ...]] = (
+        message("parts.stage_capture_point", "Capture point"),
+        message("parts.stage_strategies", "Strategies\nankles, hips, arms"),
+        message("parts.stage_step", "Step\nif they fail"),
+    )
 
     kind: Literal["balance"]
     facing_deg: Number = 0.0

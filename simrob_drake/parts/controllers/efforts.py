@@ -44,7 +44,12 @@ class ForceControl(LoopSection):
     as the reference has it.
     """
 
-    stages: ClassVar[tuple[str, ...]] = ("Error of the force", "PI law\npath of the tool", "Jacobian\njoint offsets")
+    label: ClassVar[str] = message("parts.loop_force_control", "force control")
+    stages: ClassVar[tuple[str, ...]] = (
+        message("parts.stage_force_error", "Error of the force"),
+        message("parts.stage_law_of_path", "PI law\npath of the tool"),
+        message("parts.stage_jacobian", "Jacobian\njoint offsets"),
+    )
 
     kind: Literal["force_control"]
     force: Positive
@@ -161,7 +166,12 @@ class MotorProtection(LoopSection):
 
     uppermost: ClassVar[bool] = True
 
-    stages: ClassVar[tuple[str, ...]] = ("Heat of the motors", "Stage\nwatch, give way, stop", "Offsets of the joints")
+    label: ClassVar[str] = message("parts.loop_motor_protection", "motor protection")
+    stages: ClassVar[tuple[str, ...]] = (
+        message("parts.stage_heat", "Heat of the motors"),
+        message("parts.stage_stage_of_protection", "Stage\nwatch, give way, stop"),
+        message("parts.stage_joint_offsets", "Offsets of the joints"),
+    )
 
     kind: Literal["motor_protection"]
     limit: AxisValues | None = None

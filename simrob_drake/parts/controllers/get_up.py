@@ -39,7 +39,12 @@ class GetUp(LoopSection):
     posture as it should, it begins anew.
     """
 
-    stages: ClassVar[tuple[str, ...]] = ("Trunk\nlies, rises, stands", "Next posture\nor anew", "Way to the posture")
+    label: ClassVar[str] = message("parts.loop_get_up", "get up")
+    stages: ClassVar[tuple[str, ...]] = (
+        message("parts.stage_trunk", "Trunk\nlies, rises, stands"),
+        message("parts.stage_next_posture", "Next posture\nor anew"),
+        message("parts.stage_way_to_posture", "Way to the posture"),
+    )
 
     kind: Literal["get_up"]
     attempts: Attempts = 5

@@ -12,7 +12,7 @@ from pydrake.systems.primitives import Adder, AffineSystem, Multiplexer, Saturat
 
 from simrob_drake.base.errors import InvalidParameter, UnknownName, one_of
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import compound, message
+from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.sections import Integer, Number, Positive
 from simrob_drake.blocks.block import add_matrix_gain
 from simrob_drake.blocks.sampled import SampledBlock
@@ -53,6 +53,8 @@ class LoopSection(ControllerSection):
     """
 
     needs: ClassVar[tuple[Literal["feedforward"], ...]] = ()  # inputs of robots that it drives beside the reference
+    label: ClassVar[str] = ""
+    """Name of the kind as the block picture shows it. If it is empty, the word in the station's file is shown."""
     stages: ClassVar[tuple[str, ...]] = ()
     """What it does at each sample, one after the other, as the block picture shows it."""
     uppermost: ClassVar[bool] = False  # whether it lies above all others, whatever their priorities
@@ -235,9 +237,7 @@ def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSecti
         robot = site.robot(section.robot)
         wired[name] = section.wire(builder, name, robot, site)
         site.outputs.notes[name] = {"kind": section.kind}
-        kind = section.kind.replace("_", " ")
-        label = f"{wrapped(name)}\n{kind}, {section.rate:g} Hz" if kind != name else f"{kind}, {section.rate:g} Hz"
-        site.picture.draw(f"controller.{name}", "loop", label, robot, inside=section.stages)
+        site.picture.draw(f"controller.{name}", "loop", _block_label(name, section), robot, inside=section.stages)
         for output, port in wired[name].outputs.items():
             driven = {"offset": section.axes, "target": section.layered}.get(output)
             axes = robot.axes if driven is None else driven(robot)
@@ -361,7 +361,15 @@ def _drive(
             _draw_layers(site, f"{robot.prefix}{key}.loops", robot)
 
 
+def _block_label(name: str, section: LoopSection) -> str:
+    """Label of a loop in the block picture: its name, what it is, and its rate."""
+    word = section.kind.replace("_", " ")
+    kind_and_rate = compound("{kind}, {rate:g} Hz", kind=section.label or word, rate=section.rate)
+    # A loop that is named as its kind is not named twice.
+    return kind_and_rate if word == name else join_texts([wrapped(name), kind_and_rate], "\n")
+
+
 def _draw_layers(site: Site, system: str, robot: StationRobot) -> None:
     """Say that a system is part of the block that lays loops over the reference."""
-    label = "Reference\nand loops,\njoint limits"
+    label = message("parts.block_layers", "Reference\nand loops,\njoint limits")
     site.picture.draw(system, "loop", label, robot, key=f"{robot.prefix}layers")

@@ -96,7 +96,12 @@ class PiLaw:
 class Objective(LoopSection):
     """Bring a signal of the station, such as the height of the base, to a value; then perhaps take a posture."""
 
-    stages: ClassVar[tuple[str, ...]] = ("Error of the signal", "PI law", "Weights of the joints")
+    label: ClassVar[str] = message("parts.loop_objective", "objective")
+    stages: ClassVar[tuple[str, ...]] = (
+        message("parts.stage_signal_error", "Error of the signal"),
+        message("parts.stage_law", "PI law"),
+        message("parts.stage_weights", "Weights of the joints"),
+    )
 
     kind: Literal["objective"]
     measures: str

@@ -61,7 +61,11 @@ class Sequencer(Pace, LoopSection):
     the time, not the program.
     """
 
-    stages: ClassVar[tuple[str, ...]] = ("Cell\nreached, or too late", "Ramp to the next cell")
+    label: ClassVar[str] = message("parts.loop_sequencer", "sequencer")
+    stages: ClassVar[tuple[str, ...]] = (
+        message("parts.stage_cell", "Cell\nreached, or too late"),
+        message("parts.stage_next_cell", "Ramp to the next cell"),
+    )
 
     kind: Literal["sequencer"]
     cells: list[Cell] = Field(min_length=1)
@@ -236,7 +240,12 @@ class FallGuard(LoopSection):
     take another posture for each.
     """
 
-    stages: ClassVar[tuple[str, ...]] = ("Height or lean", "Guard\nfalls, or stands", "Way to the posture")
+    label: ClassVar[str] = message("parts.loop_fall_guard", "fall guard")
+    stages: ClassVar[tuple[str, ...]] = (
+        message("parts.stage_height_or_lean", "Height or lean"),
+        message("parts.stage_guard", "Guard\nfalls, or stands"),
+        message("parts.stage_way_to_posture", "Way to the posture"),
+    )
 
     kind: Literal["fall_guard"]
     height: Positive | None = None

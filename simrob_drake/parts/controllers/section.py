@@ -106,6 +106,19 @@ class ControllerSection(Strict):
         """
         return None
 
+    def distances_at_end(self, robot: ResolvedRobot, positions: Vector) -> Vector | None:
+        """Distances of the axes from a posture of the controller, which the verdict judges at the end of a run.
+
+        Args:
+            robot: robot of the controller.
+            positions: positions of its axes at the end, shape (n,) [rad or m].
+
+        Returns:
+            distances, not negative, shape (n,) [rad or m]. None if the controller has no posture of its own: then the
+            verdict compares the axes with their reference.
+        """
+        return None
+
 
 def commanded_sections(controllers: Mapping[str, "ControllerSection"]) -> dict[str, "ControllerSection"]:
     """The controllers that take commands during a run, by name."""

@@ -193,7 +193,9 @@ class SignalFlow(ControllerSection):
         net = _Net(site, f"controllers.{name}", robot.prefix if robot else "", {**self._all, **torque}, opened)
         ports = net.add(builder, f"controller.{name}", integrated=integrated)
         site.outputs.notes[name] = {"kind": self.kind}
-        label = f"{wrapped(name)}\nsignal flow, {len(self.blocks)} blocks"
+        label = message(
+            "parts.block_signal_flow", "{name}\nsignal flow, {count} blocks", name=wrapped(name), count=len(self.blocks)
+        )
         inner_blocks = net.inner_blocks if len(ports) <= _DRAWN else None
         site.picture.draw(f"controller.{name}", "loop", label, robot, net=inner_blocks)
         shown = self.blocks if self.signals is None else self.signals

@@ -34,7 +34,12 @@ class Touchdown(LoopSection):
 
     needs: ClassVar[tuple[Literal["feedforward"], ...]] = ("feedforward",)
 
-    stages: ClassVar[tuple[str, ...]] = ("Touch of each foot", "Phase\nfollow, hold, stand", "Legs\nseek the ground")
+    label: ClassVar[str] = message("parts.loop_touchdown", "touchdown")
+    stages: ClassVar[tuple[str, ...]] = (
+        message("parts.stage_touch", "Touch of each foot"),
+        message("parts.stage_phase", "Phase\nfollow, hold, stand"),
+        message("parts.stage_legs_seek_ground", "Legs\nseek the ground"),
+    )
 
     kind: Literal["touchdown"]
     force: Positive = 15.0

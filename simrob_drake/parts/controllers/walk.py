@@ -46,7 +46,12 @@ _READY = 1.0  # time to take the first posture from 45 deg away [s]
 class Walk(LoopSection):
     """Walk by commands, which may change at any time, and answer what disturbs the robot."""
 
-    stages: ClassVar[tuple[str, ...]] = ("Estimator\ncapture point", "Planner\nnext steps", "Legs\ninverse kinematics")
+    label: ClassVar[str] = message("parts.loop_walk", "walk")
+    stages: ClassVar[tuple[str, ...]] = (
+        message("parts.stage_estimator", "Estimator\ncapture point"),
+        message("parts.stage_planner", "Planner\nnext steps"),
+        message("parts.stage_legs", "Legs\ninverse kinematics"),
+    )
     command_parts: ClassVar[tuple[CommandPart, ...]] = (
         CommandPart("ahead", "m/s", "ahead ↑ ↓ [m/s]", keys=("ArrowDown", "ArrowUp")),
         CommandPart("left", "m/s", "left Q E [m/s]", keys=("KeyE", "KeyQ")),

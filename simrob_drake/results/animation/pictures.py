@@ -39,6 +39,7 @@ from simrob_drake.results.animation.camera import (
     walked_way,
 )
 from simrob_drake.results.animation.scene import RENDERER, ViewedStation, with_floor_under
+from simrob_drake.results.record.other_plant import positions_in
 from simrob_drake.results.record.run import RecordedRun, events_of
 from simrob_drake.stations.config import StationConfig
 
@@ -263,7 +264,8 @@ class Studio:
     def images(self, times: Vector) -> Iterator[Pixels]:
         """Yield an image, shape (height, width, 3), for each time, shape (k,) [s]."""
         ways = np.zeros((len(times), 3)) if self.way is None else self.way(times)
-        for positions, way in zip(self._result.positions_at(times), ways, strict=True):
+        rows = positions_in(self._scene.station, self._result, times)
+        for positions, way in zip(rows, ways, strict=True):
             yield self._lens.image(self._scene, positions, self._camera.moved(way))
 
 

@@ -27,6 +27,7 @@ from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on, fram
 from simrob_drake.results.animation.drawn import draw_searches, draw_tool_paths, look, open_meshcat, path_colour
 from simrob_drake.results.animation.scene import SPACING, ViewedStation, floor_lines, with_floor_under
 from simrob_drake.results.colours import AXES, FORCE, SEARCH, SUM_OF_FORCES, rgb
+from simrob_drake.results.record.other_plant import positions_in
 from simrob_drake.results.record.run import RecordedRun
 
 _SCRIPT = Path(__file__).with_suffix(".js")
@@ -97,7 +98,7 @@ def _record(meshcat: Meshcat, scene: ViewedStation, run: RecordedRun, times: Vec
     assert visualizer is not None
     animation = visualizer.StartRecording(set_transforms_while_recording=False)
     shown = [(frame + 0.5) / frames_per_second for frame in range(len(times))]  # Meshcat rounds down to frames
-    for time, positions in zip(shown, run.positions_at(times), strict=True):
+    for time, positions in zip(shown, positions_in(scene.station, run, times), strict=True):
         scene.draw(positions, time)
     draw_contact_forces(meshcat, run, times, shown)
     animation.set_autoplay(True)

@@ -23,6 +23,7 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.parts.targets import FLOOR
 from simrob_drake.results.animation.camera import Way, framed_time
+from simrob_drake.results.record.other_plant import positions_in
 from simrob_drake.results.record.run import RecordedRun, begins_of
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.posed import PosedStation
@@ -89,7 +90,7 @@ class ViewedStation(PosedStation):
         """Return points, shape (m, 3) [m], around the motion of a run; of its robot alone if a way is taken from it."""
         even = np.linspace(result.start_time, framed_time(result), _LOOKS)
         times = np.union1d(even, begins_of(*result.parts)[1:-1])  # where moves rest they reach furthest
-        positions = result.positions_at(times)
+        positions = positions_in(self.station, result, times)
         if way is None:
             return self.extents(positions)
         (robot,) = self.station.robots.values()

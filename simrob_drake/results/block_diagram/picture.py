@@ -14,7 +14,7 @@ from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.files import diagrams_root
 from simrob_drake.base.folders import check_ending, replaced_at_once
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import message, translate
 from simrob_drake.results.block_diagram.graph import ROLES, BlockGraph, DrawnBlock, Net
 from simrob_drake.results.block_diagram.layout import CELL, LINE, ROW, Layout, Placed, text_width
 from simrob_drake.results.block_diagram.reading import COLOURS, TITLES, WIRE, dot_text, mermaid_text, read_blocks
@@ -78,11 +78,12 @@ class Drawing:
         legend, x, (self._top, bottom) = list[_Mark](), 0.0, routing.span
         for role in (role for role in ROLES if any(block.role == role for block in graph.blocks.values())):
             (fill, line), y = COLOURS[role], bottom + _LEGEND
-            legend += [_Area(_box(x, y - 9, 12, 10), fill, line), _Words(TITLES[role], (x + 17, y), line, middle=False)]
-            x += text_width(TITLES[role]) + 32
+            title = translate(TITLES[role])
+            legend += [_Area(_box(x, y - 9, 12, 10), fill, line), _Words(title, (x + 17, y), line, middle=False)]
+            x += text_width(title) + 32
         self._top -= _HEADER
-        title = _Words(graph.title, (0, self._top + 14), size=13, middle=False, bold=True)
-        self._parts += [("", [*legend, title, _Words(graph.description, (0, self._top + 29), middle=False)])]
+        heading = _Words(graph.title, (0, self._top + 14), size=13, middle=False, bold=True)
+        self._parts += [("", [*legend, heading, _Words(graph.description, (0, self._top + 29), middle=False)])]
         wide = max(routing.width, x, text_width(graph.title, 14), text_width(graph.description))
         self._size = wide + 2 * _EDGE, bottom - self._top + _LEGEND + 2 * _EDGE
 

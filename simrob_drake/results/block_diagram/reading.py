@@ -13,10 +13,13 @@ import numpy as np
 from pydrake.systems.framework import Diagram, InputPort, LeafSystem, OutputPort, System
 from pydrake.systems.primitives import Adder, Demultiplexer, MatrixGain, Multiplexer, PassThrough, Selector
 
+from simrob_drake.base.files import description_message, station_files
+from simrob_drake.base.messages import message, translate
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.blocks.monitor import EventTimes, SteadySteps
 from simrob_drake.parts.captions import BlockRole, Drawn, Shape, wrapped
 from simrob_drake.results.block_diagram.graph import BARS, ROLES, Arrow, BlockGraph, DrawnBlock
+from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.ports import StationPorts
 
 _LOOKS = read_yaml(Path(__file__).with_name("looks.yaml"))
@@ -52,7 +55,7 @@ class _Reader:
             for (target, index), (source, output) in diagram.connection_map().items()
         }
         self._places = {name: place_of(name, system, ports) for name, system in self._systems.items()}
-        self.graph = BlockGraph(config.name, config.description, list(config.robots))
+        self.graph = BlockGraph(config.name, translate(station_description(config)), list(config.robots))
         for name in self._systems:
             self._draw(name)
         for name in self._systems:
@@ -145,6 +148,14 @@ class _Reader:
         return next((robot.name for robot in robots if robot.prefix and name.startswith(robot.prefix)), "")
 
 
+def station_description(config: StationConfig) -> str:
+    """Description of a station; a message, if the station comes with the package, so that other languages have it."""
+    file = station_files().get(config.name)
+    if file is None or read_yaml(file).get("description") != config.description:
+        return config.description
+    return description_message("station", config.name, config.description)
+
+
 def _port_symbols(ports: StationPorts) -> dict[tuple[str, Side, int], Signals]:
     """Return what the signals at ports are called."""
     symbols: dict[tuple[str, Side, int], Signals] = {_identity(ports.state): _STATE}
@@ -197,7 +208,17 @@ def _drawing_of(name: str, ports: StationPorts) -> Drawn | str | None:
     return ports.picture.drawn[known]
 
 
-TITLES: dict[BlockRole, str] = _LOOKS["titles"]
+TITLES: dict[BlockRole, str] = {
+    "reference": message("results.blocks_reference", "reference"),
+    "loop": message("results.blocks_loop", "outer loops"),
+    "own": message("results.blocks_own", "own blocks"),
+    "servo": message("results.blocks_servo", "servos"),
+    "force": message("results.blocks_force", "forces"),
+    "robot": message("results.blocks_robot", "robot"),
+    "scene": message("results.blocks_scene", "scene"),
+    "sensor": message("results.blocks_sensor", "sensors and outputs"),
+}
+"""Titles of the groups of blocks."""
 COLOURS: dict[BlockRole, tuple[str, str]] = _LOOKS["colours"]  # of the blocks, and of their edges
 WIRE = "#444444"
 
@@ -234,7 +255,8 @@ def _clusters(graph: BlockGraph) -> Iterator[tuple[str, BlockRole, list[DrawnBlo
         for role in ROLES:
             blocks = [block for block in graph.blocks.values() if (block.role, block.robot) == (role, robot)]
             if blocks:
-                yield f"{robot}: {TITLES[role]}" if robot else TITLES[role], role, blocks
+                title = translate(TITLES[role])
+                yield f"{robot}: {title}" if robot else title, role, blocks
 
 
 def _node(block: DrawnBlock) -> str:

@@ -18,7 +18,9 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.results.record.history import StateHistory
+from simrob_drake.results.record.other_plant import positions_in
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.posed import PosedStation
 
 if TYPE_CHECKING:
     from simrob_drake.results.record.signals import Sampler
@@ -63,6 +65,9 @@ def _motion(run: Run) -> tuple[Vector, Vector]:
     """
     times = np.union1d(run.times, run.step_times)
     times = times[(times >= run.start_time) & (times <= run.stop_time)]
+    if run.plant.is_shared:
+        # The plant that is built again contains the station alone.
+        return times, positions_in(PosedStation(run.config).station, run, times)
     return times, run.positions_at(times)
 
 
@@ -92,7 +97,25 @@ class RebuiltRun:
         return self._contacts_at if self._has_contacts else None
 
     def context(self) -> Context:
-        """A context of the diagram with the plant and its shapes."""
+        """A new context at the end of the run, of the diagram that was built again.
+
+        Raises:
+            SimrobError: the run was one in a diagram of the user's own, which cannot be built again.
+        """
+        if self._run.in_own_diagram:
+            raise SimrobError(
+                message(
+                    "results.context_lost_by_pickle",
+                    "{station}: a result that was pickled has no context of a diagram of your own; build the diagram "
+                    "again, and continue with "
+                    'simulate_diagram(diagram, ports, start=result.final_state, start_time="keep")',
+                    station=self._run.config.name,
+                )
+            )
+        return self._run.final_state.context_of(self._closed.diagram, self._closed.ports)
+
+    def context_of_plant(self) -> Context:
+        """A new default context of the diagram with the plant and its shapes."""
         return self._closed.diagram.CreateDefaultContext()
 
     def positions_at(self, times: Vector) -> Vector:

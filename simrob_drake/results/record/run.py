@@ -7,7 +7,7 @@ An *event* is a pair of a time [s] and a short text.
 
 import pickle
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self, TypeAlias
 from zlib import compress, decompress
@@ -16,9 +16,10 @@ import numpy as np
 from pydrake.multibody.plant import ContactResults
 from pydrake.systems.framework import Context
 
-from simrob_drake.base.errors import one_of
+from simrob_drake.base.errors import nearest_name, one_of
 from simrob_drake.base.frames import VELOCITY_NAMES, XYZ_QUATERNION_NAMES, Vector
 from simrob_drake.base.messages import Message, compound, message
+from simrob_drake.base.renaming import keep_former_attributes
 from simrob_drake.base.signals import Panel, Signal
 from simrob_drake.blocks.references import Reference, Samples
 from simrob_drake.parts.resolved import named
@@ -34,6 +35,9 @@ Ending = Literal["completed", "monitor", "diverged", "interrupted", "failed"]
 
 ContactsAt: TypeAlias = Callable[[Vector], Iterator[ContactResults]]
 """Function that yields Drake's contact results at times (k,) [s] of a run."""
+
+_CONTEXT_OF_PLANT = "_context_of_plant"
+"""Attribute of a pickled run, see `RebuiltRun.context_of_plant`."""
 
 DIVERGED = "diverged"
 INTERRUPTED = "interrupted"
@@ -113,6 +117,29 @@ class MoveSpan:
     end: float
 
 
+_USUAL_NAMES = {"columns": "names", "data": "values", "signal_names": "names", "t": "times", "time": "times"}
+"""Names that other packages give to attributes of a result, and the names of these here."""
+
+
+def _no_attribute(kind: type[Any], name: str) -> str:
+    """Text of an AttributeError of a result, which proposes the nearest attribute.
+
+    Args:
+        kind: class of the result.
+        name: the attribute that it does not have.
+    """
+    known = {attribute for attribute in [*dir(kind), *(own.name for own in fields(kind))] if attribute[0] != "_"}
+    close = _USUAL_NAMES.get(name) or nearest_name(name, known)
+    if close is None or name.startswith("_"):
+        return message("results.no_attribute", "a result has no attribute '{name}'", name=name)
+    return message(
+        "results.no_attribute_but",
+        "a result has no attribute '{name}'; did you mean '{close}'?",
+        name=name,
+        close=close,
+    )
+
+
 @dataclass(frozen=True)
 class RecordedRun:
     """A run: its signals, how it ended and how fast it was.
@@ -137,8 +164,9 @@ class RecordedRun:
         final_state: state of the station at the end, from which another run can begin.
         start: state at the start; None if the run began in the configuration's initial posture.
         contacts_at: yields Drake's contact results at times (k,) [s] of the run; None if the station has no contact.
-        context: returns a context of a diagram with the plant and its shapes, whose positions may be changed; None if
-            the plant is not part of a diagram.
+        context: returns a new context of the diagram at the end of the run, with its time and state, which may be
+            changed. In a diagram of the user's own it contains the logs of log sinks. It is None in results that an
+            earlier version has pickled, if the station is kinematic.
         shortened: how often the solver tried a step again with a shorter length; None if all steps have one length.
         references: references that were passed to simulate(), by robot; they replace those of the configuration.
         did: what the run did, in a few words, such as ``move_l of left``.
@@ -174,8 +202,10 @@ class RecordedRun:
     start: State | None = None
     references: dict[str, Reference | Samples] = field(default_factory=dict)
     solver_warnings: list[str] = field(default_factory=list)
-    contacts_at: ContactsAt | None = None
-    context: Callable[[], Context] | None = None
+    # Fields that a pickled run makes again need factories: a plain default would be an attribute of the class, which
+    # Python finds before it calls __getattr__.
+    contacts_at: ContactsAt | None = field(default_factory=lambda: None)
+    context: Callable[[], Context] | None = field(default_factory=lambda: None)
     shortened: int | None = None
     did: str = ""
     place: str = ""
@@ -211,7 +241,7 @@ class RecordedRun:
         def __getattr__(self, name: str) -> Any:
             """Make a field again that was not pickled, when it is first used."""
             if name not in REBUILT or "_pickled" not in self.__dict__:
-                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+                raise AttributeError(_no_attribute(type(self), name), name=name, obj=self)
             self.__dict__.update(self._rebuilt_fields())
             return self.__dict__[name]
 
@@ -224,6 +254,7 @@ class RecordedRun:
             "positions_at": rebuilt.positions_at,
             "contacts_at": rebuilt.contacts_at,
             "context": rebuilt.context if pickled["has_context"] else None,
+            _CONTEXT_OF_PLANT: rebuilt.context_of_plant if pickled["has_context"] else None,
         }
 
     def __getitem__(self, name: str) -> Vector:
@@ -271,7 +302,10 @@ class RecordedRun:
     @cached_property
     def touch(self) -> Touch:
         """Overlaps of bodies and slips of feet, evaluated at some times of the run."""
-        return Touch.of(self.config, self.plant, self.times, self.positions_at, self.context)
+        # A pickled run has another plant, so that the context must be one of its diagram.
+        plant = self.plant
+        context_of = self.__dict__.get(_CONTEXT_OF_PLANT, self.context)
+        return Touch.of(self.config, plant, self.times, self.positions_at, context_of)
 
     @cached_property
     def piece_contacts(self) -> dict[str, list[ContactSample]]:
@@ -367,8 +401,8 @@ class RecordedRun:
         return self.stepping_time + self.signal_time
 
     @property
-    def pace(self) -> str:
-        """Speed of the run and its count of steps, in words."""
+    def speed_in_words(self) -> str:
+        """Speed of the run as a multiple of real time, and its count of steps, in words; see `realtime_rate`."""
         rate = self.realtime_rate
         steps = message("results.steps", "{count} {count:step|steps}", count=len(self.step_times) - 1)
         if not rate:
@@ -404,6 +438,9 @@ class RecordedRun:
         return self.plant.robots[named(name, list(self.plant.robots))]
 
 
+keep_former_attributes(RecordedRun, pace="speed_in_words")
+
+
 def move_title(index: int) -> Message:
     """Name of a move of a program for users, who count from 1. Files and the API count from 0.
 
@@ -411,6 +448,28 @@ def move_title(index: int) -> Message:
         index: index of the move in the program, from 0.
     """
     return message("results.move_number", "move {number}", number=index + 1)
+
+
+def stop_message(reason: str, time: float) -> Message:
+    """Describe the stop by a monitor in words.
+
+    Args:
+        reason: the monitor's reason.
+        time: time of the stop [s].
+    """
+    return message("results.stop_at", "{reason}, at {time:.4g} s", reason=reason, time=time)
+
+
+def at_time_of_program(stop: str, begin: float) -> str:
+    """Change the time in a message of :func:`stop_message` from that of a run to that of its program.
+
+    Args:
+        stop: the message. Any other text stays as it is.
+        begin: time of the program at the run's time zero [s].
+    """
+    if not isinstance(stop, Message) or stop.id != "results.stop_at":
+        return stop
+    return stop_message(stop.fields["reason"], begin + stop.fields["time"])
 
 
 def begins_of(*runs: RecordedRun) -> Vector:

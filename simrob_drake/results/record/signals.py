@@ -43,6 +43,7 @@ class Sampler:
         begins_in_motion: bool = False,
         prepare: Callable[[], None] | None = None,
         tolerant: bool = False,
+        context: Context | None = None,
     ) -> None:
         """Prepare to evaluate the ports of a station at any time of its run.
 
@@ -57,6 +58,8 @@ class Sampler:
             prepare: called before the first evaluation; restores the references of this run in the diagram.
             tolerant: whether values that cannot be evaluated become NaN, as after a run in which a block failed. If it
                 is False, the error is raised.
+            context: context of the diagram, for its parameters; it is copied. If it is None, the parameters are the
+                diagram's default ones.
         """
         self.diagram = diagram
         self._site = site
@@ -65,7 +68,7 @@ class Sampler:
         self._prepare = prepare
         self._tolerant = tolerant
         self._plant = site.plant.plant
-        self._context = diagram.CreateDefaultContext()
+        self._context = diagram.CreateDefaultContext() if context is None else context.Clone()
         self._plant_slice = plant_slice(diagram, self._plant, self._context)
         # Outputs that are a function of the plant's state alone, with this function: they need no context.
         self._of_state = dict[OutputPort, Callable[[Vector], Vector]]()
@@ -201,6 +204,12 @@ class Sampler:
             self._prepare()
         self._at(np.array([time])).put(0, self._context)
         return self._context
+
+    def final_context(self) -> Context:
+        """A new context of the diagram, with the time and the state at the end of the run."""
+        context = self._context.Clone()
+        self._history.last().put(0, context)
+        return context
 
     def _at(self, times: Vector) -> StateHistory:
         """States at times (k,) [s] of the run, interpolated between the recorded ones."""

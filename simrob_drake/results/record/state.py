@@ -209,7 +209,7 @@ class State:
         if diagram.HasSubsystemNamed(plant.get_name()):
             own = plant.GetMyContextFromRoot(context)
             q, v = plant.GetPositions(own), plant.GetVelocities(own)
-            known = joints_of(ports.plant.plant)
+            known = joints_of(ports.plant.plant, ports.plant.scope)
             joints = {name: JointState(q[places], v[speeds]) for name, places, speeds in known}
         positions, velocities, references = map(of_robots, ("position", "velocity", "reference"))
         return cls(positions, velocities, references, joints, blocks, time=context.get_time())
@@ -278,6 +278,18 @@ class State:
             plant.SetPositions(own, q)
             plant.SetVelocities(own, v)
 
+    def context_of(self, diagram: Diagram, ports: StationPorts) -> Context:
+        """Make a context of a diagram in this state, at its time.
+
+        Args:
+            diagram: a diagram that contains a station.
+            ports: ports of the station.
+        """
+        context = diagram.CreateDefaultContext()
+        self.put(diagram, ports, context)
+        context.SetTime(self.time)
+        return context
+
     def of_plant(self, station: StationPlant) -> tuple[Vector, Vector]:
         """Return positions (nq,) and velocities (nv,) of a station's plant; what is not known stays at its default.
 
@@ -291,7 +303,7 @@ class State:
             if robot.name in self.positions:
                 q = robot.axis_map.spread_positions(self.positions[robot.name], q)
                 v = robot.axis_map.spread_velocities(self.velocities[robot.name], v)
-        for name, places, speeds in joints_of(plant):
+        for name, places, speeds in joints_of(plant, station.scope):
             if name in self.joints:
                 self._check(name, self.joints[name].position, len(q[places]))
                 self._check(name, self.joints[name].velocity, len(v[speeds]))
@@ -409,11 +421,19 @@ def free_joint(piece: str) -> str:
     return f"{piece}::{piece}/{piece}"
 
 
-def joints_of(plant: MultibodyPlant) -> Iterator[tuple[str, slice, slice]]:
-    """Yield name, places of the positions and places of the velocities of every joint that moves."""
+def joints_of(plant: MultibodyPlant, scope: str = "") -> Iterator[tuple[str, slice, slice]]:
+    """Yield name, places of the positions and places of the velocities of every joint that moves.
+
+    Args:
+        plant: the finalized plant.
+        scope: begin of the names of the model instances that count. The yielded names are without it.
+    """
     for index in plant.GetJointIndices():
         joint: Joint = plant.get_joint(index)
         if joint.num_positions():
             q, v = joint.position_start(), joint.velocity_start()
-            name = f"{plant.GetModelInstanceName(joint.model_instance())}/{joint.name()}"
+            model = plant.GetModelInstanceName(joint.model_instance())
+            if not model.startswith(scope):
+                continue
+            name = f"{model.removeprefix(scope)}/{joint.name()}"
             yield name, slice(q, q + joint.num_positions()), slice(v, v + joint.num_velocities())

@@ -84,6 +84,7 @@ def summary_of(run: RecordedRun, verdict: Verdict) -> dict[str, Any]:
         "station": run.config.name,
         "robot": names.get(only) if only else names or None,
         "duration": run.config.duration,
+        "ending": run.ending,
         "stopped_by": run.stopped_by,
         "stop_time": run.stop_time,
         "message": run.message,

@@ -162,21 +162,42 @@ def _fingers(robot: StationRobot) -> dict[int, str]:
     return dict.fromkeys(robot.model.fingers, _PRESSES)
 
 
+def _errors_at_end(run: RecordedRun, robot: StationRobot) -> Vector | None:
+    """Distances of a robot's axes at the end of a run from the posture of its controller, shape (n,) [rad or m].
+
+    Passive axes are among them. Returns None if no controller has such a posture: then the reference counts.
+    """
+    for controller in run.config.controllers.values():
+        if controller.robot_name in (None, robot.name):
+            distances = controller.distances_at_end(robot, run.axes("q", robot.name)[-1])
+            if distances is not None:
+                return distances
+    return None
+
+
 @_of_each_robot
 def _final_error(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
     """Measure the distance of each axis from its reference at the end of a run that ended regularly [rad or m]."""
-    errors = _errors(run, robot)
-    if errors is None or run.ending not in _REGULAR_ENDINGS:
+    if run.ending not in _REGULAR_ENDINGS:
         return None
-    ends = np.full(len(errors[-1]), run.stop_time)
+    ends = np.full(len(robot.axes), run.stop_time)
+    distances = _errors_at_end(run, robot)
+    if distances is not None:
+        return AxisValues(distances, ends)
+    errors = _errors(run, robot)
+    if errors is None:
+        return None
     return AxisValues(errors[-1], ends, left_out=_without_error(run, robot))
 
 
 @_of_each_robot
 def _largest_error(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
-    """Measure the largest distance of each axis from its reference [rad or m]."""
+    """Measure the largest distance of each axis from its reference [rad or m].
+
+    Returns None if a controller leaves the reference on the way to a posture of its own.
+    """
     errors = _errors(run, robot)
-    if errors is None:
+    if errors is None or _errors_at_end(run, robot) is not None:
         return None
     worst = largest(errors, run.times)
     return AxisValues(worst.values, worst.times, left_out=_without_error(run, robot))

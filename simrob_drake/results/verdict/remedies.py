@@ -18,6 +18,7 @@ from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.torques import torque_shares
 from simrob_drake.stations.solver_config import ContinuousSolver
+from simrob_drake.stations.start_jump import axes_off_reference, jump_text
 
 
 class WorstValue(Protocol):
@@ -46,6 +47,9 @@ _AT_REST = 0.01
 
 _ANY_GRAVITY = 1e-6
 """Gravity acts on an axis if its torque is at least this share of the motor's torque."""
+
+_SHARE_OF_START = 0.5
+"""An error at the start of at least this share of the largest error is taken for its cause."""
 
 _STIFFER = 10.0
 """Bodies that sink into each other too deep get a contact stiffness so many times larger."""
@@ -76,6 +80,9 @@ def lag(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     robot = robot_of(run, entry.subject)
     if robot is None or not run.config.engine.moves_by_forces:
         return None
+    jump = _start_at_reference(run, robot, entry.subject)
+    if jump is not None:
+        return jump
     if torque_shares(run, robot).max(initial=0.0) >= AT_LIMIT:
         return more_time_for_motors(run, entry)
     text = message("results.remedy_lag", "the servos lag behind: give the motion more time, or raise kp and kd")
@@ -100,6 +107,9 @@ def more_time_for_motors(run: RecordedRun, entry: WorstValue) -> Remedy | None:
             "results.remedy_weak_motor", "the motor is too weak to hold this: carry less, or raise its limit"
         )
         return Remedy(text, key=_servo_key(run, robot, "torque_limit"))
+    jump = _start_at_reference(run, robot, entry.subject)
+    if jump is not None:
+        return jump
     text = message("results.remedy_more_time", "give the motion more time")
     return _with_longer_reference(run, robot, text, _MORE_TIME)
 
@@ -112,8 +122,44 @@ def more_time_for_speed(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     if robot.model.base == "floating":
         text = message("results.remedy_slower_gait", "take shorter steps (amplitude), or slower ones (step_time)")
         return Remedy(text)
+    jump = _start_at_reference(run, robot, entry.subject)
+    if jump is not None:
+        return jump
     text = message("results.remedy_more_time", "give the motion more time")
     return _with_longer_reference(run, robot, text, _MARGIN * entry.value)
+
+
+def _start_at_reference(run: RecordedRun, robot: StationRobot, subject: str) -> Remedy | None:
+    """Remedy of an axis whose reference begins away from the robot: more time does not help.
+
+    It is offered if the error of the axis is largest at the start of the run, or nearly so.
+
+    Args:
+        run: the run.
+        robot: the robot that the axis belongs to.
+        subject: name of the axis, such as ``left.joint_2``.
+    """
+    axis = next((index for index, name in enumerate(robot.axes) if f"{robot.prefix}{name}" == subject), None)
+    if axis is None:
+        return None
+    positions = run.axes("q", robot.name)
+    references = run.axes("q_ref", robot.name)
+    errors = np.abs(references[:, axis] - positions[:, axis])
+    if errors[0] < _SHARE_OF_START * errors.max():
+        return None
+    if axis not in axes_off_reference(robot, positions[0], references[0]):
+        return None
+    text = message(
+        "results.remedy_start",
+        "{jump}: set {key}, or begin the reference where the robot begins",
+        jump=jump_text(robot, axis, positions[0, axis], references[0, axis]),
+        key=f"{_robot_key(run, robot)}.initial_deg",
+    )
+    # A run that begins in a state, and a robot on its feet, do not begin in another posture by this key alone.
+    if run.start is not None or run.did or robot.model.base == "floating":
+        return Remedy(text)
+    start = [_rounded(value) for value in references[0] / robot.model.user_units]
+    return Remedy(text, key=f"{_robot_key(run, robot)}.initial_deg", value=start)
 
 
 def less_load(run: RecordedRun, entry: WorstValue) -> Remedy:
@@ -240,10 +286,11 @@ def _presses_on_something(run: RecordedRun, robot: StationRobot, saturated: npt.
 
     Args:
         run: the run.
-        robot: the robot. If its base floats, its motors act against the ground, and the result is False.
+        robot: the robot. The result is False if its base floats, since its motors then act against the ground, and
+            if it still moves, since its motors may then accelerate it.
         saturated: whether each motor is at its limit, shape (n,).
     """
-    if not run.config.engine.moves_by_forces or robot.model.base == "floating":
+    if not run.config.engine.moves_by_forces or robot.model.base == "floating" or _moves_at_end(run, robot):
         return False
     plant = run.plant.plant
     context = plant.CreateDefaultContext()
@@ -254,6 +301,16 @@ def _presses_on_something(run: RecordedRun, robot: StationRobot, saturated: npt.
     # Against gravity, the product is negative. Rounding leaves a tiny torque of gravity about a vertical axis.
     against_gravity = -gravity * torque > _ANY_GRAVITY * torque**2
     return not bool(against_gravity[saturated].any())
+
+
+def _robot_key(run: RecordedRun, robot: StationRobot) -> str:
+    """Key of the section of a robot."""
+    return "robot" if run.config.only_robot else f"robots.{robot.name}"
+
+
+def _rounded(value: float) -> float:
+    """Round a position of an axis to six significant digits, without a negative zero."""
+    return float(f"{value:.6g}") + 0.0
 
 
 def _servo_key(run: RecordedRun, robot: StationRobot, key: str) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.messages import set_output_language
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
 from simrob_drake.extensions.course.exercise import ExerciseFolder, checked_points, exercise_of, exercises
@@ -21,6 +22,12 @@ ENTRIES = {entry.folder.name: entry for entry in exercises()}
 
 pytestmark = pytest.mark.usefixtures("no_plots")
 each_exercise = pytest.mark.parametrize("name", ENTRIES)
+
+
+@pytest.fixture(autouse=True)
+def _english_afterwards():
+    yield
+    set_output_language("en")
 
 
 def own_exercise(folder, *points):
@@ -109,8 +116,8 @@ def test_lines_say_what_was_asked_and_measured(tmp_path, capsys):
     (tmp_path / "a.py").write_text("def f():\n    return 1.5\n")
     run_command(["course", "check", str(tmp_path / "own"), str(tmp_path / "a.py"), "--allow-code", "--language", "es"])
     assert capsys.readouterr().out.splitlines() == [
-        "bien    punto 0: medido 1.5 N; se pide como mucho 2 N",
-        "falla   punto 1: medido 1.5; se pide de 2.5 a 3.5",
+        "bien    punto 0: medido 1,5 N; se pide como mucho 2 N",
+        "falla   punto 1: medido 1,5; se pide de 2,5 a 3,5",
         "se cumplen 1 de 2 puntos",
     ]
 
@@ -293,7 +300,8 @@ class TestSubmissions:
         arguments = ["course", "check", str(tmp_path / "own"), str(submissions), "--allow-code", "--csv", "points.csv"]
         assert run_command(arguments) == ExitCode.DONE
         rows = list(csv.DictReader(Path("points.csv").read_text().splitlines()))
-        states = {row["submission"]: (row["passed"], row["point_0"], row["point_0.value"]) for row in rows}
+        columns = ("points that hold", "point 0", "point 0: measured [N]")
+        states = {row["submission"]: tuple(row[column] for column in columns) for row in rows}
         assert states == {
             "'=cmd": ("0", "", ""),
             "Dan_124_file_": ("0", "", ""),
@@ -308,6 +316,40 @@ class TestSubmissions:
         assert "1/1     ana" in shown
         assert run_command(arguments) == ExitCode.BAD_INPUT
         assert "points.csv exists already" in capsys.readouterr().err
+
+    def test_the_table_is_in_the_language_of_the_course(self, submissions, tmp_path, monkeypatch, capsys):
+        """Headings, states and problems; numbers keep their point, which programs read."""
+        monkeypatch.chdir(tmp_path)
+        (submissions / "cy.py").write_text("def f():\n  return [1, 2]\n")
+        (submissions / "di.py").write_text("def f():\n  return 1 / 0\n")
+        own_exercise(tmp_path / "own", "return at_least(number(answer, 'f') / 4, 0.3, 'N')")
+        arguments = ["course", "check", "own", str(submissions), "--allow-code", "--csv", "a.csv", "--language", "es"]
+        assert run_command(arguments) == ExitCode.DONE
+        rows = list(csv.DictReader(Path("a.csv").read_text(encoding="utf-8").splitlines()))
+        head = [
+            "entrega",
+            "puntos que se cumplen",
+            "puntos del ejercicio",
+            "punto 0",
+            "punto 0: medido [N]",
+            "problema",
+        ]
+        assert list(rows[0]) == head
+        by_name = {row["entrega"]: row for row in rows}
+        states = {name: row["punto 0"] for name, row in by_name.items()}
+        assert states == {
+            "'=cmd": "",
+            "Dan_124_file_": "",
+            "Eva_123_file_": "falta",
+            "ana": "bien",
+            "bo": "falla",
+            "cy": "error",
+            "di": "error",
+        }
+        assert by_name["ana"]["punto 0: medido [N]"] == "0.5"
+        assert by_name["Dan_124_file_"]["problema"] == "no contiene answer.py, ni un solo fichero de Python"
+        assert "lo que devuelve f() es [1, 2]; debe ser un número finito" in by_name["cy"]["problema"]
+        assert by_name["di"]["problema"].endswith("(di.py, línea 2)")
 
     def test_no_code_runs_and_nothing_is_written_unless_allowed(self, submissions, tmp_path, monkeypatch, capsys):
         monkeypatch.chdir(tmp_path)

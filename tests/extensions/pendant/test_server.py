@@ -141,6 +141,17 @@ def test_a_browser_that_does_not_come_leaves_nothing_behind(tmp_path):
         pass
 
 
+def test_the_terminal_shows_the_language_of_the_page(tmp_path):
+    """The address is written from another thread, once the page can be opened."""
+    browser, _ = browser_in(tmp_path)
+    process = started(tmp_path / "taught", browser, "--no-browser", "--language", "es")
+    lines = [process.stdout.readline(), process.stdout.readline()]
+    _, out, _ = ended(process)
+    assert lines[0].startswith("irb120 se enseña en http://")
+    assert lines[1].startswith("lo enseñado se guarda en")
+    assert out.startswith("terminado;")
+
+
 def test_the_first_free_port_is_taken_and_one_asked_for_or_none():
     with bound(None) as first, bound(None) as second:
         assert PORT <= first.getsockname()[1] < second.getsockname()[1]

@@ -65,7 +65,7 @@ def read_mjcf(root: ET.Element, path: Path, options: ImportOptions, report: Impo
     """
     if find_spec("mujoco") is None:
         raise report.refusal("", lacking(message("mujoco.is_mjcf", "is an MJCF file, which"), "mujoco"))
-    source = _Source(root, MeshPlaces(path, options.mesh_path), report)
+    source = _Source(root, MeshPlaces(path, options.mesh_path, options.package_folders), report)
     source.put_in_includes(root)
     if root.find(".//attach") is not None or root.find("asset/model") is not None:
         raise report.refusal(

@@ -88,35 +88,105 @@ _COLUMNS: dict[str, _Column] = {
 @with_mesh_path
 def pushes(
     station: StationArgument,
-    directions: Annotated[int | None, typer.Option(min=1, help="How many; 4 by default, the first is forward.")] = None,
-    phases: Annotated[int | None, typer.Option(min=1, help="Moments over the period; 8 by default.")] = None,
-    period: Annotated[float | None, typer.Option(help="Time of two steps [s]; the walk's own by default.")] = None,
-    start: Annotated[float | None, typer.Option(help="The first moment [s]; 3 by default.")] = None,
-    duration: Annotated[float | None, typer.Option(help="How long a push lasts [s]; 0.1 by default.")] = None,
-    after: Annotated[float | None, typer.Option(help="How long it must stay up then [s]; 2 by default.")] = None,
-    at: Annotated[str | None, typer.Option(help="A tool or link that is pushed; the root by default.")] = None,
+    directions: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help=message("tuning.help_pushes_directions", "Count of directions; 4 by default, the first is forward."),
+        ),
+    ] = None,
+    phases: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help=message("tuning.help_pushes_phases", "Count of moments over the period; 8 by default.")
+        ),
+    ] = None,
+    period: Annotated[
+        float | None,
+        typer.Option(help=message("tuning.help_pushes_period", "Time of two steps [s]; the walk's own by default.")),
+    ] = None,
+    start: Annotated[
+        float | None, typer.Option(help=message("tuning.help_pushes_start", "The first moment [s]; 3 by default."))
+    ] = None,
+    duration: Annotated[
+        float | None,
+        typer.Option(help=message("tuning.help_pushes_duration", "How long a push lasts [s]; 0.1 by default.")),
+    ] = None,
+    after: Annotated[
+        float | None,
+        typer.Option(
+            help=message(
+                "tuning.help_pushes_after", "Time for which the robot must stay up afterwards [s]; 2 by default."
+            )
+        ),
+    ] = None,
+    at: Annotated[
+        str | None,
+        typer.Option(help=message("tuning.help_pushes_at", "A tool or link that is pushed; the root by default.")),
+    ] = None,
     from_: Annotated[
-        float | None, typer.Option("--from", metavar="N", help="The force that a search tries first [N].")
+        float | None,
+        typer.Option(
+            "--from", metavar="N", help=message("tuning.help_pushes_from", "The force that a search tries first [N].")
+        ),
     ] = None,
     newtons: Annotated[
-        float | None, typer.Option("--newtons", metavar="N", help="Push by this force [N]; nothing is searched for.")
+        float | None,
+        typer.Option(
+            "--newtons",
+            metavar="N",
+            help=message("tuning.help_pushes_newtons", "Push by this force [N]; nothing is searched for."),
+        ),
     ] = None,
     vary: Annotated[
         list[str] | None,
-        typer.Option(metavar="BURDEN", help="Search in place of pushes: load, friction, stiffness, slope, step."),
+        typer.Option(
+            metavar="BURDEN",
+            help=message(
+                "tuning.help_pushes_vary", "Search in place of pushes: load, friction, stiffness, slope, step."
+            ),
+        ),
     ] = None,
-    seconds: Annotated[float | None, typer.Option(help="How long it walks under a burden [s]; 10 by default.")] = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option(
+            help=message(
+                "tuning.help_pushes_seconds", "Time for which the robot walks under a burden [s]; 10 by default."
+            )
+        ),
+    ] = None,
     least: Annotated[
-        float | None, typer.Option(help="How much of its way it must go under a burden; 0.5 by default.")
+        float | None,
+        typer.Option(
+            help=message(
+                "tuning.help_pushes_least", "Part of its way that the robot must go under a burden; 0.5 by default."
+            )
+        ),
     ] = None,
-    close: Annotated[float | None, typer.Option(help="Where a search ends, as a part; 0.1 by default.")] = None,
-    seeds: Annotated[int, typer.Option(min=0, help="Draws of posture, noise, masses and friction.")] = 0,
+    close: Annotated[
+        float | None,
+        typer.Option(
+            help=message(
+                "tuning.help_pushes_close", "Accuracy at which a search ends, as a part of the result; 0.1 by default."
+            )
+        ),
+    ] = None,
+    seeds: Annotated[
+        int,
+        typer.Option(min=0, help=message("tuning.help_pushes_seeds", "Draws of posture, noise, masses and friction.")),
+    ] = 0,
     set_: Settings = None,
     variant: Annotated[
         list[str] | None,
-        typer.Option(metavar="KEY.PATH=VALUE", help="Do all with this changed, too; may be given several times."),
+        typer.Option(
+            metavar="KEY.PATH=VALUE",
+            help=message("tuning.help_pushes_variant", "Do all with this changed, too; may be given several times."),
+        ),
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder; runs/STATION-pushes-TIME by default.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help=message("tuning.help_pushes_out", "Folder; runs/STATION-pushes-TIME by default.")),
+    ] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
     force: Force = False,
@@ -132,7 +202,7 @@ def pushes(
 
         simrob pushes zjudancer_dynamic --set gait.name=walk --newtons 10 --seeds 20
 
-        simrob pushes zjudancer_dynamic --set gait.name=walk --vary load --vary slope
+        simrob pushes zjudancer_dynamic --set gait.name=walk --vary slope
     """
     from simrob_drake.extensions.tuning.burdens import Burdens
     from simrob_drake.extensions.tuning.walking_folder import PushMap, WalkingFolder

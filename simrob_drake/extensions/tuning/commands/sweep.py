@@ -25,30 +25,58 @@ if TYPE_CHECKING:
 @with_mesh_path
 def sweep(
     station: Annotated[
-        str, typer.Argument(metavar="STATION|FOLDER", help="A station, or the folder of a sweep to go on with.")
+        str,
+        typer.Argument(
+            metavar="STATION|FOLDER",
+            help=message("tuning.help_sweep_station", "A station, or the folder of a sweep to go on with."),
+        ),
     ],
     vary: Annotated[
         list[str] | None,
         typer.Option(
             metavar="KEY.PATH=VALUES",
-            help="V,V..., lin:FIRST:LAST:COUNT, log:FIRST:LAST:COUNT, uniform:LOW:HIGH, loguniform:LOW:HIGH, "
-            "integer:LOW:HIGH, normal:MEAN:DEVIATION; may be given several times.",
+            help=message(
+                "tuning.help_sweep_vary",
+                "V,V..., lin:FIRST:LAST:COUNT, log:FIRST:LAST:COUNT, uniform:LOW:HIGH, loguniform:LOW:HIGH, "
+                "integer:LOW:HIGH, normal:MEAN:DEVIATION; may be given several times.",
+            ),
         ),
     ] = None,
-    seeds: Annotated[int, typer.Option(min=1, help="Runs of each combination, with other noise and other draws.")] = 1,
+    seeds: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            help=message("tuning.help_sweep_seeds", "Runs of each combination, with other noise and other draws."),
+        ),
+    ] = 1,
     sampling: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Draw all keys at once: sobol, latin, random or grid, --count times."),
+        typer.Option(
+            metavar="NAME",
+            help=message(
+                "tuning.help_sweep_sampling", "Draw all keys at once: sobol, latin, random or grid, --count times."
+            ),
+        ),
     ] = None,
     count: Annotated[
-        int | None, typer.Option(min=1, help="Draws; of a grid, values of each key. 16 by default.")
+        int | None,
+        typer.Option(
+            min=1, help=message("tuning.help_sweep_count", "Draws; of a grid, values of each key. 16 by default.")
+        ),
     ] = None,
     set_: Settings = None,
-    out: Annotated[Path | None, typer.Option(help="Folder of the sweep; runs/STATION-sweep-TIME by default.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help=message("tuning.help_sweep_out", "Folder of the sweep; runs/STATION-sweep-TIME by default.")),
+    ] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
     run: Annotated[
-        int | None, typer.Option(metavar="NUMBER", help="Make this run of a folder's table again and save its result.")
+        int | None,
+        typer.Option(
+            metavar="NUMBER",
+            help=message("tuning.help_sweep_run", "Make this run of a folder's table again and save its result."),
+        ),
     ] = None,
     force: Force = False,
     no_recording: NoRecording = False,
@@ -60,7 +88,7 @@ def sweep(
 
     For example:
 
-        simrob sweep irb120_dynamic --vary servo.kp=log:50:20000:9 --vary pieces.load.mass=0.5,1,2 --out runs/gains
+        simrob sweep irb120_dynamic --vary servo.kp=log:50:20000:9 --out runs/gains
 
         simrob sweep runs/gains --run 12
     """

@@ -21,13 +21,29 @@ if TYPE_CHECKING:
 
 @with_mesh_path
 def tune(
-    study: Annotated[Path, typer.Argument(metavar="STUDY", help="A YAML file: what varies, what it costs, when.")],
+    study: Annotated[
+        Path,
+        typer.Argument(
+            metavar="STUDY", help=message("tuning.help_tune_study", "A YAML file: what varies, what it costs, when.")
+        ),
+    ],
     method: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="In place of the study's; given several times they are compared."),
+        typer.Option(
+            metavar="NAME",
+            help=message(
+                "tuning.help_tune_method",
+                "Method, in place of the study's; given several times, the methods are compared.",
+            ),
+        ),
     ] = None,
-    trials: Annotated[int | None, typer.Option(min=1, help="In place of the study's.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder; runs/STUDY-TIME by default.")] = None,
+    trials: Annotated[
+        int | None,
+        typer.Option(min=1, help=message("tuning.help_tune_trials", "Count of trials, in place of the study's.")),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help=message("tuning.help_tune_out", "Folder; runs/STUDY-TIME by default."))
+    ] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
     force: Force = False,
@@ -120,8 +136,19 @@ def _tell(place: "StudyFolder", proof: "list[Row]") -> None:
 
 
 def dashboard(
-    folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="Of searches, ended or under way.")],
-    port: Annotated[int | None, typer.Option(min=0, max=65535, help="8080, or a free one, by default.")] = None,
+    folders: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FOLDER...",
+            help=message("tuning.help_dashboard_folders", "Folders of searches, ended or under way."),
+        ),
+    ],
+    port: Annotated[
+        int | None,
+        typer.Option(
+            min=0, max=65535, help=message("tuning.help_dashboard_port", "Port; 8080, or a free one, by default.")
+        ),
+    ] = None,
 ) -> int:
     """Show searches in Optuna's dashboard, to browsers of this computer alone; Ctrl-C ends it.
 
@@ -144,11 +171,18 @@ def dashboard(
 @with_mesh_path
 def prove(
     winner: Annotated[
-        str, typer.Argument(metavar="STUDY|STATION", help="The folder of a study that ended, or a station.")
+        str,
+        typer.Argument(
+            metavar="STUDY|STATION",
+            help=message("tuning.help_prove_winner", "The folder of a study that ended, or a station."),
+        ),
     ],
-    seeds: Annotated[int, typer.Option(min=1, help="Draws of each doubt.")] = 10,
+    seeds: Annotated[int, typer.Option(min=1, help=message("tuning.help_prove_seeds", "Draws of each doubt."))] = 10,
     out: Annotated[
-        Path | None, typer.Option(help="Folder; STUDY/prove, or runs/STATION-prove-TIME by default.")
+        Path | None,
+        typer.Option(
+            help=message("tuning.help_prove_out", "Folder; STUDY/prove, or runs/STATION-prove-TIME by default.")
+        ),
     ] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,

@@ -1,0 +1,137 @@
+"""A loop that swings an underactuated robot up and balances it, such as an acrobot or a pole on a cart."""
+
+from collections.abc import Mapping
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.frames import Flags, Vector
+from simrob_drake.base.messages import compound, message
+from simrob_drake.base.sections import NotNegative, Number, Positive
+from simrob_drake.blocks.sampled import SampledBlock
+from simrob_drake.blocks.swing_up import LqrWeights, SwingUp, SwingUpGains, nearest_error
+from simrob_drake.parts.controllers.loop import LoopSection
+from simrob_drake.parts.resolved import ResolvedRobot, Surroundings
+from simrob_drake.parts.site import Site
+from simrob_drake.parts.station_plant import StationRobot
+from simrob_drake.robots.axis_map import NotNegativeAxisValues, PositiveAxisValues
+
+
+class SwingUpController(LoopSection):
+    """Swing a robot with one passive axis up by its energy, then balance it by a linear quadratic regulator.
+
+    It gives the whole torque of the motors, so the gains of the servos are 0. The regulator's gain follows from the
+    robot's equations of motion, linearised about the posture, so it suits other masses and lengths, too.
+    """
+
+    needs: ClassVar[tuple[Literal["feedforward"], ...]] = ("feedforward",)
+    stages: ClassVar[tuple[str, ...]] = ("Energy", "Swing-up\nby acceleration", "Balance\nby LQR")
+    remarks: ClassVar[Mapping[str, str]] = {"balancing": message("parts.balances_robot", "balances the robot")}
+
+    kind: Literal["swing_up"]
+    rate: Positive = 200.0
+    """Samples a second [Hz]."""
+    posture_deg: dict[str, Number] = Field(min_length=1)
+    """Posture in which the robot is balanced, by axis [deg, or m where it slides]; 0 of axes that are not named."""
+    energy_of: Literal["robot", "passive_axis"] = "robot"
+    """Whose energy the swing-up brings to that of the posture: the whole robot's, as for an acrobot, or that of the
+    passive axis as seen from the others, as for a pole on a cart, whose own motion does not count."""
+    energy_gain: NotNegative = 1.0
+    """How strongly the swing-up accelerates the driven axes, for an error of the energy of 1 J."""
+    position_gain: NotNegative = 1.0
+    """How strongly it draws them back to the posture [1/s²]."""
+    velocity_gain: NotNegative = 1.0
+    """How strongly it slows them down [1/s]."""
+    position_weight: NotNegativeAxisValues = 10.0
+    """Weight of the squared position errors in the regulator's cost [1/rad² or 1/m²]."""
+    velocity_weight: NotNegativeAxisValues = 1.0
+    """Weight of the squared velocities [s²/rad² or s²/m²]."""
+    torque_weight: PositiveAxisValues = 1.0
+    """Weight of the squared torques [1/(N·m)² or 1/N²]."""
+    catch: Positive = 1.0
+    """When the regulator takes over: at 1 as soon as no motor will reach its limit on the way, by the linear model."""
+
+    def check(self, key: str, station: Surroundings) -> None:
+        """Check the robot.
+
+        Raises:
+            SimrobError: the robot floats, has not one passive axis, or has servos with gains; what every loop checks.
+        """
+        super().check(key, station)
+        robot = station.robot(self.robot, key)
+        is_usable = not robot.floats and len(robot.axes) > 1 and int(robot.gains.passive.sum()) == 1
+        if not is_usable:
+            raise InvalidParameter(
+                key,
+                message("parts.loop_of_robot", "{kind} of {robot}", kind=self.kind, robot=robot.name),
+                message(
+                    "parts.robot_with_one_passive_axis",
+                    "of a robot on a fixed base with one passive axis and at least one motor",
+                ),
+            )
+        if robot.model.followers:
+            raise InvalidParameter(
+                key,
+                message("parts.loop_of_robot", "{kind} of {robot}", kind=self.kind, robot=robot.name),
+                message("parts.robot_without_followers", "of a robot without axes that follow others (mimic)"),
+            )
+        violation = robot.model.limits.find_violation(self._posture(robot)[np.newaxis])
+        if violation is not None:
+            raise InvalidParameter(
+                f"{key}.posture_deg",
+                compound("{value} {unit}", value=violation.value, unit=violation.unit),
+                message("parts.within", "within {limits}", limits=violation.limits),
+            )
+        for name in ("kp", "ki", "kd"):
+            gains = getattr(robot.gains, name)
+            if gains.any():
+                raise InvalidParameter(
+                    f"servo.{name}",
+                    f"{gains.max():g}",
+                    message("parts.gains_beside_swing_up", "0, since {key} gives the whole torque", key=key),
+                )
+
+    def distances_at_end(self, robot: ResolvedRobot, positions: Vector) -> Vector:
+        """Distances of the axes (n,) [rad or m] from the posture, those of axes that turn to the nearest turn."""
+        return np.abs(nearest_error(positions - self._posture(robot), _turns(robot)))
+
+    def _posture(self, robot: ResolvedRobot) -> Vector:
+        """Posture of all axes, shape (n,) [rad or m]."""
+        model = robot.model
+        return model.user_units * model.axis_vector(dict(self.posture_deg), "posture_deg")
+
+    def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
+        """Create the block."""
+
+        def weight(name: str) -> Vector:
+            """Weights of all axes, shape (n,)."""
+            return robot.model.axis_vector(getattr(self, name), f"{key}.{name}", 1.0)
+
+        return SwingUp(
+            key=f"{key}.posture_deg",
+            plant=site.plant.plant,
+            axes=robot.axis_map,
+            torque_limit=robot.gains.torque_limit,
+            turns=_turns(robot),
+            upright=self._posture(robot),
+            weights=LqrWeights(
+                position=weight("position_weight"),
+                velocity=weight("velocity_weight"),
+                torque=weight("torque_weight"),
+            ),
+            gains=SwingUpGains(
+                energy=self.energy_gain,
+                position=self.position_gain,
+                velocity=self.velocity_gain,
+                of_passive_axis=self.energy_of == "passive_axis",
+            ),
+            catch=self.catch,
+            period=1 / self.rate,
+        )
+
+
+def _turns(robot: ResolvedRobot) -> Flags:
+    """Whether each axis turns, and does not slide, shape (n,)."""
+    return ~np.asarray(robot.model.prismatic)

@@ -1,0 +1,231 @@
+"""Run a Diagram of the user's own that contains a station."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import get_args
+
+from pydrake.systems.framework import Context, Diagram, LeafSystem, OutputPort, PortDataType, System
+
+from simrob_drake.base.arguments import drake_asserts, instance
+from simrob_drake.base.errors import InvalidParameter, one_of, quoted
+from simrob_drake.base.messages import message
+from simrob_drake.parts.controllers.own import declare_output
+from simrob_drake.results.record.state import State
+from simrob_drake.results.result import SimulationResult
+from simrob_drake.simulation.run import OnStep, Run, with_duration
+from simrob_drake.simulation.runner import StartTime, check_callback, check_state
+from simrob_drake.simulation.stepping import Stepper
+from simrob_drake.stations.closed import ClosedStation
+from simrob_drake.stations.open_inputs import check_inputs
+from simrob_drake.stations.ports import StationPorts
+
+_NOT_OWN = ("pydrake", "simrob_drake")
+"""Packages whose blocks are not the user's own."""
+
+
+@drake_asserts()
+def simulate_diagram(
+    diagram: Diagram,
+    ports: StationPorts,
+    *,
+    duration: float | None = None,
+    context: Context | None = None,
+    start: State | None = None,
+    start_time: StartTime = "zero",
+    signals: Mapping[str, OutputPort] | None = None,
+    progress: bool = True,
+    on_step: OnStep | None = None,
+) -> SimulationResult:
+    """Run a Diagram of your own that contains a station, and return the same result as :func:`simulate` does.
+
+    Args:
+        diagram: the diagram, all of whose inputs are connected.
+        ports: the return value of :func:`add_station`, or ``station.ports`` of :func:`build_station`.
+        duration: length of the run, in place of that of the station's configuration [s].
+        context: context of the diagram in which the run begins, at the time of the context. The run advances it, as
+            ``Simulator(diagram, context)`` does: afterwards it is at the end of the run, and contains the logs of your
+            log sinks, as in ``sink.FindLog(context)``. If it is None, the run begins in a default context.
+            ``result.context()`` returns a copy of it at the end of the run.
+        start: state in which the run begins, in place of a context: the ``final_state`` of a result of this diagram,
+            which may come from another process, by pickle.
+        start_time: ``keep`` begins at the time of ``start``, and ``zero`` at 0 s.
+        signals: output ports of your own blocks that become columns of the result, by a name ``<block>.<output>``, such
+            as ``{"planner.target": planner.GetOutputPort("target")}``. A block may have an attribute ``units``, a
+            mapping of the names of its ports to units.
+        progress: show a bar on a terminal.
+        on_step: callback with the time [s] and the positions of the whole plant (nq,): once at the start, and after
+            each accepted step.
+
+    Returns:
+        the result; its times are those of the diagram's clock. Saved, its ``station.yaml`` is the station alone, with
+        the recorded reference and the state in which the run began: a run of this file repeats the motion if the
+        diagram gave the station nothing but its reference.
+
+    Raises:
+        SimrobError: the ports are those of another diagram, the context, the start or a signal does not fit, inputs are
+            open, or the solver cannot run the station in this diagram.
+    """
+    _check_diagram(diagram, ports)
+    check_inputs(diagram, ports.inputs, may_be_exported=False)
+    check_callback(on_step)
+    config = with_duration(ports.config, duration)
+    ports = _with_signals(diagram, ports, signals)
+    built = ClosedStation(diagram, ports)
+    root = _context_at_begin(diagram, ports, context=context, start=start, start_time=start_time)
+    begins_in_motion = start is not None or (context is not None and _is_moving(ports, root))
+    has_start = context is not None or start is not None
+    first_state = State.of(diagram, ports, root) if has_start else None
+    stepper = Stepper(
+        config,
+        lambda time: built,
+        sorted(set(ports.edges)),
+        blocks=_own_blocks(diagram),
+        begin=root.get_time(),
+        begins_in_motion=begins_in_motion,
+        context=root,
+    )
+    run = Run(config, built, stepper, begin=root.get_time(), in_own_diagram=True)
+    return run.result(progress=progress, on_step=on_step, references={}, start=first_state)
+
+
+def _check_diagram(diagram: Diagram, ports: StationPorts) -> None:
+    """Check the diagram of a run, and that it contains the station; raises InvalidParameter if it does not."""
+    expected = message("simulation.diagram_with_station", "a Diagram of Drake that contains a station")
+    instance(diagram, "diagram", Diagram, expected)
+    expected = message("simulation.station_ports", "what add_station() gave, or station.ports")
+    instance(ports, "ports", StationPorts, expected)
+    if not _contains(diagram, ports.state.get_system()):
+        raise InvalidParameter(
+            "ports",
+            message("simulation.ports_of_other_diagram", "those of a station in another diagram"),
+            message(
+                "simulation.ports_of_this_diagram",
+                "those that add_station() returned for the builder of this diagram, or station.ports of a station "
+                "in it",
+            ),
+        )
+
+
+def _contains(diagram: Diagram, system: System) -> bool:
+    """Whether a system is in a diagram, or in a diagram within it, or is the diagram itself."""
+    return any(system is known for known in _systems(diagram))
+
+
+def _systems(diagram: Diagram) -> Iterator[System]:
+    """Yield a diagram and, depth first, all systems in it."""
+    yield diagram
+    for system in diagram.GetSystems():
+        if isinstance(system, Diagram):
+            yield from _systems(system)
+        else:
+            yield system
+
+
+def _own_blocks(diagram: Diagram) -> dict[str, LeafSystem]:
+    """Systems of a diagram whose classes are the user's own, by name."""
+    return {
+        system.get_name(): system
+        for system in diagram.GetSystems()
+        if type(system).__module__.split(".")[0] not in _NOT_OWN
+    }
+
+
+def _context_at_begin(
+    diagram: Diagram, ports: StationPorts, *, context: Context | None, start: State | None, start_time: StartTime
+) -> Context:
+    """Find the context in which a run begins: the user's own, or a new one, perhaps in a state of the user's.
+
+    Args:
+        diagram: the diagram of the run.
+        ports: ports of the station in it.
+        context: the user's context; None if there is none.
+        start: the user's state; None if there is none.
+        start_time: ``keep`` or ``zero``, as in :func:`simulate_diagram`.
+
+    Raises:
+        InvalidParameter: there are a context and a state, or one that does not fit the diagram, or no time to keep.
+    """
+    keeps_time = one_of("start_time", start_time, get_args(StartTime)) == "keep"
+    if keeps_time and start is None:
+        raise InvalidParameter(
+            "start_time",
+            quoted("keep"),
+            message(
+                "simulation.diagram_keep_needs_start",
+                "with a start whose time is kept, such as start=result.final_state; a context has its own time",
+            ),
+        )
+    if context is not None:
+        if start is not None:
+            raise InvalidParameter(
+                "start",
+                message("simulation.start_and_context", "given together with a context"),
+                message("simulation.start_or_context", "one of the two: a run begins in a state or in a context"),
+            )
+        _check_context(diagram, context)
+        return context
+    if start is None:
+        return diagram.CreateDefaultContext()
+    check_state(start)
+    root = start.context_of(diagram, ports)
+    if not keeps_time:
+        root.SetTime(0.0)
+    return root
+
+
+def _check_context(diagram: Diagram, context: Context) -> None:
+    """Check the user's context; raises InvalidParameter: it is none, or that of another system."""
+    expected = message(
+        "simulation.context_of_diagram",
+        "a Context of the diagram, such as diagram.CreateDefaultContext() gives, or result.context() of an earlier run",
+    )
+    instance(context, "context", Context, expected)
+    try:
+        diagram.ValidateContext(context)
+    except RuntimeError as problem:
+        found = message("simulation.context_of_other_system", "that of another system")
+        raise InvalidParameter("context", found, expected) from problem
+
+
+def _is_moving(ports: StationPorts, context: Context) -> bool:
+    """Whether any joint of a station has a velocity in ``context``, a context of the root diagram."""
+    velocities = [ports.outputs.value(f"{robot.prefix}velocity", context) for robot in ports.plant.robots.values()]
+    return any(velocity.any() for velocity in velocities)
+
+
+def _with_signals(diagram: Diagram, ports: StationPorts, signals: Mapping[str, OutputPort] | None) -> StationPorts:
+    """Copy the ports of a station, with outputs of the user's own blocks among the signals.
+
+    Args:
+        diagram: the diagram of the run.
+        ports: ports of the station, which stay as they are.
+        signals: the outputs by their names in the result; None if there are none.
+
+    Raises:
+        InvalidParameter: a name has another form or is taken, or a port is none of a vector in the diagram.
+    """
+    if not signals:
+        return ports
+    expected = message("simulation.signals_by_name", "a mapping of names, such as planner.target, to output ports")
+    instance(signals, "signals", Mapping, expected)
+    extended = replace(ports, outputs=ports.outputs.copied())
+    for name, port in signals.items():
+        place = message("simulation.signal_called", "signals: {name}", name=name)
+        is_name = isinstance(name, str) and all(name.rpartition(".")[::2])
+        if not is_name:
+            example = message("simulation.block_and_output", "<block>.<output>, such as planner.target")
+            raise InvalidParameter(place, quoted(name), example)
+        if name in extended.outputs:
+            found = message("simulation.signal_taken", "the name of another output")
+            raise InvalidParameter(place, found, message("simulation.other_name", "another name"))
+        expected = message("simulation.vector_port", "a vector-valued output port of a system in the diagram")
+        instance(port, place, OutputPort, expected)
+        is_vector = port.get_data_type() == PortDataType.kVectorValued
+        if not is_vector or not _contains(diagram, port.get_system()):
+            found = message("simulation.port_called", "the port {port}", port=port.get_name())
+            raise InvalidParameter(place, found, expected)
+        block, _, output = name.rpartition(".")
+        units = getattr(port.get_system(), "units", {})
+        declare_output(extended, block, port, str(units.get(port.get_name()) or "1"), called=output)
+        extended.outputs.notes.setdefault(block, {"kind": type(port.get_system()).__name__})
+    return extended
