@@ -248,7 +248,7 @@ def table_of_moves(moves: Sequence[MoveVerdict]) -> list[list[str]]:
 
     The bodies that come nearest are in ``summary.json``: their names would make the table wider than a screen.
     """
-    table = [list(_HEADINGS)]
+    table: list[list[str]] = [[*_HEADINGS]]
     for move in moves:
         row = [
             move.move,
