@@ -27,6 +27,7 @@ _SPEEDS = JacobianWrtVariable.kV
 _PARTS = {"all": slice(0, 6), "translation": slice(0, 3), "rotation": slice(3, 6)}
 _FIRST_LOOKS, _SWEEPS, _ANGLES = 500, 3, 25
 """Postures that are tried for the weakest one, and how often and how finely each axis is searched from there."""
+_ROUNDING = 1e-9  # excess of a limit that is due to rounding [rad or m]
 _NOTHING = 1e-9  # a joint that a kilogram loads by less does not feel it [N·m or N]
 
 
@@ -66,6 +67,8 @@ class Dynamics:
         self.name, self.axes = model.name, list(model.axes)
         self.torque_limit = model.efforts if torque_limit is None else torque_limit
         self.friction, self.friction_speed = model.friction, model.drives.friction_speed
+        self._model = model
+        self._fingers = model.fingers
         self._range = model.axis_limits
         self._plant, self._tool = plant, tool
         self._map = AxisMap.of_joints(plant, joints, model.signs)
@@ -178,18 +181,46 @@ class Dynamics:
     def weakest_posture(self) -> Vector:
         """Return where within its limits the robot holds the least payload at rest, shape (n,) [rad or m].
 
-        A search: five hundred postures of chance, and from the worst three along one axis after the other.
+        Joints that follow others, and the fingers of a gripper, are where their gears take them. A search: five
+        hundred postures of chance, and from the worst three along one axis after the other.
         """
         lower, upper = np.clip(self._range, -np.pi, np.pi)
-        looks = np.random.default_rng(0).uniform(lower, upper, (_FIRST_LOOKS, len(self.axes)))
-        worst = looks[np.argsort(self.payload(looks).min(axis=1))[:3]]
+        random = np.random.default_rng(0)
+        looks = self._with_gears(random.uniform(lower, upper, (_FIRST_LOOKS, len(self.axes))))
+        worst = looks[np.argsort(self._least_payload(looks))[:3]]
         for _ in range(_SWEEPS):
             for axis in range(len(self.axes)):
                 rows = np.repeat(worst[:, np.newaxis], _ANGLES + 1, axis=1)
                 rows[:, 1:, axis] = np.linspace(lower[axis], upper[axis], _ANGLES)
-                found = self.payload(rows.reshape(-1, len(self.axes))).min(axis=1).reshape(len(worst), -1)
+                rows = self._with_gears(rows)
+                found = self._least_payload(rows.reshape(-1, len(self.axes))).reshape(len(worst), -1)
                 worst = rows[np.arange(len(worst)), found.argmin(axis=1)]
-        return np.asarray(worst[self.payload(worst).min(axis=1).argmin()]) + 0.0  # no -0
+        return np.asarray(worst[self._least_payload(worst).argmin()]) + 0.0  # no -0
+
+    def _with_gears(self, postures: Vector) -> Vector:
+        """Move fingers and followers in postures (..., n) [rad or m] to where their gears take them.
+
+        All fingers are open by the same share of their range as the first one.
+        """
+        if not (self._fingers or self._model.followers):
+            return postures
+        geared = postures.copy()
+        openness: Vector | None = None
+        for axis, (closed, opened) in self._fingers.items():
+            if openness is None:
+                openness = (postures[..., axis] - closed) / (opened - closed)
+            geared[..., axis] = closed + openness * (opened - closed)
+        return self._model.with_followers(geared)
+
+    def _least_payload(self, postures: Vector) -> Vector:
+        """Least payload of all motors in each of k postures (k, n), shape (k,) [kg].
+
+        It is infinite in a posture that gears take beyond the limits of a joint, which no search should choose.
+        """
+        least = self.payload(postures).min(axis=1)
+        lower, upper = self._range
+        is_within = ((postures >= lower - _ROUNDING) & (postures <= upper + _ROUNDING)).all(axis=1)
+        return np.where(is_within, least, np.inf)
 
     def _each(self, compute: Callable[..., Vector], q: npt.ArrayLike, **others: npt.ArrayLike) -> Vector:
         """Compute for each posture, with the plant in it, from the other rows."""

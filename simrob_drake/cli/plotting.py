@@ -42,11 +42,11 @@ def plot(
 
         simrob plot runs/a runs/b --signal q.joint_2 --signal tau.joint_2
     """
-    from simrob_drake.results.plots.overlay import overlay_figure, read_signals  # they load matplotlib
+    from simrob_drake.results.plots.overlay import overlay_figure, read_results  # they load matplotlib
     from simrob_drake.results.plots.own import save_figure
 
     check_new_file(out, force=force)
-    figure = overlay_figure([read_signals(folder) for folder in results], signal or ())
+    figure = overlay_figure(read_results(results), signal or ())
     say_place(message("cli.plot", "plot"), save_figure(figure, out))
     return ExitCode.DONE
 

@@ -1,10 +1,10 @@
 """From a run to its folder, and to what the screen says of it; one way for all commands that simulate."""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from math import degrees
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from simrob_drake.base.folders import check_folder
 from simrob_drake.base.messages import Message, compound, message, translate
@@ -31,7 +31,7 @@ from simrob_drake.results.files import COMMANDS, PROGRAM, SUMMARY, Saved, defaul
 from simrob_drake.results.record.summary import remarks_of
 from simrob_drake.results.record.walks import legged_robots, locomotion
 from simrob_drake.results.result import SimulationResult, table_of
-from simrob_drake.results.verdict.moves import nearest_bodies, table_of_moves
+from simrob_drake.results.verdict.moves import meaning_of_distances, nearest_bodies, table_of_moves
 from simrob_drake.results.verdict.severity import CONTROLLER_REMARK
 from simrob_drake.results.verdict.verdict import Verdict
 from simrob_drake.stations.checks import check_station
@@ -43,7 +43,19 @@ if TYPE_CHECKING:
 Frames = int | Literal["events"] | None  # of a film strip: how many, or one for each event
 
 
-def prepared_folder(config: StationConfig, saving: Saving) -> Path:
+class PreparedFolder(NamedTuple):
+    """Where the result of a run is to be saved, and what was shown before the run.
+
+    Attributes:
+        path: the folder.
+        shown_warnings: texts of the warnings that were shown. The end of the run does not repeat them.
+    """
+
+    path: Path
+    shown_warnings: frozenset[str]
+
+
+def prepared_folder(config: StationConfig, saving: Saving) -> PreparedFolder:
     """Find the folder for the result of a run, before the run begins, and show the warnings of the station's check.
 
     Raises:
@@ -55,10 +67,10 @@ def prepared_folder(config: StationConfig, saving: Saving) -> Path:
         from simrob_drake.results.animation.pictures import frame_writer
 
         frame_writer()
-    for finding in check_station(config):
-        if finding.level == "warning":
-            say_warning(compound("{subject}: {text}", subject=finding.subject, text=finding.text))
-    return folder
+    warnings = [finding for finding in check_station(config) if finding.level == "warning"]
+    for finding in warnings:
+        say_warning(compound("{subject}: {text}", subject=finding.subject, text=finding.text))
+    return PreparedFolder(folder, frozenset(finding.text for finding in warnings))
 
 
 def wait_for_watcher(url: str) -> None:
@@ -90,7 +102,7 @@ def done_in_workcell(
     from simrob_drake.programs.arm import Workcell  # few commands need programs, which load scipy
 
     cell = Workcell(config)
-    folder = prepared_folder(config, saving)
+    prepared = prepared_folder(config, saving)
     cell.progress = not saving.live
     perform = prepare(cell)
     if saving.live:
@@ -99,7 +111,7 @@ def done_in_workcell(
         result, more = perform()
     finally:
         cell.close()
-    return saved(result, folder, saving, more=more, frames=frames)
+    return saved(result, prepared, saving, more=more, frames=frames)
 
 
 def way_of(result: SimulationResult, robot: str) -> str:
@@ -131,12 +143,14 @@ def _side(value: float) -> Message:
     return message("cli.left", "left") if value >= 0 else message("cli.right", "right")
 
 
-def saved(result: SimulationResult, folder: Path, saving: Saving, *, more: str = "", frames: Frames = None) -> ExitCode:
+def saved(
+    result: SimulationResult, prepared: PreparedFolder, saving: Saving, *, more: str = "", frames: Frames = None
+) -> ExitCode:
     """Save a result, show it, and return the exit code.
 
     Args:
         result: the result.
-        folder: where it is saved.
+        prepared: where it is saved, and what was shown before the run.
         saving: how it is saved and shown.
         more: a sentence about the run that the result does not contain; empty if there is none.
         frames: frames of the film strip.
@@ -144,11 +158,14 @@ def saved(result: SimulationResult, folder: Path, saving: Saving, *, more: str =
     Raises:
         Interrupted: the user interrupted twice; nothing was saved.
     """
+    folder = prepared.path
     kept: Saved = {**saving.kept, "frames": frames}
     with finished_first(message("cli.files_of", "the files of {folder}", folder=folder)) as interrupted:
         result.save(folder, **kept)
     _show_end(result)
-    _show_verdict(result.verdict, f"{result.config.name}: ", with_table=saving.verdict)
+    _show_verdict(
+        result.verdict, f"{result.config.name}: ", with_table=saving.verdict, shown_before=prepared.shown_warnings
+    )
     for remark in remarks_of(result):
         say_remark(Remark(CONTROLLER_REMARK, remark))
     if more:
@@ -174,20 +191,22 @@ def _show_end(result: SimulationResult) -> None:
         console.print()
         console.print(table(*table_of_moves(moves)))
         nearest = nearest_bodies(moves)
-        if nearest:
-            say_text(nearest)
+        for line in (nearest, meaning_of_distances(moves)):
+            if line:
+                say_text(line)
     console.print()
 
 
-def _show_verdict(verdict: Verdict, name: str, *, with_table: bool) -> None:
-    """Show a verdict: its sentence; the criteria as a table if a bound is violated; each warning with its remedy.
+def _show_verdict(verdict: Verdict, name: str, *, with_table: bool, shown_before: Collection[str] = ()) -> None:
+    """Show a verdict: its sentence; the criteria as a table if a bound is violated; each remark with its remedy.
 
     Args:
         verdict: the verdict.
         name: what the sentence begins with.
         with_table: whether the table is shown even if all values are within their bounds.
+        shown_before: texts of warnings that were shown before the run, and are left out.
     """
-    summary, *warnings = verdict.remarks
+    summary, *remarks = verdict.remarks
     # An output without colours shows a warning or a failure by its word.
     is_plain = not console.is_terminal and summary.severity in ("warning", "failure")
     word = f"{translate(SEVERITY_WORDS[summary.severity])}: " if is_plain else ""
@@ -196,10 +215,12 @@ def _show_verdict(verdict: Verdict, name: str, *, with_table: bool) -> None:
     if verdict.table and summary.severity != "failure" and (with_table or verdict.beyond):
         console.print(criteria_table(verdict))
     shown_remedies = list[Remedy]()
-    for warning in warnings:
-        say_remark(warning, with_remedy=warning.remedy not in shown_remedies)
-        if warning.remedy is not None:
-            shown_remedies.append(warning.remedy)
+    for remark in remarks:
+        if remark.text in shown_before:
+            continue
+        say_remark(remark, with_remedy=remark.remedy not in shown_remedies)
+        if remark.remedy is not None:
+            shown_remedies.append(remark.remedy)
 
 
 def exit_code(result: SimulationResult, *, strict: bool = False) -> ExitCode:

@@ -119,9 +119,9 @@ def run(
             converge=converge,
         )
         return run_program(own_program(config), config, saving, shown)
-    folder = prepared_folder(config, saving)
+    prepared = prepared_folder(config, saving)
     result = _simulated(config, saving.live)
-    code = saved(result, folder, saving, frames=shown)
+    code = saved(result, prepared, saving, frames=shown)
     return _converged(result) if converge and code == ExitCode.DONE else code
 
 
@@ -133,8 +133,8 @@ def demo(
     """Run the main job: an IRB120 moves by joint torque; the recording opens in any browser."""
     config = station_from("irb120_dynamic", None)
     saving = Saving(out=out, force=True)
-    folder = prepared_folder(config, saving)
-    return saved(_simulated(config, live=False), folder, saving)
+    prepared = prepared_folder(config, saving)
+    return saved(_simulated(config, live=False), prepared, saving)
 
 
 @with_mesh_path

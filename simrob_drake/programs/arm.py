@@ -1,7 +1,6 @@
 """Program an arm in the words of RAPID: SimRob's class Kin, later Cin."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import Any, Concatenate, ParamSpec, TypeVar, cast
@@ -14,6 +13,8 @@ from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import PoseLike
 from simrob_drake.base.messages import message
 from simrob_drake.kinematics.registry import SolverLike
+from simrob_drake.programs.errors import PathCollision
+from simrob_drake.programs.foresight import foresee
 from simrob_drake.programs.geometry import ArmGeometry
 from simrob_drake.programs.moves.joints import JointMove, move_of
 from simrob_drake.programs.moves.kinds import move_from
@@ -31,7 +32,6 @@ from simrob_drake.programs.stages import check_takes_time
 from simrob_drake.programs.time_optimal import Motors
 from simrob_drake.programs.timeline import following
 from simrob_drake.results.record.run import MoveSpan
-from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult, joined
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.station import StationLike
@@ -369,36 +369,47 @@ class Workcell(RecordedStation):
         return joined(runs, begun=(config, state), left=self.config, program=text, move_spans=spans)
 
     def rehearse(self, program: Program, file: str = "") -> tuple[int, float]:
-        """Look whether arms can do a program, as far as that can be known without running it.
+        """Check that arms can do a program, as far as this can be known without a run.
 
-        What a dynamic station does is known only once it is done. So this stands the robots where each move leads them,
-        without a simulation, and leaves them there; it ends before a move that depends on a piece that was let fall,
-        and before the station's own references.
+        The robots are put where each move leads them, without a simulation, and stay there at the end. A free piece
+        that fingers close on moves with them until they open. The check ends before a move that depends on what only
+        a simulation shows: where a piece comes to rest that falls, or what the station's own references do.
 
         Args:
-            program: what is to be done.
-            file: that it stands in, for messages.
+            program: the program.
+            file: file of the program, for messages.
 
         Returns:
-            how many of the moves were looked at, and how long they take [s].
+            the count of moves that were checked, and their duration [s].
 
         Raises:
-            InvalidParameter: a program without a move that takes time.
-            SimrobError: what cannot be done; names the move.
+            InvalidParameter: the program has no move that takes time.
+            SimrobError: a move cannot be done; the message names the move.
         """
         check_takes_time(
             program.moves,
             file or message("programs.the_program", "the program"),
             message("programs.program_with_moves", "one with moves, such as move_abs_j"),
         )
-        fallen, whole = set[str](), 0.0
+        released: set[str] = set()  # free pieces whose place the moves before have changed
+        dropped: set[str] = set()  # free pieces that fingers released in the air
+
+        def stand(plans: list[Plan], duration: float | None) -> float:
+            time, dropped_now = self._stand(plans, duration)
+            dropped.update(dropped_now)
+            return time
+
+        total_time = 0.0
         for number, move in enumerate(program.moves):
-            if isinstance(move, PlayMove) or not fallen.isdisjoint(move.pieces()):
-                return number, whole
+            depends_on_run = isinstance(move, PlayMove) or not released.isdisjoint(move.pieces())
+            # A dropped piece is anywhere below: any motion may run into it.
+            may_meet_dropped = bool(dropped) and move.takes_time
+            if depends_on_run or may_meet_dropped:
+                return number, total_time
             with naming(move_name(number, len(program.moves), file)):
-                whole += move.perform(self, program.robot, self.stand) or 0.0
-            fallen |= {name for name in self.config.free_pieces if name in move.pieces()}
-        return len(program.moves), whole
+                total_time += move.perform(self, program.robot, stand) or 0.0
+            released |= {name for name in self.config.free_pieces if name in move.pieces()}
+        return len(program.moves), total_time
 
     def _perform(self, program: Program, file: str) -> tuple[list[SimulationResult], list[MoveSpan]]:
         """Do the moves of a program one after the other, up to one whose run does not go to its end.
@@ -410,8 +421,12 @@ class Workcell(RecordedStation):
         spans: list[MoveSpan] = []
         now = 0.0
         for number, move in enumerate(program.moves):
-            with naming(move_name(number, len(program.moves), file)):
-                run = move.perform(self, program.robot, self.run_plans)
+            try:
+                with naming(move_name(number, len(program.moves), file)):
+                    run = move.perform(self, program.robot, self.run_plans)
+            except PathCollision as problem:
+                _explain_by_lost_piece(problem, runs)
+                raise
             begin = now
             if run is not None:
                 now = begin + run.stop_time
@@ -426,12 +441,40 @@ class Workcell(RecordedStation):
         return self.run(*plans, duration=duration)
 
     def stand(self, plans: list[Plan], duration: float | None) -> float:
-        """Put robots where their moves lead them, and return how long the moves take [s]."""
+        """Put robots, and what their fingers hold, where moves lead them, without a simulation.
+
+        Args:
+            plans: the moves, which run at the same time.
+            duration: duration of the run [s]; if it is None, the run lasts until the last move ends.
+
+        Returns:
+            the duration of the run [s].
+        """
+        return self._stand(plans, duration)[0]
+
+    def _stand(self, plans: list[Plan], duration: float | None) -> tuple[float, frozenset[str]]:
+        """Do what :meth:`stand` does, and find out which pieces fingers dropped.
+
+        Returns:
+            the duration of the run [s], and the names of the pieces that fingers released with nothing below them.
+        """
         self.check_together(*plans)
         time = max(plan.duration for plan in plans) if duration is None else duration
-        at = {robot: self.reference(robot) for robot in self.config.robots}
-        at |= {plan.robot: plan.postures(np.array([min(time, plan.duration)]))[0] for plan in plans}
-        still = {robot: np.zeros_like(posture) for robot, posture in at.items()}
-        before = self.state or State(at, still, at)
-        self.state = replace(before, positions=at, velocities=still, references=at)
-        return time
+        foresight = foresee(self, plans, time)
+        self.state = foresight.state
+        return time, foresight.dropped
+
+
+def _explain_by_lost_piece(problem: PathCollision, runs: Sequence[SimulationResult]) -> None:
+    """Add to a refused move that its obstacle is a piece that slipped out of fingers in a move before.
+
+    Args:
+        problem: the error of the move. It stays as it is if the obstacle is something else.
+        runs: the runs of the moves before.
+    """
+    for run in reversed(runs):
+        for measure in run.verdict.measures:
+            is_lost = measure.criterion.name == "lost_piece" and measure.warning
+            if is_lost and measure.worst.subject in problem.bodies:
+                problem.add_lost_piece(measure.worst.subject, run.place)
+                return

@@ -22,7 +22,7 @@ from simrob_drake.kinematics.every_branch import branches
 from simrob_drake.kinematics.numeric import random_postures
 from simrob_drake.programs.errors import PathCollision
 from simrob_drake.programs.model import StationModel
-from simrob_drake.programs.plan import axis_text, check_collisions
+from simrob_drake.programs.plan import Plan, axis_text, check_collisions
 from simrob_drake.programs.segments import PathPoint
 from simrob_drake.results.record.run import Approach, Approaches
 from simrob_drake.stations.collisions import OTHER_TOLERANCE
@@ -215,6 +215,7 @@ class Branches:
 
 _LOOKS = 6  # count of random postures that show which distances change
 _SAME = 1e-6  # a distance that changes by less is constant [m]
+_CLEAR_CHANGE = 1e-3  # a recorded distance that changes by more is not noise, whatever the plan [m]
 _SPARSE = 4  # all pairs of shapes are evaluated at every fourth posture
 _NEAREST = 6  # count of pairs of shapes that are evaluated at every posture
 
@@ -283,17 +284,19 @@ def gaps(model: StationModel, robot: str, chain: Chain) -> Callable[[Vector], Ga
     return gap
 
 
-def approaches(model: StationModel, robot: str, rows: Vector) -> Approaches:
-    """Find the smallest distances of a robot, with what it carries, along a motion.
+def approaches(model: StationModel, plan: Plan, rows: Vector, times: Vector) -> Approaches:
+    """Find the smallest distances of a robot, with what it carries or holds, along a recorded move.
 
-    These pairs do not count: a body of the robot and one of the surroundings that touch at
-    the start, two bodies whose distance is constant, and links that the collision policy
-    leaves out.
+    Which pairs of bodies count depends on the plan: a pair whose distance the plan does not change, such as a turning
+    column and the floor below, counts only if the recorded distance changes clearly. Noise does not decide. These
+    pairs do not count either: a body of the robot and one of the surroundings that touch at the start, links that the
+    collision policy leaves out, and a link and a piece that fingers hold at the start or at the end.
 
     Args:
         model: the station with collision shapes, whose plant is placed along the motion.
-        robot: the robot's name.
-        rows: positions (k, nq) of the plant along the motion.
+        plan: the plan of the move.
+        rows: recorded positions (k, nq) of the plant along the motion.
+        times: times of these positions since the start of the move, shape (k,) [s].
 
     Returns:
         both distances; infinite and without names if the base of a robot is not fixed.
@@ -302,24 +305,53 @@ def approaches(model: StationModel, robot: str, rows: Vector) -> Approaches:
     # The recorded positions have another size if the base of a robot is not fixed.
     if rows.shape[1] != model.plant.num_positions():
         return Approaches(nothing, nothing)
+    postures = plan.postures(np.minimum(times, plan.duration))
+    # Along the planned positions the robot moves as planned, and everything else stays where it is at the start.
+    around = np.repeat(rows[:1], len(rows), axis=0)
+    planned = model.robots[plan.robot].axis_map.spread_positions(postures, around)
+    motion = _Motion(recorded=rows, planned=planned)
+
     inspector = model.station.scene_graph.model_inspector()
-    own = model.policy.own_distances(robot)
-    return Approaches(
-        to_others=_nearest_approach(
-            model,
-            rows,
-            _surroundings(model, robot),
-            lambda pairs: Distances(pairs, inspector),
-            ignores_first_contacts=True,
-        ),
-        to_itself=_nearest_approach(model, rows, own, own.only, ignores_first_contacts=False),
-    )
+    model.place(rows[-1])
+    held_at_end = {piece for piece, robot in model.gripping_robots().items() if robot == plan.robot}
+    with model.holding_at(rows[0]):
+        held_at_start = {piece for piece, robot in model.holders.items() if robot == plan.robot}
+        held = held_at_start | held_at_end
+        links = {f"{model.robots[plan.robot].prefix}{link}" for link in model.robots[plan.robot].model.links}
+
+        def may_approach(pair: Pair) -> bool:
+            """Whether the pair is not one of a link and a piece that the fingers hold."""
+            bodies = {model.owner(shape) for shape in pair}
+            return held.isdisjoint(bodies) or links.isdisjoint(bodies)
+
+        surroundings = _surroundings(model, plan.robot)
+        others = [pair for pair in surroundings.pairs if may_approach(pair)]
+        own = model.policy.own_distances(plan.robot)
+        own_pairs = [pair for pair in own.pairs if may_approach(pair)]
+        return Approaches(
+            to_others=_nearest_approach(
+                model, motion, others, lambda pairs: Distances(pairs, inspector), ignores_first_contacts=True
+            ),
+            to_itself=_nearest_approach(model, motion, own_pairs, own.only, ignores_first_contacts=False),
+        )
+
+
+class _Motion(NamedTuple):
+    """A move of a robot, as positions of the plant at the same k times.
+
+    Attributes:
+        recorded: positions in the run, shape (k, nq).
+        planned: positions with the robot as planned and all else at rest, shape (k, nq).
+    """
+
+    recorded: Vector
+    planned: Vector
 
 
 def _nearest_approach(
     model: StationModel,
-    rows: Vector,
-    distances: Distances,
+    motion: _Motion,
+    pairs: list[Pair],
     for_pairs: Callable[[list[Pair]], Distances],
     *,
     ignores_first_contacts: bool,
@@ -331,20 +363,22 @@ def _nearest_approach(
 
     Args:
         model: the station with collision shapes, whose plant is placed along the motion.
-        rows: positions of the plant along the motion, shape (k, nq).
-        distances: computes the distances of all pairs of shapes.
-        for_pairs: makes an object that computes the distances of some of these pairs, in the same way.
+        motion: positions of the plant along the motion.
+        pairs: the pairs of shapes whose distances may count.
+        for_pairs: makes an object that computes the distances of some of these pairs.
         ignores_first_contacts: leave out the pairs that touch at the start.
 
     Returns:
         the smallest distance; infinite and without names if no pair counts.
     """
     nothing = Approach(np.inf, "")
-    if not distances.pairs:
+    if not pairs:
         return nothing
     # Distances of all pairs at every fourth posture, shape (postures, pairs).
-    sparse = _distances_along(model, distances, rows[::_SPARSE])
-    counts = np.ptp(sparse, axis=0) > _SAME
+    distances = for_pairs(pairs)
+    sparse = _distances_along(model, distances, motion.recorded[::_SPARSE])
+    planned = _distances_along(model, distances, motion.planned[::_SPARSE])
+    counts = (np.ptp(planned, axis=0) > _SAME) | (np.ptp(sparse, axis=0) > _CLEAR_CHANGE)
     if ignores_first_contacts:
         counts &= sparse[0] > OTHER_TOLERANCE
     least = np.where(counts, sparse.min(axis=0), np.inf)  # infinite for pairs that do not count
@@ -354,9 +388,10 @@ def _nearest_approach(
         return nothing
     # The few nearest pairs, evaluated at every posture. The object may sort its pairs in another order.
     nearest = for_pairs(nearest_pairs)
-    smallest = _distances_along(model, nearest, rows).min(axis=0)
+    smallest = _distances_along(model, nearest, motion.recorded).min(axis=0)
     pair = nearest.pairs[int(smallest.argmin())]
-    names = " to ".join(model.owner(shape) for shape in pair)
+    first, second = (model.owner(shape) for shape in pair)
+    names = message("programs.body_to_body", "{first} to {second}", first=first, second=second)
     return Approach(float(smallest.min()), names)
 
 

@@ -133,7 +133,7 @@ class PathCollision(SimrobError):
         super().__init__(
             message(
                 "programs.would_run_into",
-                "{where}: {body} would run into {other}, {depth:.1f} mm deep; check 'limits' lets it",
+                "{where}: {body} would run into {other}, {depth:.1f} mm deep; `check: limits` in the move allows it",
                 where=where,
                 body=bodies[0],
                 other=bodies[1],
@@ -141,6 +141,22 @@ class PathCollision(SimrobError):
             )
         )
         self.point, self.time, self.bodies, self.depth = point, time, bodies, depth
+
+    def add_lost_piece(self, piece: str, move: str) -> None:
+        """Add to the message that fingers lost a piece before, which is likely what the robot would run into.
+
+        Args:
+            piece: name of the piece.
+            move: name of the move in which it slipped out of the fingers.
+        """
+        self.message = message(
+            "programs.after_lost_piece",
+            "{problem}; before that, {piece} slipped out of the fingers in {move}",
+            problem=self.message,
+            piece=piece,
+            move=move,
+        )
+        self.args = (self.message,)
 
 
 class NoFreePath(SimrobError):
@@ -156,7 +172,7 @@ class StartInCollision(NoFreePath):
     """
 
     def __init__(self, depth: float, bodies: tuple[str, str]) -> None:
-        remedy = message("programs.go_out_with_limits", "go out of it by move_l or move_abs_j with check 'limits'")
+        remedy = message("programs.go_out_with_limits", "go out of it by move_l or move_abs_j with `check: limits`")
         super().__init__(
             message(
                 "programs.start_in_collision",

@@ -3,7 +3,8 @@
 Pieces change hands in it (SimRob's PegarEn): another parent, the same place in the world.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cached_property
 from itertools import count
 from typing import Any
@@ -157,8 +158,34 @@ class StationModel(PosedStation):
         """Name of the robot whose fingers hold a piece, for each piece that is held."""
         if not self._held:  # the usual case, and this property is read in every collision check
             return {}
+        return self._robots_of(self._held)
+
+    @contextmanager
+    def holding_at(self, positions: Vector) -> Iterator[None]:
+        """Context in which robots hold what their fingers touch from two sides at positions (nq,) of the plant.
+
+        In the context, :attr:`holders` and so the collision policy say so, wherever the plant is placed.
+        """
+        before = self._held
+        self.place(positions)
+        self._held = self._gripped()
+        try:
+            yield
+        finally:
+            self._held = before
+
+    def gripping_robots(self) -> dict[str, str]:
+        """Name of the robot whose fingers touch a free piece from two sides in the present postures, by piece."""
+        return self._robots_of(self._gripped())
+
+    def _robots_of(self, held: Mapping[str, tuple[Frame, RigidTransform]]) -> dict[str, str]:
+        """Name of the robot that each held piece's link belongs to, by piece.
+
+        Args:
+            held: by piece, the link that holds it and its pose in that link's frame.
+        """
         robots = {own.instance: name for name, own in self.robots.items()}
-        return {piece: robots[link.model_instance()] for piece, (link, _) in self._held.items()}
+        return {piece: robots[link.model_instance()] for piece, (link, _) in held.items()}
 
     def _gripped(self) -> dict[str, tuple[Frame, RigidTransform]]:
         """Return the free pieces that two links of a robot with fingers touch now: one link, and where in it."""

@@ -61,6 +61,7 @@ class Plan:
         points: count of points on the way to each target.
         check: what was checked. Collisions are checked again with the moves that are run at the same time.
         entry: keys and values of the move in a program's file; None if no file can describe it.
+        written_as: key under which the user wrote the move, if that is not the key of the entry; empty otherwise.
         frame: pose of the work object in the world when the move was planned; None without a work object.
         search: pieces of paths of the tool that a search tried, for the recording: start and end of each piece in the
             world, shape (k, 2, 3) [m].
@@ -72,8 +73,14 @@ class Plan:
     points: int
     check: Check = CHECKED
     entry: Mapping[str, Any] | None = None
+    written_as: str = ""
     frame: RigidTransform | None = None
     search: Vector = field(default_factory=lambda: np.zeros((0, 2, 3)))
+
+    @property
+    def kind(self) -> str:
+        """Name of the move for users: the key under which it is written. Empty if no file can describe the move."""
+        return self.written_as or next(iter(self.entry or ()), "")
 
     def __repr__(self) -> str:
         times = " ".join(f"{time:.4g}" for time in self.arrivals)

@@ -225,6 +225,7 @@ def _targets_of_driven(model: RobotModel, target_deg: AxisValues) -> dict[str, f
 
 def _check_references(robot: LeggedGeometry, program: Program, file: str) -> None:
     for number, cell in enumerate(program.references):
+        cell.refuse_check(reference_name(number, file))
         targets_on(robot.model, cell.target_deg, reference_name(number, file))
 
 

@@ -214,15 +214,15 @@ def run_entry(
 
 def asked_move(plan: Plan, model: StationModel) -> AskedMove:
     """Return what a run of a planned move is asked for, on a station as it is then."""
-    kind, content = next(iter(plan.entry.items())) if plan.entry else ("", {})
+    content = next(iter(plan.entry.values())) if plan.entry else {}
     robot = model.robots[plan.robot]
     return AskedMove(
-        kind=kind,
+        kind=plan.kind,
         robot=plan.robot,
         duration=plan.duration,
         end=plan.end,
         tool=model.chain(plan.robot, robot.tools[robot.tcp]).forward,
-        approaches=lambda rows: approaches(model.colliding, plan.robot, rows),
+        approaches=lambda rows, times: approaches(model.colliding, plan, rows, times),
         speed=content.get("speed"),
         search=plan.search,
     )
@@ -230,7 +230,7 @@ def asked_move(plan: Plan, model: StationModel) -> AskedMove:
 
 def in_words(plans: Sequence[Plan], duration: float | None, *, several: bool) -> str:
     """Return what a run of planned moves does, in a few words; whose moves they are where there are several robots."""
-    names = [next(iter(plan.entry)) if plan.entry else "" for plan in plans]
+    names = [plan.kind for plan in plans]
     if not all(names):
         return ""
     words = (

@@ -31,6 +31,7 @@ _COMMENT_WIDTH = 100  # characters of a line of a comment in YAML
 RUNS = Path("runs")
 SUMMARY = "summary.json"
 SIGNALS = "signals.csv"
+STATION = "station.yaml"
 START = "start.json"
 EVENTS, PROGRAM, COMMANDS = "events.csv", "program.yaml", "commands.yaml"
 
@@ -101,7 +102,7 @@ def save_result(
         from simrob_drake.stations.file_paths import with_copied_files  # the importer, which a run alone does not need
 
         text = _station_remarks(result) + station_yaml(with_copied_files(config, work))
-        (work / "station.yaml").write_text(text, encoding="utf-8")
+        (work / STATION).write_text(text, encoding="utf-8")
         with in_background(lambda: _save_plots(result, work / "plots", plots)):
             if recording:
                 save_recording(result, work / "recording.html")

@@ -44,6 +44,7 @@ from simrob_drake.results.record.run import MoveSpan, at_time_of_program, begins
 from simrob_drake.results.record.state import State, free_joint, joints_of
 from simrob_drake.results.record.touch import Event
 from simrob_drake.stations.config import StationConfig
+from simrob_drake.stations.import_findings import estimated_inertias
 from simrob_drake.stations.piece_config import PieceConfig
 from simrob_drake.stations.posed import PosedStation
 from simrob_drake.stations.poses import piece_pose_signal, unit_poses
@@ -170,6 +171,8 @@ class SimulationResult(RecordedRun):
             )
         else:
             whole = verdict_of(self)
+        estimates = [estimated_inertias(robot.model) for robot in self.plant.robots.values()]
+        whole = replace(whole, notes=tuple(estimate for estimate in estimates if estimate is not None))
         return replace(whole, moves=(*(judge_move(self, move) for move in self.moves), *whole.moves))
 
     @cached_property
@@ -317,7 +320,7 @@ def joined(
         changes = [name for name, piece in after.pieces.items() if before.pieces[name].parent != piece.parent]
         attached = ", ".join(f"{name} to {after.pieces[name].parent}" for name in changes)
         if attached or len(marks) < len(runs) - 1:
-            marks.append((end, attached or f"{run.did or 'move'} ends"))
+            marks.append((end, attached or _end_in_words(run)))
     whole = replace(
         last,
         config=config,
@@ -347,6 +350,14 @@ def joined(
         trace=None,
     )
     return _with_signals(whole, kept, wandering)
+
+
+def _end_in_words(run: RecordedRun) -> str:
+    """Say that a run of a program ended, with the number of its move and the name that the user gave it."""
+    did = run.did or message("results.a_move", "move")
+    if not run.place:
+        return message("results.run_ends", "{did} ends", did=did)
+    return message("results.move_ends", "{place} ({did}) ends", place=run.place, did=did)
 
 
 class _ProgramMotion:

@@ -258,6 +258,27 @@ class StationConfig(Renamed):
         )
     }
 
+    @model_validator(mode="before")
+    @classmethod
+    def _refuse_keys_of_robots(cls, content: Any) -> Any:
+        """Refuse a key that belongs to a robot, such as `drives`, with the key under which it is to be written.
+
+        Raises:
+            ValueError: there is such a key. Other unknown keys are refused later.
+        """
+        if isinstance(content, dict):
+            for key in content:
+                if key in RobotConfig.model_fields and key not in cls.model_fields:
+                    raise ValueError(
+                        message(
+                            "stations.key_of_robot",
+                            "{key} is a key of a robot: write robot.{key}, or robots.NAME.{key} in a station with "
+                            "several robots",
+                            key=key,
+                        )
+                    )
+        return content
+
     name: FileName
     """What results and pictures call it; the file's name unless given."""
     description: str = ""

@@ -20,7 +20,7 @@ from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.files import ROBOT_FILE
 from simrob_drake.base.frames import Vector, lean, xyz_quaternion_from_transform
-from simrob_drake.base.messages import message, translate
+from simrob_drake.base.messages import compound, message, translate
 from simrob_drake.base.yaml_files import is_yaml_name
 from simrob_drake.importer.importing import gains_of, robot_from_file
 from simrob_drake.importer.named_robots import read_robot
@@ -32,7 +32,7 @@ from simrob_drake.stations.clearance import Clearance
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.coupled import follower_key
-from simrob_drake.stations.import_findings import import_findings
+from simrob_drake.stations.import_findings import estimated_inertias, import_findings
 from simrob_drake.stations.load import ONLY_ROBOT
 from simrob_drake.stations.loops import LoopsOfRobot
 from simrob_drake.stations.plausibility import plausibility_findings
@@ -142,6 +142,9 @@ def draft_station(urdf: Path | str, options: ImportOptions | None = None, *, fol
         )
         remarks.append(without_motor)
     remarks += _import_warnings(robot, content, file)
+    estimated = estimated_inertias(robot, file)
+    if estimated is not None:
+        remarks.append(compound("{text}.", text=estimated.as_sentence()))
     if is_kinematic:
         remarks += _complete_with_fixed_base(robot, content)
     elif robot.base == "floating":

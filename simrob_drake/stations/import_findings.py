@@ -5,13 +5,16 @@ lost, such as a spring. And a *mimic joint*, which the file makes follow another
 some solvers.
 """
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from simrob_drake.base.errors import listed
-from simrob_drake.base.messages import compound, message
+from simrob_drake.base.messages import Message, compound, message
 from simrob_drake.parts.resolved import ResolvedRobot
+from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.imports import Entry, read_report
+from simrob_drake.robots.urdf import mass_of, name_of
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.coupled import unheld_mimics
 from simrob_drake.stations.findings import Finding
@@ -40,6 +43,9 @@ def import_findings(config: StationConfig, robot: ResolvedRobot, *, source: Path
     imported_by_station = config.robots[robot.name].urdf
     source = source or imported_by_station or report.source
     subject = message("stations.import_of", "import of {file}", file=source.name)
+    frictions = _lost_frictions(robot, report.of("lost"))
+    if frictions:
+        findings.append(_friction_finding(config, robot, source, frictions))
     losses = [(loss.element, loss.text) for loss in _losses(robot, report.of("lost"))]
     for group in group_by_words(losses):
         text = _loss_text(group)
@@ -51,6 +57,10 @@ def import_findings(config: StationConfig, robot: ResolvedRobot, *, source: Path
                 message("stations.lost_in", "lost in the {subject}: {text}", subject=subject, text=text),
             )
         )
+    estimated = estimated_inertias(robot.model, source)
+    if estimated:
+        inertias = message("stations.inertias_of", "inertias of {robot}", robot=robot.name)
+        findings.append(Finding("note", inertias, estimated))
     # A station may also use a robot that was imported earlier. Only the station that imports gets the summary.
     if imported_by_station is not None:
         findings.append(
@@ -79,12 +89,24 @@ def _loss_text(group: WordGroup) -> str:
     return text
 
 
-def _losses(robot: ResolvedRobot, lost: list[Entry]) -> Iterator[Entry]:
-    """Select the losses of an import that the station does not compensate.
+def _axis_of_joint(robot: ResolvedRobot, element: str) -> str | None:
+    """Name of the axis whose joint an entry of a report is about; None if it is about something else.
 
-    Two kinds of losses are compensated, and so left out. Friction of a joint is lost in the URDF, but the section
-    ``drives`` of the robot or of the station may give the axis friction again. Mimic joints were reported as lost by
-    older imports; stations now couple such an axis to its leader.
+    Args:
+        robot: the imported robot.
+        element: element that the entry names, such as ``joint 'elbow' <dynamics>``.
+    """
+    joint_name = element.removesuffix(" <dynamics>")
+    for name, axis in robot.model.axes.items():
+        if joint_name == message("stations.joint_called", "joint '{joint}'", joint=axis.joint):
+            return name
+    return None
+
+
+def _losses(robot: ResolvedRobot, lost: list[Entry]) -> Iterator[Entry]:
+    """Select the losses of an import that the station does not compensate, but for friction of its axes.
+
+    Mimic joints were reported as lost by older imports; stations now couple such an axis to its leader.
 
     Args:
         robot: the imported robot.
@@ -93,20 +115,105 @@ def _losses(robot: ResolvedRobot, lost: list[Entry]) -> Iterator[Entry]:
     Yields:
         the losses that remain.
     """
-    axis_of_element: dict[str, str] = {
-        message("stations.joint_called", "joint '{joint}'", joint=axis.joint): name
-        for name, axis in robot.model.axes.items()
-    }
-    has_friction = dict(zip(robot.axes, robot.model.friction > 0, strict=True))
     for loss in lost:
-        element = loss.element.removesuffix(" <dynamics>")
-        axis = axis_of_element.get(element)
+        axis = _axis_of_joint(robot, loss.element)
         if axis is not None:
-            if loss.text.startswith("friction ") and has_friction[axis]:
+            if _FRICTION.match(loss.text):
                 continue
             if loss.text.startswith("mimics ") and axis in robot.model.followers:
                 continue
         yield loss
+
+
+_FRICTION = re.compile(r"friction ([-+.\de]+)")
+"""Start of the English text of a report's entry about lost friction, with its amount [N·m or N]."""
+
+
+def _lost_frictions(robot: ResolvedRobot, lost: list[Entry]) -> dict[str, float]:
+    """Find axes whose friction the import left out. Returns the friction in the robot's file, by axis [N·m or N].
+
+    Axes that have friction again, by the section ``drives`` of the robot or of the station, are left out.
+
+    Args:
+        robot: the imported robot.
+        lost: entries of the import's report about losses.
+    """
+    has_friction = dict(zip(robot.axes, robot.model.friction > 0, strict=True))
+    frictions = {}
+    for loss in lost:
+        axis = _axis_of_joint(robot, loss.element)
+        amount = _FRICTION.match(loss.text)
+        if axis is not None and amount is not None and not has_friction[axis]:
+            frictions[axis] = float(amount[1])
+    return frictions
+
+
+def _friction_finding(
+    config: StationConfig, robot: ResolvedRobot, source: Path, frictions: Mapping[str, float]
+) -> Finding:
+    """Warn of joint friction that an import left out, with the setting that brings it back.
+
+    Args:
+        config: configuration of the station.
+        robot: the imported robot.
+        source: file of the robot.
+        frictions: friction in the file, by axis [N·m or N].
+    """
+    units = dict(zip(robot.model.axes, robot.model.effort_units, strict=True))
+    amounts = [
+        compound("{axis} {friction:g} {unit}", axis=axis, friction=friction, unit=units[axis])
+        for axis, friction in frictions.items()
+    ]
+    section = "robot" if config.only_robot else f"robots.{robot.name}"
+    if len(frictions) == 1:
+        ((axis, friction),) = frictions.items()
+        setting = f"{section}.drives.friction.{axis}={friction:g}"
+    else:
+        values = ", ".join(f"{axis}: {friction:g}" for axis, friction in frictions.items())
+        setting = f"'{section}.drives.friction={{{values}}}'"
+    text = message(
+        "stations.friction_left_out",
+        "the import of {file} left out joint friction, which is seldom measured: {frictions}; `--set {setting}` brings "
+        "it back",
+        file=source.name,
+        frictions=listed(amounts),
+        setting=setting,
+    )
+    return Finding("warning", message("stations.friction_subject", "joint friction"), text)
+
+
+_ESTIMATED = re.compile(r"estimated: |a (small )?ball: ")
+"""Part of the English text of a report's entry about an inertia that the import estimated."""
+
+_LINK_OF_ENTRY = re.compile(r"link '(.*)'")
+"""Start of the English name of an element of a link, with the link's name."""
+
+
+def estimated_inertias(model: RobotModel, source: Path | None = None) -> Message | None:
+    """Say which links of a robot have an inertia that its import estimated. Returns None if there is no such link.
+
+    Args:
+        model: the robot, whether it was imported or not.
+        source: file under which the user knows the robot; if it is None, that of the import's report.
+    """
+    report = read_report(model.folder)
+    if report is None:
+        return None
+    masses = {name_of(link): mass_of(link) for link in model.element.iterfind("link")}
+    links = []
+    for entry in report.of("defaulted"):
+        link = _LINK_OF_ENTRY.match(entry.element)
+        if link is not None and _ESTIMATED.search(entry.text):
+            links.append(compound("{link} ({mass:.3g} kg)", link=link[1], mass=masses.get(link[1], 0.0)))
+    if not links:
+        return None
+    file = (source or report.source).name
+    return message(
+        "stations.estimated_inertias",
+        "the inertia of {links} is an estimate: {file} has none that can be used",
+        links=listed(links),
+        file=file,
+    )
 
 
 def _unheld_mimic_finding(config: StationConfig, follower: str, leader: str) -> Finding:

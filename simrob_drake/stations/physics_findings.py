@@ -7,14 +7,16 @@ does show, such as a joint that sags, is judged by its verdict.
 
 from collections.abc import Mapping
 
+from simrob_drake.base.errors import listed
 from simrob_drake.base.messages import message
 from simrob_drake.blocks.references import Reference
 from simrob_drake.parts.controllers import loops_of
 from simrob_drake.parts.station_plant import StationPlant
+from simrob_drake.robots.urdf import mass_of
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.contact import pairs_without_surface
 from simrob_drake.stations.contact_points import is_flat, uses_contact_points
-from simrob_drake.stations.findings import Finding
+from simrob_drake.stations.findings import Finding, Level
 from simrob_drake.stations.ignored_settings import ignored_settings
 from simrob_drake.stations.import_findings import import_findings
 from simrob_drake.stations.plausibility import plausibility_findings
@@ -41,7 +43,7 @@ def physics_findings(
     for robot in ports.plant.robots.values():
         findings += import_findings(config, robot)
     if not config.engine.moves_by_forces:
-        return findings
+        return findings + _weightless_findings(ports)
     findings += ignored_settings(config)
     findings += _grip_findings(config, ports)
     findings += step_findings(config, ports.plant, references)
@@ -62,6 +64,32 @@ def _controller_findings(config: StationConfig, ports: StationPorts) -> list[Fin
         key = f"controllers.{name}"
         robot = ports.robot(controller.robot)
         findings += [Finding("warning", key, text) for text in controller.warnings(key, robot)]
+    return findings
+
+
+def _weightless_findings(ports: StationPorts) -> list[Finding]:
+    """Report links without inertia in a kinematic station, whose weight the computed forces lack.
+
+    It is a warning for a robot with inertias, whose forces look right. If no link has one, all forces are zero, and
+    this is a note.
+
+    Args:
+        ports: the built station.
+    """
+    findings = []
+    for robot in ports.plant.robots.values():
+        links = robot.model.links_without_inertia
+        if not links:
+            continue
+        text = message(
+            "stations.lacking_weight",
+            "forces lack the weight of {links}, without inertia; estimate it by "
+            "robot.import_options.estimate_inertia: true, or write one in the URDF",
+            links=listed(links),
+        )
+        has_weight = any(mass_of(link) > 0 for link in robot.model.element.iterfind("link"))
+        level: Level = "warning" if has_weight else "note"
+        findings.append(Finding(level, message("stations.inertias_of", "inertias of {robot}", robot=robot.name), text))
     return findings
 
 

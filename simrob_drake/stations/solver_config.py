@@ -325,6 +325,8 @@ class VerdictConfig(Strict):
     as part of its weight."""
     friction_share: Bound = 1.05
     """Largest friction on a free piece, as part of what the friction coefficient allows."""
+    lost_piece: Bound = 0.01
+    """How far a piece that slipped out of fingers may be, at the end, from where they held it [m]."""
     coupling_gap: Bound = 0.005
     """How far what a coupling holds together may be apart [m or rad]."""
     foot_slip: Bound = 0.02

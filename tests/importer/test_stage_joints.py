@@ -85,7 +85,7 @@ def test_a_joint_of_equal_limits_is_fixed_there(tmp_path, kind, axis):
         pytest.param('xyz="0 1 0"', 'xyz="1 1 0"', "repaired", '"1 1 0" is 1.414 long; "0.70710678', id="not unit"),
         pytest.param('"0.1"', '"-0.1"', "repaired", "<dynamics>: damping -0.1 is negative; 0", id="damping"),
         pytest.param('"0.1"', '"0.1" friction="-2"', "repaired", "friction -2 is negative; 0", id="friction"),
-        pytest.param('"0.1"', '"0.1" friction="2"', "lost", "friction 2, seldom measured; drives.friction", id="lost"),
+        pytest.param('"0.1"', '"0.1" friction="2"', "lost", "friction 2, seldom measured; `--set ", id="lost"),
         pytest.param(LIMIT, f'{LIMIT}<mimic joint="x"/>', "lost", "mimics 'x', which is no joint; known: ", id="mimic"),
         pytest.param(
             '<child link="tip"/>',

@@ -88,9 +88,9 @@ class TestWhatHappened:
         cell, _, _ = picked
         expected = [
             (0.0, "start"),
-            (0.9, "move_abs_j of belt ends"),
+            (0.9, "move 1 (move_abs_j of belt) ends"),
             (1.9, "rook to gripper"),
-            (3.0, "move_j of arm, move_abs_j of belt ends"),
+            (3.0, "move 4 (move_j of arm, move_abs_j of belt) ends"),
             (3.1, "rook to pallet"),  # after the last run
             (3.1, "end"),
         ]

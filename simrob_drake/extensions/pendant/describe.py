@@ -69,8 +69,9 @@ def _robot(cell: Workcell, config: StationConfig, name: str) -> dict[str, Any]:
             "high": high,
             "now": at,
             "passive": is_passive,
+            "is_finger": index in model.fingers,
         }
-        for axis, unit, low, high, at, is_passive in zip(*columns, strict=True)
+        for index, (axis, unit, low, high, at, is_passive) in enumerate(zip(*columns, strict=True))
     ]
     legged = model.feet is not None
     moves = _possible_moves(config, name, model)

@@ -84,7 +84,8 @@ class Taught(Strict):
         if not self.joins:
             return self.replaced(pending=(*self.pending, move), joins=True)
         *others, last = self.pending
-        both = JointMove(target_deg={**cast(JointMove, last).target_deg, **move.target_deg}, duration=move.duration)
+        targets = {**cast(JointMove, last).target_deg, **move.target_deg}
+        both = move.model_copy(update={"target_deg": targets})
         return self.replaced(pending=(*others, both))
 
     def with_tried(self, *moves: Move) -> Taught:

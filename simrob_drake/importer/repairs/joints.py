@@ -467,8 +467,13 @@ def _repair_dynamics(joint: ET.Element, where: str, options: ImportOptions, repo
             ),
         )
     else:
+        # The key is that of a station with this robot alone, in which the axis has the name of the joint.
         advice = message(
-            "importer.friction_brings_back", "drives.friction of a robot brings it back, --friction-as-damping adds it"
+            "importer.friction_setting",
+            "`--set robot.drives.friction.{joint}={friction:g}` brings it back, --friction-as-damping adds it to the "
+            "damping",
+            joint=name_of(joint),
+            friction=friction,
         )
         report.add(
             "lost",

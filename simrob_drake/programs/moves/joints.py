@@ -1,18 +1,20 @@
 """Axes that go to their targets at the same time (SimRob's TestMove and AddMove)."""
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Duration, Number
 from simrob_drake.programs.errors import JointLimitExceeded
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.moves.move import MOVE_TIME, Move, Outlook, Run, Stage, checked
 from simrob_drake.programs.moves.move_j import plan_move_abs_j
+from simrob_drake.programs.plan import CHECKED, Check
 from simrob_drake.programs.stateful_station import StatefulStation
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.coupled_references import with_partners
@@ -32,10 +34,14 @@ class JointMove(Move):
     """Absolute positions at the end."""
     duration: Duration = MOVE_TIME
     """Time that it takes [s]."""
+    check: Check | None = CHECKED
+    """What an arm checks before the move in addition to its targets; `limits` leaves collisions out, and null does the
+    same. Robots with legs check the targets alone."""
 
     def entry(self) -> dict[str, Any]:
-        """Return what a program's file has of it."""
-        return self.model_dump(mode="json")
+        """Keys and values of the move in a program's file. The default of `check` is left out."""
+        left_out = {"check"} if self.check == CHECKED else None
+        return self.model_dump(mode="json", exclude=left_out)
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
         """Move an arm there, straight in the joints, with the axes that are coupled to those that are named."""
@@ -46,13 +52,35 @@ class JointMove(Move):
         for place, position in targets.items():
             posture[place] = position
         posture = with_partners(cell.model.resolved, planning.robot, posture, targets)
-        return run([plan_move_abs_j(planning, posture, duration=self.duration)], None)
+        plan = plan_move_abs_j(planning, posture, duration=self.duration, check=self.check)
+        return run([replace(plan, written_as=self.key)], None)
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
-        """Check the targets; moves of joints that follow each other are made one stage of by who runs them."""
+        """Check the targets. Moves of joints that follow each other become one stage in :func:`stages_of`.
+
+        Raises:
+            Unsuitable: the move has a `check`, which only arms do; or an axis has no motor.
+            SimrobError: a target that the robot cannot reach.
+        """
+        self.refuse_check(name)
         targets = targets_on(robot.model, self.target_deg, name, self.duration)
         check_motors_of(robot.cell, robot.name, targets)
         return lambda robot: None
+
+    def refuse_check(self, name: str) -> None:
+        """Refuse a `check` other than the default, for robots that check targets alone.
+
+        Args:
+            name: name of the move, for the message.
+
+        Raises:
+            Unsuitable: the move has another `check`.
+        """
+        if self.check != CHECKED:
+            raise Unsuitable(
+                compound("{where}: {key}", where=name, key="check"),
+                message("programs.check_of_arms", "only moves of arms check limits of speed and collisions"),
+            )
 
 
 def check_motors_of(cell: StatefulStation, robot: str, targets: Collection[int]) -> None:

@@ -26,7 +26,7 @@ from simrob_drake.base.errors import InvalidParameter, OutputError
 from simrob_drake.base.extras import needed
 from simrob_drake.base.folders import replaced_at_once
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import message, translate
 from simrob_drake.base.progress import Advance, progress_bar
 from simrob_drake.results.animation.camera import (
     FIELD_OF_VIEW,
@@ -83,7 +83,7 @@ def film_strip(result: RecordedRun, *, frames: Frames = 7, height: int | None = 
     studio = Studio(result, height=height, oversampling=2)
     texts, strip = captions(times, studio.walked), BytesIO()
     if events:
-        texts = [f"{caption}\n{text}" for caption, (_, text) in zip(texts, events, strict=True)]
+        texts = [f"{caption}\n{translate(text)}" for caption, (_, text) in zip(texts, events, strict=True)]
     side_by_side(list(studio.images(times)), texts).save(strip, format="png")
     return strip.getvalue()
 
@@ -182,21 +182,47 @@ def captions(times: Vector, way: Way | None) -> list[str]:
 
 
 def side_by_side(images: list[Pixels], texts: list[str]) -> Image.Image:
-    """Put images side by side with captions, in as many rows as keep them large where they are wide."""
+    """Put images side by side with captions, in as many rows as keep them large where they are wide.
+
+    Args:
+        images: the images, all of one size.
+        texts: caption of each. A line that is wider than its image is broken.
+    """
     height, width = images[0].shape[:2]
+    line_height = max(round(_CAPTION * height), 14)
+    font = ImageFont.truetype(str(distribution("matplotlib").locate_file(_FONT)), 0.6 * line_height)
+    texts = [_wrapped(text, width, font) for text in texts]
     lines = max(text.count("\n") for text in texts) + 1
-    below = max(round(_CAPTION * height), 14) * lines
+    below = line_height * lines
     columns = -(-len(images) // -(-len(images) * width // round(_WIDEST * height)))
     rows = -(-len(images) // columns)
     strip = Image.new("RGB", (columns * (width + _GAP) - _GAP, rows * (height + below)), _WHITE)
     pen = ImageDraw.Draw(strip)
-    font = ImageFont.truetype(str(distribution("matplotlib").locate_file(_FONT)), 0.6 * below / lines)
     for number, (image, text) in enumerate(zip(images, texts, strict=True)):
         left, top = number % columns * (width + _GAP), number // columns * (height + below)
         strip.paste(Image.fromarray(image), (left, top))
         middle = left + width / 2, top + height + below / 2
         pen.multiline_text(middle, text, _GREY, font, anchor="mm", align="center")
     return strip
+
+
+def _wrapped(text: str, width: float, font: ImageFont.FreeTypeFont) -> str:
+    """Break the lines of a text at spaces, so that each is no wider than a width [pixels].
+
+    A word that is wider than that stays whole.
+    """
+    lines = []
+    for line in text.split("\n"):
+        fitting = ""
+        for word in line.split(" "):
+            longer = f"{fitting} {word}" if fitting else word
+            if fitting and font.getlength(longer) > width:
+                lines.append(fitting)
+                fitting = word
+            else:
+                fitting = longer
+        lines.append(fitting)
+    return "\n".join(lines)
 
 
 class Studio:

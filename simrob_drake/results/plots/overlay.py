@@ -3,7 +3,7 @@
 import fnmatch
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from simrob_drake.base.yaml_files import parse_json
 from simrob_drake.parts.references import TIME_COLUMN
 from simrob_drake.results.colours import looks
 from simrob_drake.results.files import SIGNALS, SUMMARY
+from simrob_drake.results.plots.differences import differing_settings
 from simrob_drake.results.plots.grid import TIME_LABEL
 from simrob_drake.results.plots.joint_plots import QUANTITIES
 from simrob_drake.results.plots.own import panels
@@ -45,7 +46,7 @@ class SavedSignals:
     """Signals of a result that was saved to a folder.
 
     Attributes:
-        name: name in the legend: the folder, and the gains of its servos.
+        name: name in the legend: the folder, and what tells the result apart.
         times: times of the samples, shape (m,) [s].
         columns: the signals by name, shape (m,) each.
         units: units of the signals by name.
@@ -57,8 +58,24 @@ class SavedSignals:
     units: dict[str, str]
 
 
+def read_results(folders: Sequence[Path]) -> list[SavedSignals]:
+    """Read the signals of results. The name of each has the keys in which it differs from the other results.
+
+    Raises:
+        InvalidConfig: a folder holds no result, or a damaged one.
+    """
+    results = [read_signals(folder) for folder in folders]
+    if len(results) == 1:
+        return results
+    names = [
+        join_texts([str(folder), difference] if difference else [str(folder)], ": ")
+        for folder, difference in zip(folders, differing_settings(folders), strict=True)
+    ]
+    return [replace(result, name=name) for result, name in zip(results, names, strict=True)]
+
+
 def read_signals(folder: Path) -> SavedSignals:
-    """Read the signals of a result from its folder.
+    """Read the signals of a result from its folder. Its name has the gains of its first robot.
 
     Raises:
         InvalidConfig: the folder holds no result, or a damaged one.
@@ -74,7 +91,6 @@ def read_signals(folder: Path) -> SavedSignals:
     times = columns.pop(TIME_COLUMN)
     # Older results have no gains in their summary.
     gains_of_robots = [servo_in_words(servo) for servo in summary.get("servos", {}).values()]
-    # The gains of the first robot are enough to tell two results of one station apart.
     name = join_texts([str(folder), *gains_of_robots[:1]], ": ")
     return SavedSignals(name, times, columns, units=summary.get("units", {}))
 

@@ -1,5 +1,6 @@
 """Plots as files: those of a run, and users' own figures in their looks."""
 
+import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -31,6 +32,11 @@ DPI = 110  # pixels an inch of pictures that are made of pixels
 
 _CURVES = 32  # that differ in colour or kind of line
 _BOLD = FontProperties(size=13, weight="bold")
+_LETTER = 0.07  # mean width of a letter of a legend [inches]
+_BOLD_LETTER = 0.125  # mean width of a letter of a title [inches]
+_COLUMN_SPACE = 0.6  # width of a column of a legend without its letters [inches]
+_MARGIN = 0.2  # width at the borders of a figure that text leaves free [inches]
+_LEAST_LETTERS = 10  # count of letters of a line, however narrow a figure is
 _PLAIN: dict[str, Any] = {"frameon": False, "fontsize": 9}
 
 
@@ -76,13 +82,25 @@ def save_figure(figure: Figure, file: Path | str, *, beside: bool = False) -> Pa
     for axes in figure.axes if beside else ():
         if axes.get_legend_handles_labels()[1]:
             axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), **_PLAIN)
-    if not beside and (curves := _labelled(figure.axes)):
-        width = 0.6 + 0.07 * max(map(len, curves))  # of a legend's column [inches]
-        columns = max(1, int(0.9 * figure.get_figwidth() / width))
-        head: dict[str, Any] = {"title": figure.get_label(), "title_fontproperties": _BOLD, "alignment": "left"}
-        figure.legend(list(curves.values()), list(curves), loc="outside upper left", ncols=columns, **_PLAIN, **head)
+    width = figure.get_figwidth()
+    title = _wrapped(figure.get_label(), width - _MARGIN, _BOLD_LETTER)
+    curves = {} if beside else _labelled(figure.axes)
+    if curves:
+        labels = [_wrapped(label, width - _COLUMN_SPACE - _MARGIN, _LETTER) for label in curves]
+        longest_line = max(len(line) for label in labels for line in label.split("\n"))
+        column_width = _COLUMN_SPACE + _LETTER * longest_line
+        figure.legend(
+            list(curves.values()),
+            labels,
+            loc="outside upper left",
+            ncols=max(1, int(0.9 * width / column_width)),
+            title=title,
+            title_fontproperties=_BOLD,
+            alignment="left",
+            **_PLAIN,
+        )
     else:
-        figure.suptitle(str(figure.get_label()), x=0.01, ha="left", fontproperties=_BOLD)
+        figure.suptitle(title, x=0.01, ha="left", fontproperties=_BOLD)
     with writing(target.parent), as_saved():
         target.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(target, dpi=DPI, metadata=UNDATED[kind])
@@ -95,6 +113,19 @@ def as_saved() -> Iterator[None]:
     with rc_context({"svg.hashsalt": "simrob"}), catch_warnings():
         filterwarnings("ignore", "Glyph .* missing")
         yield
+
+
+def _wrapped(text: object, width: float, letter: float) -> str:
+    """Break a text into lines that are no wider than a figure.
+
+    Args:
+        text: the text.
+        width: largest width of a line [inches].
+        letter: width of a letter [inches].
+    """
+    most_letters = max(int(width / letter), _LEAST_LETTERS)
+    # Breaks only at spaces keep file names and dotted keys whole; a word that is longer than a line is broken, too.
+    return textwrap.fill(str(text), most_letters, break_on_hyphens=False)
 
 
 def _labelled(frames: Sequence[Axes]) -> dict[str, Any]:

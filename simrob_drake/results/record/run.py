@@ -79,7 +79,7 @@ class AskedMove:
         duration: planned duration [s].
         end: planned final posture, shape (n,) [rad or m].
         tool: computes the poses of the tool, shape (k, 4, 4), in postures (k, n).
-        approaches: computes the smallest distances along positions of the plant, shape (k, nq).
+        approaches: computes the smallest distances along positions of the plant (k, nq) at times (k,) [s].
         speed: planned speed of the tool [m/s]; None if none was asked for.
         place: name of the move in its program, such as ``move 3``.
         search: segments of the paths that a search for the move tried, shape (k, 2, 3) [m]. Recordings show them.
@@ -91,7 +91,7 @@ class AskedMove:
     duration: float
     end: Vector
     tool: Callable[[Vector], Vector]
-    approaches: Callable[[Vector], Approaches]
+    approaches: Callable[[Vector, Vector], Approaches]
     speed: float | None = None
     place: str = message("results.the_move", "the move")
     search: Vector = field(default_factory=lambda: np.zeros((0, 2, 3)))

@@ -4,7 +4,7 @@ For depths, shapes are asked for points of overlap, whatever the contact model i
 its bodies are in each other.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from operator import attrgetter
@@ -16,6 +16,7 @@ from pydrake.multibody.plant import ContactResults
 from pydrake.systems.framework import Context
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.messages import Message, message
 from simrob_drake.blocks.contacts import pressing_pairs
 from simrob_drake.parts.ground import Ground
 from simrob_drake.parts.station_plant import StationPlant, StationRobot
@@ -43,9 +44,16 @@ def onsets(
         pairs = {frozenset(_body(station, shape) for shape in pair) for pair in pressing_pairs(results)}
         for pair in sorted(pairs - before, key=sorted):
             if time > step_times[0] and time - touched.get(pair, -np.inf) > _APART:
-                yield time, f"{' on '.join(sorted(pair - {'world'}))} touches"
+                yield time, _touch_in_words(sorted(pair - {"world"}))
         touched |= dict.fromkeys(pairs, time)
         before = pairs
+
+
+def _touch_in_words(bodies: Sequence[str]) -> Message:
+    """Say that one body touches the other, or that a single body touches the ground."""
+    if len(bodies) == 1:
+        return message("results.body_touches", "{body} touches", body=bodies[0])
+    return message("results.body_touches_other", "{body} touches {other}", body=bodies[0], other=bodies[-1])
 
 
 def _body(station: StationPlant, shape: GeometryId) -> str:

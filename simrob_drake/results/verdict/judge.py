@@ -25,8 +25,10 @@ from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.torques import torque_shares
 from simrob_drake.results.verdict.contact_forces import measure_friction_share, measure_resting_force
+from simrob_drake.results.verdict.grips import measure_lost_piece
 from simrob_drake.results.verdict.remedies import (
     contact_with_floor,
+    firmer_grip,
     lag,
     less_load,
     more_grip,
@@ -473,6 +475,11 @@ CRITERIA = (
     Criterion(
         "friction_share", "1", "friction",
         "the friction between {of} is {value} of what their surfaces can give{when}", measure_friction_share,
+    ),
+    Criterion(
+        "lost_piece", "m", "lost piece",
+        "{of} slipped out of the fingers{when}: it is {value} from where they held it",
+        measure_lost_piece, remedy=firmer_grip,
     ),
     Criterion("coupling_gap", "m", "open coupling", "{of} was {value} (or mrad) open{when}", _coupling_gap),
     Criterion(

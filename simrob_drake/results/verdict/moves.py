@@ -24,14 +24,14 @@ if TYPE_CHECKING:
 
 _DISTANCE_SAMPLES = 41  # count of times during a move at which distances are computed, since this is slow
 _HEADINGS = (
-    "move",
-    "end\n[s]",
-    "reached",
-    "off target\n[mm]",
-    "off path\n[mm]",
-    "speed\n[m/s]",
-    "nearest\n[mm]",
-    "itself\n[mm]",
+    message("results.heading_move", "move"),
+    message("results.heading_end", "end\n[s]"),
+    message("results.heading_reached", "reached"),
+    message("results.heading_off_target", "off target\n[mm]"),
+    message("results.heading_off_path", "off path\n[mm]"),
+    message("results.heading_tool_speed", "speed\n[m/s]"),
+    message("results.heading_nearest", "nearest\n[mm]"),
+    message("results.heading_itself", "itself\n[mm]"),
 )
 """Headings of the table of moves. ``nearest`` and ``itself`` are distances to other bodies and to the robot's own."""
 
@@ -55,11 +55,10 @@ class MoveVerdict:
         speed: largest speed of the tool [m/s].
         asked_speed: speed of the tool that was asked for [m/s]; None if none was.
         distance: smallest distance between the robot, with what it carries, and any other body [m]. Bodies that touched
-            at the start, or keep their distance, do not count. It is negative if the bodies overlap, and None if there
-            is no other body.
+            at the start, or whose distance the move does not change, do not count, nor does a finger with the piece
+            that it holds. It is negative if the bodies overlap, and None if no distance counts.
         nearest: names of these two bodies.
-        own_distance: smallest distance between two bodies of the robot, with what it carries [m]. It is negative if
-            the bodies overlap, and None if no two bodies of the robot can collide.
+        own_distance: smallest distance between two bodies of the robot, with what it carries [m], likewise.
         own_nearest: names of these two bodies.
         misses_target: whether the move was completed, and ended too far from its target.
         remarks: a remark for each value that violates its bound.
@@ -135,7 +134,7 @@ def judge_move(run: "RecordedRun", asked: "AskedMove") -> MoveVerdict:
     speeds = np.linalg.norm(velocities, axis=1)
     is_at_limit = torque_shares(run, run.plant.robots[asked.robot])[rows] > AT_LIMIT
     distance_times = np.linspace(0.0, times[-1], _DISTANCE_SAMPLES)
-    approaches = asked.approaches(run.positions_at(distance_times))
+    approaches = asked.approaches(run.positions_at(distance_times), distance_times)
 
     is_stopped = run.stop_time < asked.duration - _ROUNDING
     bound = run.config.verdict.move_end
@@ -249,7 +248,7 @@ def table_of_moves(moves: Sequence[MoveVerdict]) -> list[list[str]]:
 
     The bodies that come nearest are in ``summary.json``: their names would make the table wider than a screen.
     """
-    table = [list(_HEADINGS)]
+    table: list[list[str]] = [[*_HEADINGS]]
     for move in moves:
         row = [
             move.move,
@@ -277,6 +276,17 @@ def nearest_bodies(moves: Sequence[MoveVerdict]) -> str:
         distance=in_words(nearest.distance or 0.0, "m"),
         bodies=nearest.nearest,
         move=nearest.move,
+    )
+
+
+def meaning_of_distances(moves: Sequence[MoveVerdict]) -> str:
+    """Explain the columns of distances in the table of moves. Empty if no distance was measured."""
+    if all(move.distance is None and move.own_distance is None for move in moves):
+        return ""
+    return message(
+        "results.meaning_of_distances",
+        "nearest and itself: smallest distance to another body, and between two bodies of the robot; empty if the move "
+        "changes none. Fingers and what they hold do not count",
     )
 
 

@@ -9,6 +9,7 @@ from math import ceil, floor, log10
 from typing import Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from simrob_drake.base.messages import message
 from simrob_drake.base.remarks import Remedy
@@ -43,6 +44,9 @@ _MARGIN = 1.1
 
 _AT_REST = 0.01
 """An axis is at rest if its speed is below this share of its limit."""
+
+_ANY_GRAVITY = 1e-6
+"""Gravity acts on an axis if its torque is at least this share of the motor's torque."""
 
 _SHARE_OF_START = 0.5
 """An error at the start of at least this share of the largest error is taken for its cause."""
@@ -90,7 +94,15 @@ def more_time_for_motors(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     robot = robot_of(run, entry.subject)
     if robot is None:
         return None
-    if _is_saturated_at_rest(run, robot):
+    saturated = _saturated_at_end(run, robot)
+    if saturated.any() and _presses_on_something(run, robot, saturated):
+        text = message(
+            "results.remedy_pressing",
+            "at the end the motor presses on something, and does not carry a load: remove what is in the way, or move "
+            "the target",
+        )
+        return Remedy(text)
+    if saturated.any():
         text = message(
             "results.remedy_weak_motor", "the motor is too weak to hold this: carry less, or raise its limit"
         )
@@ -201,6 +213,15 @@ def more_grip(run: RecordedRun, entry: WorstValue) -> Remedy:
     return Remedy(message("results.remedy_more_grip", "take shorter steps, or raise the friction of sole and floor"))
 
 
+def firmer_grip(run: RecordedRun, entry: WorstValue) -> Remedy:
+    """Remedy of a piece that slipped out of fingers."""
+    del run, entry  # the remedy is the same for all pieces
+    text = message(
+        "results.remedy_firmer_grip", "grip with more force, or raise the friction of the fingers and of the piece"
+    )
+    return Remedy(text)
+
+
 def other_solver(run: RecordedRun, entry: WorstValue) -> Remedy:
     """Remedy of a solver that retries its steps too often."""
     del run, entry  # the remedy is the same for all stations
@@ -253,9 +274,33 @@ def _may_be_implicit(run: RecordedRun, robot: StationRobot) -> bool:
     return servo.law == "pid" and not servo.admittance_gain and not run.config.prescribed
 
 
-def _is_saturated_at_rest(run: RecordedRun, robot: StationRobot) -> bool:
-    """Whether a motor is at its torque limit at the end of the run, so that more time would not help."""
-    return bool(torque_shares(run, robot)[-1].max() >= AT_LIMIT)
+def _saturated_at_end(run: RecordedRun, robot: StationRobot) -> npt.NDArray[np.bool_]:
+    """Whether each motor is at its torque limit at the end of the run, so that more time would not help, shape (n,)."""
+    return np.asarray(torque_shares(run, robot)[-1] >= AT_LIMIT)
+
+
+def _presses_on_something(run: RecordedRun, robot: StationRobot, saturated: npt.NDArray[np.bool_]) -> bool:
+    """Whether the saturated motors push at the end of a run where gravity does not push against them.
+
+    A motor that carries a load acts against gravity. One that acts with gravity, or across it, presses on something.
+
+    Args:
+        run: the run.
+        robot: the robot. The result is False if its base floats, since its motors then act against the ground, and
+            if it still moves, since its motors may then accelerate it.
+        saturated: whether each motor is at its limit, shape (n,).
+    """
+    if not run.config.engine.moves_by_forces or robot.model.base == "floating" or _moves_at_end(run, robot):
+        return False
+    plant = run.plant.plant
+    context = plant.CreateDefaultContext()
+    (positions,) = run.positions_at(run.times[-1:])
+    plant.SetPositions(context, positions)
+    gravity = robot.axis_map.efforts(plant.CalcGravityGeneralizedForces(context))
+    torque = run.axes("tau", robot.name)[-1]
+    # Against gravity, the product is negative. Rounding leaves a tiny torque of gravity about a vertical axis.
+    against_gravity = -gravity * torque > _ANY_GRAVITY * torque**2
+    return not bool(against_gravity[saturated].any())
 
 
 def _robot_key(run: RecordedRun, robot: StationRobot) -> str:

@@ -387,6 +387,7 @@ class Verdict:
         ended: how the run ended, in words. Empty if that is not known.
         severity_of_end: severity of how the run ended.
         doubts: reasons of the solver why the result may be wrong, in words.
+        notes: facts about the station that matter for all values, in words, such as estimated inertias.
     """
 
     measures: tuple[Measure, ...]
@@ -396,6 +397,7 @@ class Verdict:
     ended: str = ""
     severity_of_end: Severity = "success"
     doubts: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> Measure:
         """Result of a criterion by its name, such as ``final_error``.
@@ -421,7 +423,7 @@ class Verdict:
 
     @property
     def remarks(self) -> list[Remark]:
-        """Remarks about the run: a sentence that sums it up, then one for each warning, with its remedy.
+        """Remarks about the run: a sentence that sums it up, one for each warning with its remedy, then notes.
 
         A run that failed has the sentence only: what its signals violate after that is no news.
         """
@@ -432,7 +434,7 @@ class Verdict:
         for move in self.moves:
             warnings += move.remarks
         severity = worst_severity([Remark(self.severity_of_end, self.ended), *warnings])
-        return [Remark(severity, self.sentence), *warnings]
+        return [Remark(severity, self.sentence), *warnings, *(Remark("note", note) for note in self.notes)]
 
     @property
     def severity(self) -> Severity:
@@ -472,7 +474,10 @@ class Verdict:
             yield message("results.other_warning", "One more warning about a move")
         elif others:
             yield message("results.other_warnings", "{count} more warnings about moves", count=count_in_words(others))
-        if self.doubts:
+        frictions_alone = bool(self.doubts) and all(map(_is_about_friction, self.doubts))
+        if frictions_alone:
+            yield message("results.friction_left_out", "Joint friction was left out")
+        elif self.doubts:
             yield message("results.solver_doubts", "The result may be inaccurate: see the warning")
         if not (misses or beyond or others or self.doubts):
             yield message("results.all_within", "All within bounds")
@@ -517,6 +522,11 @@ class Verdict:
             "figures": {measure.criterion.name: measure.summary() for measure in self.measures},
             "moves": [move.summary() for move in self.moves],
         }
+
+
+def _is_about_friction(doubt: str) -> bool:
+    """Whether a reason why a result may be wrong is joint friction that the import of a robot left out."""
+    return isinstance(doubt, Message) and doubt.id == "stations.friction_left_out"
 
 
 def _missed_targets(misses: Sequence[float]) -> Message:

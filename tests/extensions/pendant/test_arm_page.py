@@ -395,6 +395,22 @@ def test_lines_that_were_not_taught_here_show_their_figures():
     assert phrases.move({"move_j": {"targets": [[0.3, 0, 0.2], [0.3, 0, 0.3]]}}).startswith("MoveJ [[0.3")
 
 
+def test_sliding_axes_show_metres_and_forces_newtons():
+    axes = [
+        {"name": "lift", "aliases": [], "unit": "m", "is_finger": False},
+        {"name": "wrist", "aliases": [], "unit": "deg", "is_finger": False},
+        {"name": "finger", "aliases": [], "unit": "m", "is_finger": True},
+    ]
+    phrases = Phrases(t, axes)
+    assert phrases.move({"move_abs_j": {"targets": [0.01, radians(30)]}}) == "MoveAbsJ 0.01 m 30°"
+    assert phrases.move({"move_abs_j": {"targets_deg": [0.01, 30, 0.004]}}) == "MoveAbsJ 0.01 m 30° 0.004 m"
+    assert phrases.move({"grip": {"force": 20}}) == "Close the fingers (force 20 N)"
+    assert phrases.move({"open": {"width": 0.03, "duration": 1}}) == "Open the fingers (width 0.03 m, duration 1 s)"
+    spanish = Phrases(words("es"), axes)
+    assert spanish.move({"move_abs_j": {"targets_deg": [0.01, 30.5]}}) == "MoveAbsJ 0,01 m 30,5°"
+    assert spanish.move({"grip": {"force": 20}}).endswith("(fuerza 20 N)")
+
+
 @on_page
 async def test_a_new_kind_of_motion_is_offered_and_shown_by_its_title():
     class MoveSpiral(MoveL):

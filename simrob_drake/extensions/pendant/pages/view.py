@@ -134,7 +134,10 @@ def build_bar(session: Session, t: Words) -> None:
         scrubber.on("update:model-value", lambda event: session.rewind(float(event.args)), throttle=0.1)
         set_label(scrubber, t("run.scrub"))
         state = ui.label().classes("pendant-state")
-        clock = ui.label().classes("pendant-time")
+        # Both have their place also when they are empty: the bar keeps its height, and the view its size.
+        with ui.element("div").classes("pendant-clock"):
+            clock = ui.label().classes("pendant-time")
+            ratio = ui.label().classes("pendant-ratio")
         _pace(session, t)
     Messages(session, t)
 
@@ -159,8 +162,8 @@ def build_bar(session: Session, t: Words) -> None:
         scrubber.value = session.run.time
         running = session.phase == "running"
         times = {"time": t.decimals(session.run.time, 2), "reach": t.decimals(last, 2)}
-        ratio = t("run.ratio", ratio=t.decimals(session.run.ratio, 1))
-        clock.text = t("run.time", **times) + (f"  {ratio}" if running else "")
+        clock.text = t("run.time", **times)
+        ratio.text = t("run.ratio", ratio=t.decimals(session.run.ratio, 1)) if running else ""
 
     follow(session, phase, "phase", "program", "description")
     follow(session, time, "tick")

@@ -12,7 +12,7 @@ from simrob_drake.base.errors import one_of
 from simrob_drake.base.messages import in_language, message, number_in_language
 from simrob_drake.base.remarks import Remark, Severity, worst_severity
 from simrob_drake.base.yaml_files import read_yaml
-from simrob_drake.extensions.pendant.form import as_text
+from simrob_drake.extensions.pendant.form import as_text, move_fields
 from simrob_drake.extensions.pendant.move_labels import labels_of
 from simrob_drake.programs.moves.kinds import KINDS, check_move
 from simrob_drake.programs.moves.motion import ArmMotion
@@ -173,6 +173,19 @@ class Phrases:
         """Return where an axis goes."""
         return f"{self.axis(name)} {self.t.figure(value)}{self.unit(name)}"
 
+    def units(self, count: int) -> list[str]:
+        """Units of the axes of a posture, such as ``°``, in the order of the axes; degrees if the axes are not known.
+
+        Args:
+            count: count of values of the posture. One without fingers has fewer values than the robot has axes.
+        """
+        axes = {axis["name"]: axis for axis in self._axes.values()}
+        if len(axes) != count:
+            axes = {name: axis for name, axis in axes.items() if not axis.get("is_finger")}
+        if len(axes) != count:
+            return [_UNITS["deg"]] * count
+        return [_UNITS[axis["unit"]] for axis in axes.values()]
+
     def unit(self, name: str) -> str:
         """Return what stands behind a number of an axis."""
         return _UNITS[self._axes[name]["unit"]] if name in self._axes else ""
@@ -226,12 +239,15 @@ class Phrases:
         if value is True or what == "origin":
             return self.field(kind, key)
         value_text = self._value(kind, key, value)
+        unit = _unit_of(kind, key)
+        if unit and isinstance(value, (int, float)):
+            value_text = f"{value_text} {unit}"
         return value_text if isinstance(what, str) else f"{self._named('fields', key).lower()} {value_text}"
 
     def _motion(self, kind: type[ArmMotion], said: Content, targets: Taught) -> str:
         """Return a move of an arm in one line, with the names of taught targets that it goes to."""
         ways = [
-            _target(self.t, kind, said, key, targets) for key in ("via", "targets") if key == "targets" or key in said
+            _target(self, kind, said, key, targets) for key in ("via", "targets") if key == "targets" or key in said
         ]
         how = [_how(self, key, said[key]) for key in _HOW if said.get(key) is not None]
         return ", ".join([f"{self.title(kind)} {' → '.join(ways)}", *how])
@@ -308,18 +324,42 @@ def motions() -> dict[str, type[ArmMotion]]:
     return {key: kind for key, kind in KINDS.items() if issubclass(kind, ArmMotion)}
 
 
-def _target(t: Words, kind: type[ArmMotion], said: Mapping[str, Any], key: str, targets: Taught) -> str:
-    """Return the name of a taught target, or its figures."""
+@cache
+def _unit_of(kind: type[Move], key: str) -> str:
+    """Unit of a key of a kind of move, such as ``N``; empty if it has none."""
+    (form_field,) = move_fields(kind, [key], {})
+    return form_field.unit
+
+
+def _target(phrases: Phrases, kind: type[ArmMotion], said: Mapping[str, Any], key: str, targets: Taught) -> str:
+    """Name of the taught target that a move goes to, or else its values with their units.
+
+    Args:
+        phrases: names and units of the robot's axes.
+        kind: the kind of move.
+        said: keys and values of the move.
+        key: key of the target, without the ending ``_deg``.
+        targets: the taught targets, by name.
+    """
     rows = said.get(key, said.get(f"{key}_deg"))
     if not isinstance(rows, Sequence) or not rows or isinstance(rows[0], Sequence):
         return as_text(rows)
+    units = phrases.units(len(rows)) if kind.of_axes else []
     if key in said:  # angles in radians
-        rows = [value if number < _PLACE and not kind.of_axes else degrees(value) for number, value in enumerate(rows)]
+        is_length = [unit == _UNITS["m"] for unit in units] if kind.of_axes else [True] * _PLACE + [False] * len(rows)
+        rows = [value if is_length[number] else degrees(value) for number, value in enumerate(rows)]
     for name, target in targets.items():
         taught = list(target["axes"].values()) if kind.of_axes else target["pose"][: len(rows)]
         if _near(taught, rows) and (kind.of_axes or target["frame"] == (said.get("wobj") or WORLD)):
             return name
-    return " ".join(f"{_short(t, value)}°" for value in rows) if kind.of_axes else pose_words(t, rows)
+    if not kind.of_axes:
+        return pose_words(phrases.t, rows)
+    return " ".join(_position(phrases.t, value, unit) for value, unit in zip(rows, units, strict=True))
+
+
+def _position(t: Words, value: float, unit: str) -> str:
+    """Write the position of an axis: an angle with one decimal, a length to the millimetre."""
+    return f"{_short(t, value) if unit == _UNITS['deg'] else t.figure(value)}{unit}"
 
 
 def _near(some: Sequence[float], others: Sequence[float]) -> bool:

@@ -1,0 +1,107 @@
+"""Pieces that slipped out of fingers, as a measure of a run's verdict.
+
+Fingers *hold* a free piece while two links of their robot touch it. A piece is *lost* if fingers held it, and at the
+end of the run they do not, although nothing opened them.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from simrob_drake.parts.station_plant import StationRobot
+from simrob_drake.results.record.piece_contacts import ContactSample
+from simrob_drake.results.record.run import RecordedRun
+from simrob_drake.results.verdict.verdict import Measured
+
+_OPENED = 0.01
+"""Fingers are opened if their reference moves by at least this share of their range, away from closed."""
+
+_HOLDING_LINKS = 2
+"""Count of links of a robot that must touch a piece at the same time to hold it."""
+
+
+class _Hold(NamedTuple):
+    """The last contact sample at which fingers held a piece.
+
+    Attributes:
+        sample: index of the sample of the run.
+        lost_at: index of the next contact sample, at which they no longer hold it. It is None if they hold the
+            piece at the end.
+    """
+
+    sample: int
+    lost_at: int | None
+
+
+def measure_lost_piece(run: RecordedRun) -> Measured | None:
+    """Measure how far each lost piece is, at the end, from where the fingers held it [m]; 0 if they still hold it.
+
+    Distances are measured in the frame of the gripper. Returns None if fingers held no free piece.
+    """
+    grippers = [robot for robot in run.plant.robots.values() if robot.model.fingers]
+    if not grippers:
+        return None
+    pieces = []
+    distances = []
+    times = []
+    for piece, contacts in run.piece_contacts.items():
+        for robot in grippers:
+            hold = _last_hold(contacts, robot)
+            if hold is None:
+                continue
+            is_lost = hold.lost_at is not None and not _opens_after(run, robot, hold.sample)
+            lost_at = hold.sample if hold.lost_at is None else hold.lost_at
+            pieces.append(piece)
+            distances.append(_distance_in_hand(run, robot, piece, hold.sample) if is_lost else 0.0)
+            times.append(run.times[lost_at])
+    if not pieces:
+        return None
+    return Measured(pieces, np.array(distances), np.array(times))
+
+
+def _last_hold(contacts: Sequence[ContactSample], robot: StationRobot) -> _Hold | None:
+    """Find the last time at which a robot's fingers held a piece. Returns None if they never did.
+
+    Args:
+        contacts: contacts of the piece, in the order of time.
+        robot: the robot.
+    """
+    links = {f"{robot.prefix}{link}" for link in robot.model.links}
+    lost_at: int | None = None
+    for contact in reversed(contacts):
+        if len(links & contact.partners) >= _HOLDING_LINKS:
+            return _Hold(contact.sample, lost_at)
+        lost_at = contact.sample
+    return None
+
+
+def _opens_after(run: RecordedRun, robot: StationRobot, sample: int) -> bool:
+    """Whether the reference of a finger opens after a sample, so that a piece is released on purpose."""
+    references = run.axes("q_ref", robot.name)[sample:]
+    for axis, (closed, opened) in robot.model.fingers.items():
+        openness = (references[:, axis] - closed) / (opened - closed)  # 0 closed, 1 open
+        if openness.max() - openness[0] > _OPENED:
+            return True
+    return False
+
+
+def _distance_in_hand(run: RecordedRun, robot: StationRobot, piece: str, sample: int) -> float:
+    """Distance between the places of a piece in the gripper at a sample, and at the end of the run [m].
+
+    Args:
+        run: the run.
+        robot: the robot with the gripper.
+        piece: name of the piece.
+        sample: index of the sample.
+    """
+    plant = run.plant.plant
+    context = plant.CreateDefaultContext()
+    first_finger = next(iter(robot.model.fingers))
+    palm = robot.joints[first_finger].parent_body().body_frame()
+    piece_frame = run.plant.free_pieces[piece].body_frame()
+    places = []
+    for positions in run.positions_at(np.array([run.times[sample], run.times[-1]])):
+        plant.SetPositions(context, positions)
+        places.append(plant.CalcRelativeTransform(context, palm, piece_frame).translation())
+    return float(np.linalg.norm(places[1] - places[0]))
