@@ -12,6 +12,7 @@ from simrob_drake.blocks.model_torque import add_admittance, add_computed_torque
 from simrob_drake.blocks.momentum_observer import MomentumObserver
 from simrob_drake.blocks.passive_joints import set_friction
 from simrob_drake.blocks.servo import ServoGains, ServoSignals
+from simrob_drake.parts.controllers.efforts import _ArmWeight
 from simrob_drake.robots.axis_map import AxisMap
 
 MASSES, LENGTHS, GRAVITY = np.array([3.0, 2.0]), np.array([0.4, 0.3]), 9.81  # kg, m, m/s²: rods that hang down at zero
@@ -188,3 +189,14 @@ def test_friction_takes_the_rotor_of_a_motor_over_so_that_it_counts_once() -> No
         assert reflected == pytest.approx(10.0**2 * 0.01)
         inertias.append(plant.CalcMassMatrix(plant.CreateDefaultContext())[0, 0])
     assert inertias[1] == pytest.approx(inertias[0])
+
+
+def test_a_stopped_arm_is_held_where_it_is_by_a_reference_that_carries_its_weight() -> None:
+    """A servo at rest gives kp (q_r - q), which must be the torque of gravity."""
+    plant, axes = two_links()
+    kp = np.array([100.0, 50.0])
+    q = np.array([0.6, -1.1])
+
+    offset = _ArmWeight(plant, axes, 1 / kp).compensation(q)
+
+    np.testing.assert_allclose(kp * offset, closed_form(q, np.zeros(2), np.zeros(2)), atol=1e-10)
