@@ -189,9 +189,7 @@ class _Page:
         if not self._plotted:
             return
         # The plots get their size in the browser a moment after they are sent.
-        scroll = (
-            f"document.getElementById('c{self._block.id}')?.scrollIntoView({{block: 'nearest'}})"
-        )
+        scroll = f"document.getElementById('c{self._block.id}')?.scrollIntoView({{block: 'nearest'}})"
         self._block.client.run_javascript(f"setTimeout(() => {scroll}, {_UNTIL_DRAWN})")
         self._session.inspect(self._plotted)
 
