@@ -6,6 +6,7 @@ from pathlib import Path
 
 from nicegui import ui
 
+from simrob_drake.base.files import text_of
 from simrob_drake.extensions.pendant.pages.elements import follow, icon_button, set_label
 from simrob_drake.extensions.pendant.pages.plots import watch
 from simrob_drake.extensions.pendant.pages.words import Words
@@ -99,7 +100,7 @@ class Lessons:
             return
         with ui.dialog().props("full-width") as dialog, ui.card().classes("w-full pendant-lesson-page"):
             set_label(dialog, self._t("tour.page"))
-            ui.markdown(plain_links(file.read_text(encoding="utf-8")), extras=["fenced-code-blocks", "tables"])
+            ui.markdown(plain_links(text_of(file)), extras=["fenced-code-blocks", "tables"])
             ui.button(self._t("shell.close"), on_click=dialog.close)
         ui.button(self._t("tour.page"), icon="menu_book", on_click=dialog.open).props("no-caps dense flat")
 
