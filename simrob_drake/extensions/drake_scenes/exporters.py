@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any, ClassVar
 
+from simrob_drake.base.messages import message
 from simrob_drake.programs.exporter import StationExporter
 from simrob_drake.stations.config import StationConfig
 
@@ -10,7 +11,9 @@ from simrob_drake.stations.config import StationConfig
 class DirectivesExporter(StationExporter):
     """Writes a station as model directives of Drake."""
 
-    help: ClassVar[str] = "Model directives of Drake to write, FILE.dmd.yaml, with a folder of models."
+    help: ClassVar[str] = message(
+        "drake_scenes.help_directives", "Model directives of Drake to write, FILE.dmd.yaml, with a folder of models."
+    )
     suffix: ClassVar[str] = ".yaml"
 
     def export_station(self, config: StationConfig, file: Path, options: Any, *, force: bool) -> list[Path]:
@@ -23,7 +26,9 @@ class DirectivesExporter(StationExporter):
 class ScenarioExporter(StationExporter):
     """Writes a station as a scenario of Drake: directives, drivers and settings of the simulation."""
 
-    help: ClassVar[str] = "Scenario of Drake to write, FILE.yaml: directives, drivers and settings."
+    help: ClassVar[str] = message(
+        "drake_scenes.help_scenario", "Scenario of Drake to write, FILE.yaml: directives, drivers and settings."
+    )
     suffix: ClassVar[str] = ".yaml"
 
     def export_station(self, config: StationConfig, file: Path, options: Any, *, force: bool) -> list[Path]:
@@ -36,7 +41,9 @@ class ScenarioExporter(StationExporter):
 class UrdfExporter(StationExporter):
     """Writes a station as one URDF file."""
 
-    help: ClassVar[str] = "URDF of the whole station to write, FILE.urdf; it has no positions of joints."
+    help: ClassVar[str] = message(
+        "drake_scenes.help_urdf", "URDF of the whole station to write, FILE.urdf; it has no positions of joints."
+    )
     suffix: ClassVar[str] = ".urdf"
 
     def export_station(self, config: StationConfig, file: Path, options: Any, *, force: bool) -> list[Path]:
@@ -49,7 +56,9 @@ class UrdfExporter(StationExporter):
 class SdfExporter(StationExporter):
     """Writes a station as one world of an SDF file."""
 
-    help: ClassVar[str] = "SDF world of the whole station to write, FILE.sdf; it has no positions of joints."
+    help: ClassVar[str] = message(
+        "drake_scenes.help_sdf", "SDF world of the whole station to write, FILE.sdf; it has no positions of joints."
+    )
     suffix: ClassVar[str] = ".sdf"
 
     def export_station(self, config: StationConfig, file: Path, options: Any, *, force: bool) -> list[Path]:

@@ -28,7 +28,13 @@ class SceneReading:
     """Options for reading a scene."""
 
     scenario: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Which scenario of a file with several, for scenes of Drake.")
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help=message(
+                "drake_scenes.help_which_scenario", "Which scenario of a file with several, for scenes of Drake."
+            ),
+        ),
     ] = None
 
 
