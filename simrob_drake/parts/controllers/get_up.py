@@ -88,12 +88,12 @@ class GetUp(LoopSection):
         sequences = []
         for sequence in (getting_up.front, getting_up.back):
             angles = postures(model, sequence)
-            sequences.append([Goal(posture, own) for posture, own in zip(sequence, angles, strict=True)])
+            sequences.append([RisingGoal(posture, own) for posture, own in zip(sequence, angles, strict=True)])
         facing = math.radians(gaits_file(model).facing_deg)
         return Rising(self, sequences, getting_up.height, facing=facing, ground=site.plant.ground, name=model.name)
 
 
-class Goal(NamedTuple):
+class RisingGoal(NamedTuple):
     """A posture on the way up.
 
     Attributes:
@@ -131,7 +131,7 @@ class Rising(SampledBlock):
     def __init__(
         self,
         section: GetUp,
-        sequences: Sequence[Sequence[Goal]],
+        sequences: Sequence[Sequence[RisingGoal]],
         height: float,
         *,
         facing: float,
@@ -226,7 +226,7 @@ class Rising(SampledBlock):
         is_on_back = ahead < 0
         return {"attempt": memory["attempt"] + 1, "way": float(is_on_back), **_begin(_FIRST, memory["target"])}
 
-    def _rise(self, memory: Named, elapsed: float, goal: Goal, ahead_deg: float) -> Changes:
+    def _rise(self, memory: Named, elapsed: float, goal: RisingGoal, ahead_deg: float) -> Changes:
         """Move on to a posture. At its end, begin the next stage if the trunk's lean is right, or try again.
 
         Args:

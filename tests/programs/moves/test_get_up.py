@@ -9,7 +9,7 @@ from simrob_drake import LeggedRobot, load_station, simulate
 from simrob_drake.base.errors import InvalidParameter, SimrobError, UnknownName
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.blocks.sampled import RunEnds
-from simrob_drake.parts.controllers.get_up import Goal, Rising
+from simrob_drake.parts.controllers.get_up import RisingGoal, Rising
 from simrob_drake.parts.ground import Ground
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.walking.getting_up import RisingPosture, load_getting_up, postures
@@ -60,8 +60,8 @@ def test_a_walk_that_fell_gets_up_and_goes_on():
 
 def rising(attempts=2, *, ends=True):
     """Return a loop of one axis with two postures, after the first of which the trunk is to lean 80 to 100 degrees."""
-    first = Goal(RisingPosture(time=0.1, lean_deg=(80.0, 100.0)), np.array([0.5]))
-    last = Goal(RisingPosture(time=0.1), np.array([0.9]))
+    first = RisingGoal(RisingPosture(time=0.1, lean_deg=(80.0, 100.0)), np.array([0.5]))
+    last = RisingGoal(RisingPosture(time=0.1), np.array([0.9]))
     sequence = [first, last]
     section = SimpleNamespace(attempts=attempts, ends=ends, rate=100.0)
     return Rising(section, [sequence] * 2, 0.4, facing=0.0, ground=Ground(), name="nobody")
