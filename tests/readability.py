@@ -22,7 +22,7 @@ import numpy as np
 
 PACKAGE = Path(__file__).parents[1] / "simrob_drake"
 
-LIMITED = ("walking", "stations")
+LIMITED = ("walking", "blocks", "stations")
 """Packages that have been rewritten in open code. The others follow one by one."""
 
 SHORTEST_BODY = 8
@@ -83,7 +83,10 @@ BOUNDS = {
 }
 """Bound of each measure, by the name of its property of `Measures`."""
 
-LOOSER = {"stations": {"comments": 5.0, "line_length": 94.0}}
+LOOSER = {
+    "blocks": {"median_density": 12.0, "comments": 5.0, "line_length": 91.0},
+    "stations": {"comments": 5.0, "line_length": 94.0},
+}
 """Bounds of packages that do not keep all of `BOUNDS` yet: they may get stricter, never looser."""
 
 
