@@ -101,14 +101,17 @@ class Ground:
         return float(pose[2] - self.beneath(pose[np.newaxis, :3])[0])
 
     def carries(self, points: Vector, within: float) -> bool:
-        """Check that each of m points (m, 3) has something to stand on beneath, within a distance [m]."""
+        """Check that each of m points (m, 3) has something to stand on beneath, within a distance [m].
+
+        With a floor this is always true, whatever the distance: the floor is beneath every point.
+        """
         if self.has_floor:
             return True
         tops = self._box_tops(points)
         is_beneath = tops <= points[:, 2] + _CONTACT_DEPTH
         is_close = tops >= points[:, 2] - within
-        can_stand = is_beneath & is_close
-        return bool(can_stand.size and can_stand.any(axis=0).all())
+        can_stand = is_beneath & is_close  # (boxes, points)
+        return bool(can_stand.any(axis=0).all())
 
     @cached_property
     def _all_boxes(self) -> _Boxes:

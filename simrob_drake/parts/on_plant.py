@@ -378,9 +378,12 @@ def _joints_of(
         names: names of the joints; None means all joints of one axis.
         model_instance: model instance of the joints; None means any.
 
+    Returns:
+        the joints, in the order of the names or, without names, of the plant.
+
     Raises:
-        UnknownName: there is no such joint.
-        InvalidParameter: no names, a name twice, a joint of several axes, or joints of several model instances.
+        UnknownName: there is no joint of one axis with such a name.
+        InvalidParameter: a text in place of a list, no joints, a name twice, or joints of several model instances.
     """
     every = [plant.get_joint(index) for index in plant.GetJointIndices()]
     single = [joint for joint in every if joint.num_positions() == 1 and joint.num_velocities() == 1]
@@ -405,7 +408,8 @@ def _joints_of(
             message("parts.in_instances", "in the model instances {instances}", instances=listed),
             message("parts.of_one_instance", "of one model instance; give model_instance"),
         )
-    if not found or len(set(names or ())) < len(names or ()):
+    has_repeated_names = names is not None and len(set(names)) < len(names)
+    if not found or has_repeated_names:
         raise InvalidParameter(
             "joints",
             quoted(names),

@@ -286,7 +286,8 @@ def station_references(
             m]. By default they are the robots' initial positions.
 
     Raises:
-        SimrobError: a reference does not fit its robot, leaves the joint limits, or contradicts a coupling.
+        SimrobError: a reference does not fit its robot, or contradicts a coupling. Joint limits are checked separately,
+            by :func:`check_reference`.
     """
     requested = requested or {}
     starts = starts or {}

@@ -154,7 +154,11 @@ def changes_with_absolute_paths(
 
 
 def program_with_absolute_paths(program: Mapping[str, Any], folder: Path, border: Border | None) -> dict[str, Any]:
-    """Copy a program with absolute paths and without its key ``station``, as a station contains it.
+    """Copy a program, with absolute paths in the changes that it makes to its station.
+
+    A program is a mapping with a list of moves and a list ``changes``. The key ``set`` of a change has values of the
+    station by dotted key, which may be paths. The copy has no key ``station``: a program in a station's file belongs to
+    that station. The program has not been checked yet, so entries of an unexpected type stay as they are.
 
     Arguments and errors are those of :func:`with_absolute_paths`.
     """
@@ -319,8 +323,10 @@ Its arguments are the file, the whole key, and the import options in the key's s
 
 
 def _with_textures(meshes: Iterable[Path]) -> list[Path]:
-    """List mesh files, each with the material and texture files that it names."""
+    """List mesh files, each with the material and texture files that it names, as far as these exist."""
     files = list[Path]()
     for mesh in meshes:
-        files += [mesh, *MeshPlaces(mesh).needed_by(mesh)[0].values()]
+        # The folder of the mesh is searched for the files.
+        found, _missing = MeshPlaces(mesh).needed_by(mesh)
+        files += [mesh, *found.values()]
     return files

@@ -198,12 +198,18 @@ def add_models(
 ) -> StationModels:
     """Add the robots, pieces, floor and couplings of a station to a plant that is not finalized.
 
+    The shapes of the station get their contact materials. Flat shapes get *contact points* as well: small balls at
+    their corners, at which they touch others in point contact.
+
     Args:
         plant: the plant. It may contain other bodies.
         scene_graph: the scene graph with which the plant is registered.
         resolved: the station.
         floor: whether to add the floor that the station may have.
-        is_shared: whether the plant is one of the user's own.
+        is_shared: whether the plant may contain bodies of the user's own.
+
+    Returns:
+        the models, for :func:`complete_plant` after the plant has been finalized.
 
     Raises:
         SimrobError: a robot does not suit the mode of the station, or a value does not suit its solver.
@@ -212,16 +218,19 @@ def add_models(
     engine = config.engine
     collision = needs_shapes(config)  # without any, the plant never asks the scene graph: a fifth less work
     inspector = scene_graph.model_inspector()
-    others = set(inspector.GetAllGeometryIds(Role.kProximity))
+    shapes_before = set(inspector.GetAllGeometryIds(Role.kProximity))
+
+    def own_shapes() -> list[GeometryId]:
+        """Collision shapes that this station has added so far."""
+        return [shape for shape in inspector.GetAllGeometryIds(Role.kProximity) if shape not in shapes_before]
+
     robots = {name: add_robot(plant, resolved, robot, collision=collision) for name, robot in resolved.robots.items()}
     free_pieces = _add_standing_pieces(plant, resolved, collision)
     if floor:
         _add_floor(plant, resolved, collision)
-    own_shapes = [shape for shape in inspector.GetAllGeometryIds(Role.kProximity) if shape not in others]
-    points = add_contact_points(plant, scene_graph, resolved, [*robots.values()], own_shapes)
-    # The contact points are shapes of the station, too.
-    own_shapes = [shape for shape in inspector.GetAllGeometryIds(Role.kProximity) if shape not in others]
-    apply_materials(plant, scene_graph, resolved, own_shapes)
+    points = add_contact_points(plant, scene_graph, resolved, [*robots.values()], own_shapes())
+    shapes_with_points = own_shapes()  # the contact points are shapes, too
+    apply_materials(plant, scene_graph, resolved, shapes_with_points)
     station = StationPlant(
         plant,
         scene_graph,
@@ -235,7 +244,7 @@ def add_models(
     )
     for coupling in config.couplings.values() if engine.moves_by_forces else ():
         coupling.add(station)
-    return StationModels(resolved, station, own_shapes, points)
+    return StationModels(resolved, station, shapes_with_points, points)
 
 
 def complete_plant(models: StationModels) -> StationPlant:

@@ -103,7 +103,9 @@ def check_plant(plant: object, scene_graph: object, station: ResolvedStation, na
 
     Raises:
         InvalidParameter: an argument is no plant, or no scene graph.
-        SimrobError: the plant is finalized, has another scene graph, or has settings other than the station's.
+        SimrobError: the plant is finalized, has another scene graph, or has other settings than the station; the
+            station does not step a plant of Drake; its name is taken, or it differs from a station that is already in
+            the plant in the solver, the contact or the floor.
     """
     instance(plant, "plant", MultibodyPlant, message("stations.drakes_plant", "a MultibodyPlant of Drake"))
     instance(scene_graph, "scene_graph", SceneGraph, message("stations.drakes_scene_graph", "a SceneGraph of Drake"))
@@ -188,7 +190,10 @@ def check_builder(builder: DiagramBuilder, systems: Sequence[System]) -> None:
 
 
 def _check_settings(plant: MultibodyPlant, config: StationConfig) -> None:
-    """Check that a plant has the time step, the gravity and the contact model of a station.
+    """Check that a plant has the settings of a station, which must be one that Drake's plant simulates.
+
+    They are the time step, the gravity, the contact model and, if the station's solver is discrete, the approximation
+    of contact.
 
     Raises:
         SimrobError: a setting differs; the message has the call that sets it.

@@ -114,10 +114,11 @@ class PieceWriter:
             self._report.add("lost", self._group.name, text)
 
     def _read_contact(self, properties: dict[str, float | None]) -> None:
-        """Read the section ``contact`` from the properties of a shape. Those of the first shape count."""
+        """Read the section ``contact`` from the properties of a shape. The first shape with any of them counts."""
         if self.contact:
             return
-        static, dynamic = properties.get("mu_static"), properties.get("mu_dynamic")
+        static = properties.get("mu_static")
+        dynamic = properties.get("mu_dynamic")
         if static is not None and dynamic is not None:
             self.contact["friction"] = {"static": static, "dynamic": dynamic}
         stiffness = properties.get("point_contact_stiffness")
@@ -128,7 +129,7 @@ class PieceWriter:
         if dissipation is not None:
             self.contact["dissipation"] = dissipation
         modulus = properties.get("hydroelastic_modulus")
-        if modulus and np.isfinite(modulus):
+        if modulus and np.isfinite(modulus):  # a rigid shape has none
             self.contact["hydroelastic_modulus"] = modulus
 
 

@@ -96,14 +96,18 @@ class _Writer:
         return place, MeshCopies(place, lambda mesh: self._scene.border.check(mesh, name))
 
     def _add_robot(self, group: PlantGroup) -> None:
-        """Write the files of a robot, and add its section."""
+        """Write the files of a robot, and add its section.
+
+        Joints that nothing drives lose their motors and are passive.
+        """
         name = group.name
         place, meshes = self._copies(name)
-        self._make_finite(group)
-        passive = [joint.name for joint in group.moving_joints if not self._is_driven(joint)]
+        passive = []
         for joint in group.moving_joints:
-            if joint.name in passive:
+            if not self._is_driven(joint):
+                passive.append(joint.name)
                 joint.motor = None
+        self._make_finite(group)
 
         def on_lost(link: str, shape: str) -> None:
             """Report a shape that a URDF does not have."""
@@ -129,7 +133,7 @@ class _Writer:
         if len(group.models) > 1:
             text = message(
                 "drake_scenes.models_joined",
-                "the models {models} are one robot, since welds join them",
+                "the models {models} are one robot, since joints or welds connect them",
                 models=join_texts(group.models),
             )
             self._report.add("read", name, text)
@@ -292,8 +296,9 @@ class _Writer:
 
     def _report_drivers(self) -> None:
         """Report the drivers whose model the scene does not have."""
+        known = {self._scene.plant.GetModelInstanceName(info.model_instance) for info in self._scene.models}
         for model in self._scene.scenario.model_drivers:
-            known = {self._scene.plant.GetModelInstanceName(info.model_instance) for info in self._scene.models}
+            # The driver `arm+gripper` has two models.
             for part in model.split("+"):
                 if part not in known:
                     text = message("drake_scenes.driver_without_model", "there is no model of this name")

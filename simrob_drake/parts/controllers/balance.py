@@ -267,12 +267,21 @@ class Balance(LoopSection):
     def source(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site, key: str) -> OutputPort:
         """Find the port that an input reads.
 
-        The rotation of the base is read from the plant's state, unless the section names a sensor.
+        The orientation and the angular velocity of the base are computed from the plant's state, unless the section
+        names a sensor for them. All other inputs are found as for every loop.
         """
-        parts = {"orientation": ("base_pose", slice(3, 7)), "angular_velocity": ("base_velocity", slice(3, 6))}
-        output, entries = parts.get(name, ("", slice(0)))
+        # Output of the station with the values, and its entries: a pose is (position, quaternion), a velocity is
+        # (linear, angular).
+        output_and_entries = {
+            "orientation": ("base_pose", slice(3, 7)),
+            "angular_velocity": ("base_velocity", slice(3, 6)),
+        }
+        if name in self.reads or name not in output_and_entries:
+            return super().source(builder, name, robot, site, key)
+        output, entries = output_and_entries[name]
+        # The rule that computes the output from the plant's state; a robot with a fixed base has no such output.
         rule = site.outputs.of_state.get(f"{robot.prefix}{output}")
-        if name in self.reads or rule is None:
+        if rule is None:
             return super().source(builder, name, robot, site, key)
         site.picture.draw_nothing(f"{key}.{name}")
         matrix = rule.matrix(site.state.size())[entries]

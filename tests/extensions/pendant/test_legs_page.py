@@ -631,7 +631,7 @@ def test_moves_are_told_in_words():
         "walk 2 steps (sideways, step time 0.4)": {"walk": {"steps": 2, "gait": "sideways", "step_time": 0.4}},
         "the station's own motion for 5 s": {"play": 5.0},
         "MoveL [[0, 0, 0.5]]": {"move_l": {"targets": [[0, 0, 0.5]]}},
-        "Go (ahead 0.2, duration 3)": {"go": {"ahead": 0.2, "duration": 3.0}},
+        "Go (ahead 0.2 m/s, duration 3 s)": {"go": {"ahead": 0.2, "duration": 3.0}},
         "{hop: 1}": {"hop": 1},
         "left tail 3 in 1 s": {"target_deg": {"left_tail": 3.0}, "duration": 1.0},
     }

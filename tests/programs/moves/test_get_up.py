@@ -9,7 +9,7 @@ from simrob_drake import LeggedRobot, load_station, simulate
 from simrob_drake.base.errors import InvalidParameter, SimrobError, UnknownName
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.blocks.sampled import RunEnds
-from simrob_drake.parts.controllers.get_up import RisingGoal, Rising
+from simrob_drake.parts.controllers.get_up import Rising, RisingGoal
 from simrob_drake.parts.ground import Ground
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.walking.getting_up import RisingPosture, load_getting_up, postures

@@ -326,7 +326,10 @@ def motions() -> dict[str, type[ArmMotion]]:
 
 @cache
 def _unit_of(kind: type[Move], key: str) -> str:
-    """Unit of a key of a kind of move, such as ``N``; empty if it has none."""
+    """Unit of a key of a kind of move, such as ``N``; empty if it has none, as the parameters of a robot's gait."""
+    own_keys = {field.alias or name for name, field in kind.model_fields.items()}
+    if key not in own_keys:
+        return ""
     (form_field,) = move_fields(kind, [key], {})
     return form_field.unit
 
