@@ -241,6 +241,7 @@ def test_friction_is_a_loss_unless_the_station_brings_it_back(tmp_path):
     content = {"robot": {"urdf": str(file)}, "duration": 0.01}
     (tmp_path / "station.yaml").write_text(yaml.safe_dump(content))
     told = simulate(load_station(tmp_path / "station.yaml"), progress=False).warnings
-    assert any("friction 0.5" in text for text in told)
+    assert any("joint friction" in text and "a 0.5 N·m" in text for text in told)
+    assert any("--set robot.drives.friction.a=0.5" in text for text in told)
     back = load_station(tmp_path / "station.yaml", {"robot.drives": {"friction": {"a": 0.5}}})
     assert not any("friction" in text for text in simulate(back, progress=False).warnings)
