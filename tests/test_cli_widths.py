@@ -96,7 +96,7 @@ def test_two_results_are_drawn_over_each_other(tmp_path, capsys):
     assert servo["kp"] == {f"joint_{number}": 300.0 for number in range(1, 7)}
     assert run_command(["plot", "soft", "stiff", "--signal", "q.joint_2", "--out", "both.svg"]) == 0
     picture = (tmp_path / "both.svg").read_text()
-    for text in ("soft: kp 300, kd 10", "stiff: kp 1000, kd 10", "q.joint_2", "position [deg]"):
+    for text in ("soft: servo.kp 300", "stiff: servo.kp 1000", "q.joint_2", "position [deg]"):
         assert text in picture
     capsys.readouterr()
     assert run_command(["plot", "soft", "--signal", "q.jont_2", "--out", "new.png"]) != 0

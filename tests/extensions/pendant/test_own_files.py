@@ -133,7 +133,7 @@ def test_what_the_import_did_is_told(tmp_path):
     [
         ("<robot name='a'/>", "a.urdf: no tiene ningún eslabón"),
         ("<robot name='a'><link name='b'/></robot>", "a.urdf: no tiene ninguna articulación que se mueva"),
-        ("<robot name='a'><link name='b'/><link name='c'/></robot>", "a.urdf: tiene 2 eslabones raíz (b, c); únelos"),
+        ("<robot name='a'><link name='b'/><link name='c'/></robot>", "a.urdf: tiene 2 eslabones raíz (b, c); únalos"),
         ("nothing", "a.urdf: no es XML: syntax error"),
     ],
 )
