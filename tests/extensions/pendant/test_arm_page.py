@@ -282,8 +282,10 @@ async def test_a_target_is_taught_gone_to_and_forgotten():
     session = ArmSession()
     async with opened(session) as user:
         await user.should_see(t("arm.no_targets"))
+        await user.should_see(t("arm.no_lines"))
         the(user, ui.select, t("arm.goes_with")).value = "board"
         await press(user, t("arm.teach"))
+        await user.should_see(t("arm.no_line_to", target="p1"))  # the next step
         assert session.book.targets["p1"]["frame"] == "board"
         await user.should_see("in board")
         session.arm.jog_axes({"joint_1": 30})

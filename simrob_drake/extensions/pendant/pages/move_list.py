@@ -37,7 +37,7 @@ class MoveList:
             acts = {"arrow_right": (t("arm.next"), self._go), "play_circle": (t("arm.run_line"), self._run), **acts}
         acts |= {"edit": (t("legs.edit"), self._edit_move), "delete": (t("legs.delete"), session.book.remove)}
         self._moves = _Lines(acts)
-        self._nothing = ui.label(t("arm.no_lines" if self._stepped else "legs.no_moves")).classes("opacity-70")
+        self._nothing = ui.label().classes("opacity-70")
         self._heading = ui.label(t("legs.changes")).classes("font-bold mt-2")
         self._changes = _Lines(change_acts)
         follow(session, self._show, "program", "phase")
@@ -51,9 +51,22 @@ class MoveList:
             set_keys(step, "Alt+S")
         self._runs = [button.props("no-caps outline") for button in (play, step)]
 
+    def _nothing_stored(self) -> str:
+        """Hint for a program without moves: the step that comes next."""
+        t = self._phrases.t
+        if not self._stepped:
+            return t("legs.no_moves")
+        targets = list(self._session.book.targets)
+        if not targets:
+            return t("arm.no_lines")
+        return t("arm.no_line_to", target=targets[-1])
+
     def _show(self) -> None:
-        program, session = self._session.book.program, self._session
+        """Show the program of the session."""
+        session = self._session
+        program = session.book.program
         self._moves.show([self._phrases.move(move.entry(), session.book.targets) for move in program.moves])
+        self._nothing.set_text(self._nothing_stored())
         self._nothing.set_visibility(not program.moves)
         self._heading.set_visibility(bool(program.changes))
         self._changes.show([self._phrases.change(change, program.grid or GRID) for change in program.changes])
