@@ -89,10 +89,10 @@ def load_scene(file: Path, request: SceneRequest) -> DrakeScene:
     """
     path = file.resolve()
     border = Border(path, request.mesh_path, request.packages)
-    node = _scene_node(path, request.scenario)
+    scene = _find_scene(path, request.scenario)
     checks = _Checks(border)
-    checks.check(path, node)
-    scenario = _typed(path, request.scenario)
+    checks.check(path, scene.node)
+    scenario = _typed(path, scene.name)
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlant(scenario.plant_config, builder)
     if scenario.scene_graph_config != SceneGraphConfig():
@@ -109,7 +109,7 @@ def load_scene(file: Path, request: SceneRequest) -> DrakeScene:
         models = list(ProcessModelDirectives(ModelDirectives(directives=scenario.directives), parser))
         _set_initial_positions(plant, scenario)
         plant.Finalize()
-    has_more = any(key != DIRECTIVES for key in _keys(node))
+    has_more = any(key != DIRECTIVES for key in _keys(scene.node))
     return DrakeScene(path, scenario, has_more, builder, plant, scene_graph, models, warnings, border)
 
 
@@ -121,12 +121,24 @@ def _set_initial_positions(plant: MultibodyPlant, scenario: Scenario) -> None:
             plant.GetJointByName(joint, instance).set_default_positions(positions)
 
 
-def _scene_node(path: Path, scenario: str) -> yaml.MappingNode:
-    """Parse a scene file, and find the mapping that is meant.
+class _NamedScene(NamedTuple):
+    """The mapping of a scene in a file.
+
+    Attributes:
+        name: name of the scenario, the key of the mapping; empty if the whole file is the scene.
+        node: the mapping.
+    """
+
+    name: str
+    node: yaml.MappingNode
+
+
+def _find_scene(path: Path, scenario: str) -> _NamedScene:
+    """Parse a scene file, and find the scene that is meant.
 
     Args:
         path: the file.
-        scenario: name of one scenario of several. Empty for a file with one scene.
+        scenario: name of one scenario of several. Empty for a file with one scene or one scenario.
 
     Raises:
         InvalidConfig: the file cannot be read, or there is no such scenario.
@@ -144,9 +156,11 @@ def _scene_node(path: Path, scenario: str) -> yaml.MappingNode:
     named = {key: value for key, value in _items(root) if isinstance(value, yaml.MappingNode)}
     scenes = {key: value for key, value in named.items() if DIRECTIVES in _merged_items(value)}
     if DIRECTIVES in _keys(root) and not scenario:
-        return root
+        return _NamedScene("", root)
+    if not scenario and len(scenes) == 1:
+        scenario = next(iter(scenes))
     if scenario in scenes:
-        return scenes[scenario]
+        return _NamedScene(scenario, scenes[scenario])
     listed = ", ".join(scenes)
     if scenario:
         raise InvalidConfig(
@@ -291,7 +305,7 @@ class _Checks:
             problem = message("drake_scenes.too_many_files", "names more than {most} files", most=_MOST_FILES)
             raise InvalidConfig(path, "", problem)
         if kind == "add_directives":
-            self.check(found, _scene_node(found, ""))
+            self.check(found, _find_scene(found, "").node)
         else:
             self._check_model(found)
 

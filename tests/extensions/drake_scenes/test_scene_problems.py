@@ -104,6 +104,15 @@ def test_add_directives_of_a_station_that_is_no_scene(tmp_path: Path) -> None:
         load_station(station)
 
 
+def test_the_only_scenario_of_a_file_is_taken(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "one.scenarios.yaml"
+    file.write_text("Only:\n  directives: []\n  model_drivers: {arm: !FooDriver {}}\n")
+    assert run_command(["check", str(file)]) == 2
+    errors = " ".join(capsys.readouterr().err.split())
+    assert "FooDriver" in errors
+    assert "choose one" not in errors
+
+
 def test_several_scenarios_need_a_choice(capsys: pytest.CaptureFixture[str]) -> None:
     file = SCENES / "drivers.scenarios.yaml"
     assert run_command(["run", str(file)]) == 2
