@@ -429,7 +429,9 @@ def test_a_move_takes_as_long_as_its_edge_is_dragged_and_goes_where_it_is_droppe
 
 @pytest.mark.long
 def test_robots_are_loaded_by_their_pictures(page, humanoid):
+    """A robot of another kind brings its tab to the front; otherwise the user's tab stays."""
     opened(page, humanoid)
+    page.get_by_role("tab", name="Legged").click()
     for robot, tab in (("yobotics", "Legged"), ("ur5", "Arm"), ("zjudancer", "Legged")):
         button(page, "Robots and stations").click()
         button(page, robot).click()
