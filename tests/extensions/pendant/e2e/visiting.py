@@ -74,6 +74,9 @@ class Visit:
         """Lines of the message that have a severity."""
         return self.page.locator(f".pendant-message > .pendant-{severity}")
 
+    def open_legs(self):
+        self.page.get_by_role("tab", name=self.texts["shell.legs_tab"]).click()
+
     def open_station(self):
         self.page.get_by_role("tab", name=self.texts["shell.station_tab"]).click()
 
