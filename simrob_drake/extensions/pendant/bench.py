@@ -73,6 +73,8 @@ class Bench:
         self._view = StationView(self._tell_view, PANE_ASPECT)
         self.pacer = RunPacer(inbox, self._view.show, lambda: serve(self))
         self._cell: Workcell | None = None
+        self._columns = dict[str, list[str]]()  # columns of the station's outputs, by their names
+        self._requested_signals: list[str] = []
         self._robot = ""
         self._checkpoints: list[Checkpoint] = []
         self._result: SimulationResult | None = None
@@ -91,10 +93,12 @@ class Bench:
         self._start = config
         cell.watcher = self.pacer.on_step
         self._view.scene = None
-        self._columns, self._bodies = dict[str, list[str]](), list[str]()
+        self._columns = {}
+        self._bodies = list[str]()
         self.restart()
         content = description(cell)
         self._columns = {signal["name"]: signal["columns"] for signal in content["signals"]}
+        self._watch_known_signals()
         self._bodies = content["bodies"]
         return content
 
@@ -236,8 +240,17 @@ class Bench:
         self.pacer.steered = (perf_counter(), command, robot) if self.pacer.runs else None
 
     def watch(self, signals: Sequence[str]) -> None:
-        """Tell the values of these outputs of the station at each tick."""
-        self.pacer.watched = [one_of(message("pendant.signal", "signal"), name, self._columns) for name in signals]
+        """Report the values of these outputs of the station at each tick.
+
+        Outputs that the station does not have are left out: plots may still show those of a loop that was switched off.
+        They come back with the loop.
+        """
+        self._requested_signals = list(signals)
+        self._watch_known_signals()
+
+    def _watch_known_signals(self) -> None:
+        """Watch those requested signals that the present station has."""
+        self.pacer.watched = [name for name in self._requested_signals if name in self._columns]
 
     # Questions
 

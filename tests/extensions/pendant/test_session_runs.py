@@ -570,3 +570,22 @@ def test_a_run_reports_when_each_move_began_though_joint_moves_are_one_run(teach
     ended = heard(session, session.simulate())
     assert [(move["begin"], move["end"]) for move in ended["moves"]] == [(0.0, 1.0), (1.0, 2.0)]
     assert [move["entry"]["target_deg"] for move in ended["moves"]] == [{"left_elbow": 30.0}, {"left_elbow": 0.0}]
+
+
+@pytest.mark.long
+def test_a_watched_signal_of_a_loop_that_was_switched_off_does_not_end_the_run(teach):
+    """Plots may still show a signal that the station has no more; it comes back with the loop."""
+    session, run = teach("humanoid_balance")
+    session.watch(["position", "balance.com"])
+    assert run._bench.pacer.watched == ["position", "balance.com"]
+
+    assert session.setup.switch_loop("balance", False)
+    session.hear()
+    ended = heard(session, session.simulate())
+
+    assert ended["ending"] == "monitor"  # the push makes it fall: no fault of the program
+    assert run._bench.pacer.watched == ["position"]
+
+    assert session.setup.switch_loop("balance", True)
+    session.hear()
+    assert run._bench.pacer.watched == ["position", "balance.com"]
