@@ -74,6 +74,7 @@ class Bench:
         self.pacer = RunPacer(inbox, self._view.show, lambda: serve(self))
         self._cell: Workcell | None = None
         self._columns = dict[str, list[str]]()  # columns of the station's outputs, by their names
+        self._former_signals = set[str]()  # names of the outputs of all stations that were open
         self._requested_signals: list[str] = []
         self._robot = ""
         self._checkpoints: list[Checkpoint] = []
@@ -93,6 +94,7 @@ class Bench:
         self._start = config
         cell.watcher = self.pacer.on_step
         self._view.scene = None
+        self._former_signals |= self._columns.keys()
         self._columns = {}
         self._bodies = list[str]()
         self.restart()
@@ -242,10 +244,14 @@ class Bench:
     def watch(self, signals: Sequence[str]) -> None:
         """Report the values of these outputs of the station at each tick.
 
-        Outputs that the station does not have are left out: plots may still show those of a loop that was switched off.
+        Outputs that only a former station had are left out: plots may still show those of a loop that was switched off.
         They come back with the loop.
+
+        Raises:
+            UnknownName: no station that was open has such an output; proposes the nearest name.
         """
-        self._requested_signals = list(signals)
+        known = self._former_signals | self._columns.keys()
+        self._requested_signals = [one_of(message("pendant.signal", "signal"), name, known) for name in signals]
         self._watch_known_signals()
 
     def _watch_known_signals(self) -> None:
