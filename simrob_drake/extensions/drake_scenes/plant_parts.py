@@ -6,7 +6,7 @@ finds the trees. It decides nothing about stations, and works for any finalized 
 
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -422,22 +422,19 @@ class _Reading:
         if frame is None:
             return
         inspector = self._inspector
-        for geometry in inspector.GetGeometries(frame, Role.kIllustration):
-            if geometry not in self._without:
-                yield BodyShape(
+        for role in (Role.kIllustration, Role.kProximity):
+            for geometry in inspector.GetGeometries(frame, role):
+                if geometry in self._without:
+                    continue
+                shape = BodyShape(
                     name=_last_part(inspector.GetName(geometry)),
                     shape=inspector.GetShape(geometry),
                     pose=pose @ inspector.GetPoseInFrame(geometry),
-                    colour=_colour(inspector.GetIllustrationProperties(geometry)),
                 )
-        for geometry in inspector.GetGeometries(frame, Role.kProximity):
-            if geometry not in self._without:
-                yield BodyShape(
-                    name=_last_part(inspector.GetName(geometry)),
-                    shape=inspector.GetShape(geometry),
-                    pose=pose @ inspector.GetPoseInFrame(geometry),
-                    contact=_contact(inspector.GetProximityProperties(geometry)),
-                )
+                if role == Role.kIllustration:
+                    yield replace(shape, colour=_colour(inspector.GetIllustrationProperties(geometry)))
+                else:
+                    yield replace(shape, contact=_contact(inspector.GetProximityProperties(geometry)))
 
 
 _GREY = (0.6, 0.6, 0.65, 1.0)  # of shapes without a colour of their own, as of pieces
