@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from simrob_drake import load_station, simulate
+from simrob_drake import build_station, load_station, simulate
 from simrob_drake.base.errors import InvalidConfig
 from simrob_drake.cli.app import run_command
 from simrob_drake.stations.config import StationConfig
@@ -290,3 +290,28 @@ class TestPackages:
             if "Mesh" in type(own_plant.station.scene_graph.model_inspector().GetShape(shape)).__name__
         ]
         assert meshes_of_plant
+
+
+def test_a_piece_of_a_scene_is_as_stiff_as_its_shape(tmp_path: Path) -> None:
+    """The surface that the station's plant gives a ball has the stiffness and friction of the ball's own file."""
+    (tmp_path / "ball.urdf").write_text(
+        '<robot name="ball"><link name="ball"><inertial><mass value="1"/>'
+        '<inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial>'
+        '<collision><geometry><sphere radius="0.05"/></geometry><drake:proximity_properties>'
+        '<drake:point_contact_stiffness value="30000"/><drake:mu_static value="0.6"/><drake:mu_dynamic value="0.5"/>'
+        "</drake:proximity_properties></collision></link></robot>"
+    )
+    (tmp_path / "package.xml").write_text('<package format="2"><name>own</name></package>')
+    scene = tmp_path / "ball.dmd.yaml"
+    scene.write_text("directives:\n- add_model: {name: ball, file: package://own/ball.urdf}\n")
+
+    station = build_station(load_station(scene))
+
+    inspector = station.ports.plant.scene_graph.model_inspector()
+    body = station.ports.plant.free_pieces["ball"]
+    shapes = station.ports.plant.shapes_of_body(body)
+    properties = [inspector.GetProximityProperties(shape) for shape in shapes]
+    stiffness = [each.GetProperty("material", "point_contact_stiffness") for each in properties]
+    friction = [each.GetProperty("material", "coulomb_friction") for each in properties]
+    assert stiffness == [pytest.approx(30000.0)]
+    assert (friction[0].static_friction(), friction[0].dynamic_friction()) == (0.6, 0.5)
