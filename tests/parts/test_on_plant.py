@@ -5,13 +5,14 @@ import pytest
 from pydrake.geometry import AddContactMaterial, Box, ProximityProperties, Sphere
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
-from pydrake.multibody.tree import SpatialInertia, UnitInertia
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction, MultibodyPlant
+from pydrake.multibody.tree import RevoluteJoint, SpatialInertia, UnitInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake import add_contact_sensor, add_imu, add_joint_limit_monitor, add_joint_servos, add_monitor
 from simrob_drake.base.errors import SimrobError
+from simrob_drake.parts.on_plant import _effort_limits
 from simrob_drake.robots.motors import Motor
 
 # Two links that turn about y, in a row. Only the elbow has an actuator, with an effort limit of 8 N·m.
@@ -264,3 +265,15 @@ class TestErrors:
             add_imu(builder, plant, "uper")
         with pytest.raises(SimrobError, match=r"rate.*Hz"):
             add_imu(builder, plant, "upper", rate=0.0)
+
+
+def test_the_first_actuator_of_a_joint_is_its_motor() -> None:
+    """Further actuators, which may model friction, do not change the limit of the servo."""
+    plant = MultibodyPlant(0.0)
+    link = plant.AddRigidBody("link", SpatialInertia.SolidSphereWithMass(1.0, 0.1))
+    joint = plant.AddJoint(RevoluteJoint("joint", plant.world_frame(), link.body_frame(), [0, 1, 0]))
+    plant.AddJointActuator("motor", joint, 30.0)
+    plant.AddJointActuator("friction", joint, 999.0)
+    plant.Finalize()
+
+    np.testing.assert_array_equal(_effort_limits(plant, [joint]), [30.0])
