@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pydrake.math import RigidTransform
 
 from simrob_drake.importer.repairs.names import FreeNames
-from simrob_drake.robots.urdf import name_of, set_inertia, written
+from simrob_drake.robots.urdf import format_number, name_of, set_inertia
 
 ROOT = "robot_world"  # the link that stands for the world
 _SHARE = 1e-9  # of a body's mass and moments, for links between its joints: some simulators take none without
@@ -33,7 +33,7 @@ def add_between(robot: ET.Element, free: FreeNames, name: str, mass: float = 1.0
 
 def add_note(joint: ET.Element, key: str, value: float) -> None:
     """Note something at a joint."""
-    joint.set(key, written(value))
+    joint.set(key, format_number(value))
 
 
 def take_notes(robot: ET.Element) -> Notes:

@@ -17,7 +17,7 @@ from simrob_drake.base.frames import Vector, transform_from_pose
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import ORIGIN, Colour, Inertia, NotNegative, Number, Pose, Positive, Strict, Triple
 from simrob_drake.robots.pieces import solid_inertia
-from simrob_drake.robots.urdf import Solid, add_colour, add_joint, add_motor, add_solid, set_inertia, written
+from simrob_drake.robots.urdf import Solid, add_colour, add_joint, add_motor, add_solid, format_number, set_inertia
 
 BASE_LINK = "base_link"
 """Name of the root link."""
@@ -296,10 +296,12 @@ def _add_motion(joint: ET.Element, row: DhRow) -> None:
     """Add axis, limits and viscous friction to a joint."""
     ET.SubElement(joint, "axis", xyz="0 0 1")
     lower, upper = row.range
-    limit = ET.SubElement(joint, "limit", lower=written(lower), upper=written(upper), effort=written(row.effort))
+    limit = ET.SubElement(
+        joint, "limit", lower=format_number(lower), upper=format_number(upper), effort=format_number(row.effort)
+    )
     if row.speed is not None:
-        limit.set("velocity", written(row.speed))
-    ET.SubElement(joint, "dynamics", damping=written(row.damping))
+        limit.set("velocity", format_number(row.speed))
+    ET.SubElement(joint, "dynamics", damping=format_number(row.damping))
 
 
 def link_shapes(table: DhTable) -> list[list[LinkShape]]:

@@ -1,12 +1,12 @@
 r"""The motors of a robot's joints as their makers publish them: the torque at each speed, and for how long.
 
-All figures are those of the output, behind the gear. If a motor gives the efficiency of its gear, its torques are
+All values are those of the output, behind the gear. If a motor gives the efficiency of its gear, its torques are
 those before the gear. A direct-current motor at a fixed voltage has a torque within
 
 .. math::
     -\tau_s - D v \le \tau \le \tau_s - D v, \qquad D = \tau_s / v_0,
 
-with the stall torque :math:`\tau_s`, the no-load speed :math:`v_0` and the speed v. Both figures are in proportion to
+with the stall torque :math:`\tau_s`, the no-load speed :math:`v_0` and the speed v. Both values are in proportion to
 the voltage. Above its no-load speed the motor brakes. If its current is limited, so is its torque:
 :math:`|\tau| \le \tau_p`.
 
@@ -30,7 +30,7 @@ from simrob_drake.base.messages import message
 from simrob_drake.base.sections import NotNegative, Number, Positive, Strict, validated
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.robots.axis_map import AxisValues, every_axis
-from simrob_drake.robots.urdf import DRAKE, add_joint, child_of, copied, name_of, set_inertia, written
+from simrob_drake.robots.urdf import DRAKE, add_joint, child_of, copy_of, format_number, name_of, set_inertia
 
 MOTORS_FILE = "motors.yaml"
 """Name of the file with the motors that have names, in the folder of models."""
@@ -43,12 +43,12 @@ NO_MOTOR = "none"
 
 
 class Motor(Strict):
-    """A motor with its gear. Its figures are those of the output, at ``voltage``. A figure may be left out."""
+    """A motor with its gear. Its values are those of the output, at ``voltage``. Any of them may be left out."""
 
     model: str | None = None
-    """Name of a known motor, which gives the figures that are left out here."""
+    """Name of a known motor, which gives the values that are left out here."""
     source: str = ""
-    """Where the figures are from, and which of them are estimates."""
+    """Source of the values, and which of them are estimates."""
     stall_torque: Positive | None = None
     """Torque τ_s at rest [N·m, or N for a sliding axis]."""
     no_load_speed: Positive | None = None
@@ -90,11 +90,11 @@ class Motor(Strict):
     def line(self) -> tuple[float, float]:
         """Stall torque [N·m or N] and no-load speed [rad/s or m/s] at the voltage of the supply.
 
-        The motor must have both figures.
+        The motor must have both values.
         """
         assert self.stall_torque is not None
         assert self.no_load_speed is not None
-        # Without a voltage the figures hold as they are, so any number would do for it.
+        # Without a voltage the values hold as they are, so any number would do for it.
         voltage = self.voltage or 1.0
         supply_share = (self.supply or voltage) / voltage
 
@@ -134,25 +134,25 @@ class CommandBusConfig(Strict):
 
 
 def _kind(choice: Any) -> str:
-    """Recognise how a user gives motors: the "name" of one, the "figures" of one, or a mapping by "axes"."""
+    """Recognise how a user gives motors: the "name" of one, the "values" of one, or a mapping by "axes"."""
     if isinstance(choice, str):
         return "name"
     if isinstance(choice, Motor):
-        return "figures"
+        return "values"
     keys = choice.keys() if isinstance(choice, Mapping) else ()
-    has_figures = any(key in Motor.model_fields for key in keys)
-    return "figures" if has_figures else "axes"
+    has_values = any(key in Motor.model_fields for key in keys)
+    return "values" if has_values else "axes"
 
 
 _OneMotor = Annotated[
-    Annotated[str, Tag("name")] | Annotated[Motor, Tag("figures")],
-    Discriminator(lambda choice: "name" if isinstance(choice, str) else "figures"),
+    Annotated[str, Tag("name")] | Annotated[Motor, Tag("values")],
+    Discriminator(lambda choice: "name" if isinstance(choice, str) else "values"),
 ]
 Motors = Annotated[
-    Annotated[str, Tag("name")] | Annotated[Motor, Tag("figures")] | Annotated[dict[str, _OneMotor], Tag("axes")],
+    Annotated[str, Tag("name")] | Annotated[Motor, Tag("values")] | Annotated[dict[str, _OneMotor], Tag("axes")],
     Discriminator(_kind),
 ]
-"""One motor for all axes, or a mapping of motors by axis name or alias. A motor is given by its name or its figures."""
+"""One motor for all axes, or a mapping of motors by axis name or alias. A motor is given by its name or its values."""
 
 
 @cache
@@ -196,7 +196,7 @@ _Ratio = Annotated[
 
 
 class Drives(Strict):
-    """Motors, gears and friction of a robot's joints, for each axis. A figure that is not given is that of the URDF.
+    """Motors, gears and friction of a robot's joints, for each axis. A value that is not given is that of the URDF.
 
     A joint has the inertia of its rotor times the square of its gear ratio. Its friction at the speed v is
 
@@ -224,24 +224,24 @@ class Drives(Strict):
 
 
 def set_drives(robot: ET.Element, key: str, values: Mapping[str, float]) -> None:
-    """Write one figure of the drives into a checked URDF, in place.
+    """Write one value of the drives into a checked URDF, in place.
 
     Args:
         robot: the URDF.
         key: ``rotor_inertia`` or ``gear_ratio``, which Drake reads from actuators; ``damping`` or ``friction``, which
             belong to the joint.
-        values: the figure of each joint, by the joint's name. Other joints keep theirs.
+        values: the value of each joint, by the joint's name. Other joints keep theirs.
     """
     if key in ("damping", "friction"):
         for joint in robot.iterfind("joint"):
             if name_of(joint) in values:
-                child_of(joint, "dynamics").set(key, written(values[name_of(joint)]))
+                child_of(joint, "dynamics").set(key, format_number(values[name_of(joint)]))
         return
     for transmission in robot.iterfind("transmission"):
         for joint in transmission.iterfind("joint"):
             if name_of(joint) in values:
                 actuator = child_of(transmission, "actuator")
-                child_of(actuator, f"{DRAKE}{key}").set("value", written(values[name_of(joint)]))
+                child_of(actuator, f"{DRAKE}{key}").set("value", format_number(values[name_of(joint)]))
 
 
 def add_play(robot: ET.Element, play: Mapping[str, float]) -> None:
@@ -269,9 +269,9 @@ def add_play(robot: ET.Element, play: Mapping[str, float]) -> None:
             parent=name_of(gear),
             child=child.get("link", ""),
         )
-        play_joint.extend(map(copied, joint.findall("axis")))
+        play_joint.extend(map(copy_of, joint.findall("axis")))
         half = play[name] / 2
-        ET.SubElement(play_joint, "limit", lower=written(-half), upper=written(half), effort="0")
+        ET.SubElement(play_joint, "limit", lower=format_number(-half), upper=format_number(half), effort="0")
         child.set("link", name_of(gear))
 
 

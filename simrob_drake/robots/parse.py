@@ -22,7 +22,7 @@ from simrob_drake.base.messages import message
 from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.bodies import merge_fixed_links
 from simrob_drake.robots.catalog import RobotModel
-from simrob_drake.robots.urdf import copied, drop_collision, with_absolute_meshes
+from simrob_drake.robots.urdf import copy_of, drop_collision, with_absolute_meshes
 
 
 def add_urdf(
@@ -40,7 +40,7 @@ def add_urdf(
     Raises:
         InvalidModel: Drake cannot read the robot.
     """
-    reduced = copied(robot)
+    reduced = copy_of(robot)
     if not collision:
         drop_collision(reduced)
     for actuator in reduced.iterfind("transmission/actuator"):

@@ -273,7 +273,7 @@ class PieceModel(Strict):
     """A piece as its ``piece.yaml`` describes it. A station may replace any of the values.
 
     With a ``density``, or with a mass but no inertia, the shapes count as evenly filled: the mass, the centre of mass
-    and the inertia that are not given follow from them (:func:`weighed`).
+    and the inertia that are not given follow from them (:func:`with_mass_properties`).
     """
 
     folder: Path
@@ -375,7 +375,7 @@ def with_changes(piece: PieceModel, changes: Mapping[str, Any], where: str) -> P
 
     Raises:
         InvalidConfig: a new value is not allowed.
-        InvalidModel: see :func:`weighed`.
+        InvalidModel: see :func:`with_mass_properties`.
     """
     removed = set(changes)
     if "density" in changes:
@@ -383,10 +383,10 @@ def with_changes(piece: PieceModel, changes: Mapping[str, Any], where: str) -> P
     if "mass" in changes:
         removed.add("density")
     kept = {key: value for key, value in piece.model_dump(exclude_unset=True).items() if key not in removed}
-    return weighed(validated(PieceModel, {**kept, **changes}, where))
+    return with_mass_properties(validated(PieceModel, {**kept, **changes}, where))
 
 
-def weighed(piece: PieceModel) -> PieceModel:
+def with_mass_properties(piece: PieceModel) -> PieceModel:
     """Compute the mass, the centre of mass and the inertia of a piece from its shapes, unless they are given.
 
     This is done for a piece with a density, and for one with a mass but no inertia. Shapes count as solid, and where

@@ -27,15 +27,15 @@ MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 # Most numbers of a robot are equal to others, such as the zeros of its poses.
 @lru_cache(maxsize=10_000)
-def written(value: float) -> str:
+def format_number(value: float) -> str:
     """Write a number as short as possible without loss."""
     # Adding 0 turns -0.0 into 0.0.
     return repr(float(value) + 0.0).removesuffix(".0")
 
 
-def text(values: Iterable[float]) -> str:
+def format_numbers(values: Iterable[float]) -> str:
     """Write numbers as the text of one attribute."""
-    return " ".join(map(written, values))
+    return " ".join(map(format_number, values))
 
 
 def pose_of(element: ET.Element) -> RigidTransform:
@@ -56,8 +56,8 @@ def child_of(element: ET.Element, tag: str) -> ET.Element:
 def place(element: ET.Element, pose: RigidTransform) -> None:
     """Write a pose into an element's ``<origin>``, or into a ``frame`` itself."""
     origin = element if element.tag == "frame" else child_of(element, "origin")
-    origin.set("xyz", text(pose.translation()))
-    origin.set("rpy", text(RollPitchYaw(pose.rotation()).vector()))
+    origin.set("xyz", format_numbers(pose.translation()))
+    origin.set("rpy", format_numbers(RollPitchYaw(pose.rotation()).vector()))
 
 
 def add_frame(robot: ET.Element, name: str, link: str, pose: RigidTransform) -> ET.Element:
@@ -119,18 +119,18 @@ def add_solid(link: ET.Element, tag: str, name: str, solid: Solid) -> ET.Element
 def shape_element(shape: Shape | Path, scale: float = 1.0) -> ET.Element:
     """Make the element of a box, cylinder or sphere of Drake, or of a mesh file with a scale."""
     if isinstance(shape, Box):
-        return ET.Element("box", size=text(shape.size()))
+        return ET.Element("box", size=format_numbers(shape.size()))
     if isinstance(shape, Cylinder):
-        return ET.Element("cylinder", radius=written(shape.radius()), length=written(shape.length()))
+        return ET.Element("cylinder", radius=format_number(shape.radius()), length=format_number(shape.length()))
     if isinstance(shape, Sphere):
-        return ET.Element("sphere", radius=written(shape.radius()))
-    return ET.Element("mesh", filename=f"file://{shape}", scale=text([scale] * 3))
+        return ET.Element("sphere", radius=format_number(shape.radius()))
+    return ET.Element("mesh", filename=f"file://{shape}", scale=format_numbers([scale] * 3))
 
 
 def add_colour(owner: ET.Element, name: str, rgba: Iterable[float]) -> ET.Element:
     """Add a material with a colour to a visual or a robot, and return it."""
     material = ET.SubElement(owner, "material", name=name)
-    ET.SubElement(material, "color", rgba=text(rgba))
+    ET.SubElement(material, "color", rgba=format_numbers(rgba))
     return material
 
 
@@ -143,7 +143,7 @@ def add_contact(collision: ET.Element, values: Mapping[str, float | None]) -> No
     """
     properties = ET.SubElement(collision, f"{DRAKE}proximity_properties")
     for key, value in values.items():
-        ET.SubElement(properties, f"{DRAKE}{key}", {} if value is None else {"value": written(value)})
+        ET.SubElement(properties, f"{DRAKE}{key}", {} if value is None else {"value": format_number(value)})
 
 
 def set_inertia(link: ET.Element, *, mass: float, moments: Sequence[float] | Vector, pose: RigidTransform) -> None:
@@ -161,7 +161,7 @@ def set_inertia(link: ET.Element, *, mass: float, moments: Sequence[float] | Vec
     inertial = ET.Element("inertial")
     link.insert(0, inertial)
     place(inertial, pose)
-    ET.SubElement(inertial, "mass", value=written(mass))
+    ET.SubElement(inertial, "mass", value=format_number(mass))
     set_moments(inertial, moments)
 
 
@@ -174,7 +174,7 @@ def set_moments(inertial: ET.Element, moments: Sequence[float] | Vector) -> None
         # Three moments are followed by products of 0; of six moments, the zeros behind them are not used.
         numbers = np.array([*moments, 0.0, 0.0, 0.0])
     for key, value in zip(MOMENTS, numbers, strict=False):
-        element.set(key, written(value))
+        element.set(key, format_number(value))
 
 
 def moments_of(inertial: ET.Element) -> Vector:
@@ -262,8 +262,8 @@ def read_urdf(path: Path) -> ET.Element:
             path, "", message("robots.has_entities", "declares entities or a document type, which a URDF never needs")
         )
     try:
-        # Files declare the prefix ``drake:`` in several ways or, since Drake accepts that, not at all. So it is declared
-        # anew.
+        # Files declare the prefix ``drake:`` in several ways or, since Drake accepts that, not at all. So all of them
+        # get the same declaration.
         text = re.sub(r"""\sxmlns:drake\s*=\s*(".*?"|'.*?')""", "", text)
         declared = rf'\g<0> xmlns:drake="{DRAKE.strip("{}")}"'
         root = ET.fromstring(_OUTERMOST.sub(declared, text) if "drake:" in text else text)
@@ -301,7 +301,7 @@ def driven_joints(root: ET.Element) -> set[str]:
         for joint in root.iterfind("joint")
         if joint.get("type") in MOVABLE_JOINTS
         and name_of(joint) in with_transmission
-        and joint_figure(joint, "effort") > 0
+        and joint_value(joint, "effort") > 0
     }
 
 
@@ -316,7 +316,7 @@ def joint_limits(joint: ET.Element) -> tuple[float, float]:
     return float(limit.attrib["lower"]), float(limit.attrib["upper"])
 
 
-def joint_figure(joint: ET.Element, key: str, tag: str = "limit") -> float:
+def joint_value(joint: ET.Element, key: str, tag: str = "limit") -> float:
     """Read a number of a joint in SI units; 0 if the URDF does not give it.
 
     Args:
@@ -370,7 +370,7 @@ def with_absolute_meshes(root: ET.Element, folder: Path) -> ET.Element:
     Raises:
         InvalidModel: a mesh is missing, is outside the folder, or has a format that Drake does not read.
     """
-    robot = copied(root)
+    robot = copy_of(root)
     for mesh in robot.iter("mesh"):
         file = mesh_file(mesh.get("filename", ""), folder)
         # Not Path.as_uri(), which writes a space as %20: Drake does not decode it.
@@ -467,7 +467,7 @@ def doubtful_efforts(robot: ET.Element) -> dict[str, tuple[float, float]]:
     masses = {name_of(link): mass_of(link) for link in robot.iterfind("link")}
     doubtful = {}
     for joint in robot.iterfind("joint"):
-        effort = joint_figure(joint, "effort")
+        effort = joint_value(joint, "effort")
         mass = masses.get(link_of(joint, "child"), 0.0)
         is_revolute = joint.get("type") in ("revolute", "continuous")
         if is_revolute and effort > _STRONG and 0 < mass < _LIGHT:
@@ -475,7 +475,7 @@ def doubtful_efforts(robot: ET.Element) -> dict[str, tuple[float, float]]:
     return doubtful
 
 
-def copied(element: ET.Element) -> ET.Element:
+def copy_of(element: ET.Element) -> ET.Element:
     """Copy an element with everything in it. ``deepcopy`` takes ten times as long."""
     whole = ET.Element(element.tag, element.attrib)
     # Elements whose children are still to be copied, with their copies. The list grows while it is read, in place of a
