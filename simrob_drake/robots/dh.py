@@ -120,7 +120,7 @@ class DhRow(Strict):
 
     @property
     def speed(self) -> float | None:
-        """Largest speed [rad/s or m/s]; None if the row gives none."""
+        """Largest speed [rad/s or m/s], or None if the row has no speed."""
         if self.velocity_deg is not None:
             return float(np.deg2rad(self.velocity_deg))
         return self.velocity

@@ -70,11 +70,11 @@ def checked_urdf(path: Path) -> ET.Element:
     Raises:
         InvalidModel: the file cannot be read or has a defect; names the element and what would be right.
     """
-    return copy_of(_checked(path, file_state(path)))
+    return copy_of(_read_and_check(path, file_state(path)))
 
 
 @lru_cache(maxsize=64)
-def _checked(path: Path, state: FileState | None) -> ET.Element:
+def _read_and_check(path: Path, state: FileState | None) -> ET.Element:
     """Read and check a URDF file. Results are cached until the file changes.
 
     Args:
@@ -343,7 +343,7 @@ def _check_inertial(link: ET.Element, refuse: Refuse) -> None:
 
 
 def shape_defect(shape: ET.Element) -> str:
-    """Write what is wrong with the sizes of a shape; empty if nothing is."""
+    """Write the defect in the sizes of a shape; empty if it has none."""
     if shape.tag == "mesh" and "filename" not in shape.attrib:
         return message("robots.has_no_filename", "has no filename")
     for key, count in SHAPE_SIZES.get(shape.tag, {}).items():
@@ -365,7 +365,7 @@ def shape_defect(shape: ET.Element) -> str:
 
 
 def numbers_in(text: str) -> list[float] | None:
-    """Read the numbers in a text; None if one of its words is no number, or is not finite."""
+    """Read the numbers in a text, or return None if one of its words is no finite number."""
     words = text.split()
     if not all(NUMBER.fullmatch(word) for word in words):
         return None
