@@ -15,8 +15,8 @@ from simrob_drake.robots.bodies import links_without_inertia, tool_links
 from simrob_drake.robots.catalog import Axis, load_robot_from_urdf
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.urdf import (
-    joint_value,
     joint_limits,
+    joint_value,
     movable_joints,
     read_urdf,
     root_link,
