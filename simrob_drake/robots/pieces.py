@@ -399,9 +399,9 @@ def with_mass_properties(piece: PieceModel) -> PieceModel:
         InvalidModel: a mesh cannot be read. For a piece with a density: a mesh does not enclose a volume, or the piece
             has no shapes.
     """
-    given = piece.model_fields_set
+    stated_keys = piece.model_fields_set
     shapes = piece.shapes
-    needs_no_shapes = "inertia" in given or piece.mass == 0 or not shapes
+    needs_no_shapes = "inertia" in stated_keys or piece.mass == 0 or not shapes
     if piece.density is None and needs_no_shapes:
         return piece
     if not shapes:
@@ -417,7 +417,7 @@ def with_mass_properties(piece: PieceModel) -> PieceModel:
         "com": tuple(whole.centre.tolist()),
         "inertia": tuple((density * whole.moments).tolist()),
     }
-    update = {key: value for key, value in computed.items() if key not in given}
+    update = {key: value for key, value in computed.items() if key not in stated_keys}
     return piece.model_copy(update={**update, "density": None})
 
 

@@ -98,7 +98,7 @@ def test_a_point_mass_on_a_body_with_moments_stays(tmp_path):
 )
 def test_rounded_moments_are_mended_by_as_much_as_they_miss(tmp_path, given):
     done = Repaired(with_defect(INERTIA, moments(*given)), tmp_path)
-    assert any("by rounding, so" in line for line in done.told("repaired"))
+    assert any("this is a rounding error" in line for line in done.told("repaired"))
     np.testing.assert_allclose(body(done)[2], np.diag(given), atol=1e-3 * max(given))
 
 
