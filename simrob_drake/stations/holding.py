@@ -49,6 +49,7 @@ def holding_findings(ports: StationPorts, robot: StationRobot, positions: Vector
         torque_limit=robot.gains.limit_at_rest,
     )
     torques = dynamics.gravity(postures)
+    # Without any mass all torques are 0, which would look like a robot that holds easily.
     lacking = robot.model.links_without_inertia
     if lacking and np.abs(torques).max() <= NO_TORQUE:
         return [_no_inertia_finding(robot, lacking)]
@@ -61,6 +62,7 @@ def holding_findings(ports: StationPorts, robot: StationRobot, positions: Vector
             continue
         sag = None if sags is None else float(sags[axis])
         findings.append(_axis_finding(config, robot, axis, torques[:, axis], sag))
+    # The tool is lowest where all axes have sagged.
     if sags is not None:
         findings += _tool_findings(ports, robot, postures[-1] + sags)
     findings += _payload_findings(config, robot, dynamics, postures)
@@ -129,6 +131,7 @@ def _axis_finding(config: StationConfig, robot: StationRobot, axis: int, torques
         end=torques[-1],
     )
     text += message("stations.of_the_reference", " of the reference")
+    # A joint that does not hold has no equilibrium, so its sag and its heat do not matter.
     if abs(largest) > limit:
         text += message(
             "stations.at_most_and_limit",
@@ -244,6 +247,8 @@ def _sags(config: StationConfig, robot: StationRobot, dynamics: Dynamics, refere
         gravity = dynamics.gravity(posture[np.newaxis])[0]
         return np.asarray(reference - posture - gravity / gains.kp)
 
+    # The sag changes the posture, and with it the torques: n equations that are solved together.
+    # The reference is near, since sags are small.
     solution = root(imbalance, reference)
     if not solution.success:
         return None
@@ -263,6 +268,7 @@ def _tool_findings(ports: StationPorts, robot: StationRobot, posture: Vector) ->
     context = plant.CreateDefaultContext()
     robot.axis_map.set_positions(plant, context, posture)
     position = robot.tools[robot.tcp].CalcPoseInWorld(context).translation()
+    # The ground may be inclined or a terrain, so its height is taken below the tool.
     ground_height = ports.plant.ground.beneath(position[np.newaxis])[0]
     depth = float(ground_height - position[2])
     bound = bound_value(config.verdict.below_floor)
@@ -276,13 +282,8 @@ def _tool_findings(ports: StationPorts, robot: StationRobot, posture: Vector) ->
         bound=bound * 1e3,
     )
     remedy = message("stations.raise_kp_or_feedforward", "raise servo.kp, or set servo.feedforward to gravity")
-    return [
-        Finding(
-            "warning",
-            message("stations.tool_of", "tool of {robot}", robot=robot.name),
-            compound("{text}; {remedy}", text=text, remedy=remedy),
-        )
-    ]
+    subject = message("stations.tool_of", "tool of {robot}", robot=robot.name)
+    return [Finding("warning", subject, compound("{text}; {remedy}", text=text, remedy=remedy))]
 
 
 def _payload_findings(

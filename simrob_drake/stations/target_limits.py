@@ -46,14 +46,16 @@ def check_targets(config: StationConfig, robot: ResolvedRobot) -> None:
         if violation is not None:
             axis = axes_with_target[violation.axis]
             key = message(
-                "stations.reference_of_axis", "reference of {prefix}{axis}", prefix=robot.prefix, axis=robot.axes[axis]
+                "stations.reference_of_axis",
+                "reference of {prefix}{axis}",
+                prefix=robot.prefix,
+                axis=robot.axes[axis],
             )
+            found = compound("{violation} {unit}", violation=violation.value, unit=violation.unit)
             expected = message(
                 "stations.within_limits", "within the joint's limits of {limits}", limits=violation.limits
             )
-            raise InvalidParameter(
-                key, compound("{violation} {unit}", violation=violation.value, unit=violation.unit), expected
-            )
+            raise InvalidParameter(key, found, expected)
 
 
 def _check_passive_axes(config: StationConfig, robot: ResolvedRobot) -> None:
