@@ -230,7 +230,7 @@ def balance_regulator(
     count = len(upright)
     mass = dynamics.terms(upright, np.zeros(count)).mass
     accelerations = np.linalg.solve(mass, np.hstack([-stiffness, -np.diag(dynamics.damping)]))
-    # The velocities in x.
+    # The rates of the position errors in x are the velocities in x.
     position_rates = np.hstack([np.zeros((count, count)), np.eye(count)])
     dynamics_matrix = np.vstack([position_rates, accelerations])
     torques = np.eye(count)[:, driven]

@@ -120,7 +120,11 @@ class KeyLosses:
             warnings.warn(text, KeysLeftOut, stacklevel=2)
 
 
-def _is_default(section: Mapping[str, Any], key: str, section_class: type[BaseModel] | None) -> bool:
+def _is_default(
+    section: Mapping[str, Any],
+    key: str,
+    section_class: type[BaseModel] | None,
+) -> bool:
     """Whether a key of a section has its default value. Returns False if the section's class is not known (None)."""
     if section_class is None or key not in section_class.model_fields:
         return False

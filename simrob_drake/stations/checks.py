@@ -124,7 +124,8 @@ def _mount_text(piece: ResolvedPiece) -> str:
     # Adding 0.0 turns -0.0 into 0.0.
     origin = " ".join(f"{value:.4g}" for value in piece.pose.translation() + 0.0)
     text = message("stations.hangs_on", "hangs on {parent}", parent=piece.parent)
-    if piece.mount:  # the frame on which it hangs, whose name begins with that of the parent; empty for the world
+    # `mount` is the frame on which the piece hangs, whose name begins with that of the parent; empty for the world.
+    if piece.mount:
         frame = piece.mount.removeprefix(f"{piece.parent}_")
         text += message("stations.at_frame", ", at {frame}", frame=frame)
     text += message("stations.its_origin_at", ", its origin at {origin} m", origin=origin)
@@ -134,7 +135,11 @@ def _mount_text(piece: ResolvedPiece) -> str:
     return text
 
 
-def _reference_findings(config: StationConfig, robot: StationRobot, reference: Reference | None) -> list[Finding]:
+def _reference_findings(
+    config: StationConfig,
+    robot: StationRobot,
+    reference: Reference | None,
+) -> list[Finding]:
     """Check a reference: its positions by the limits of the axes, its speeds by the share that the verdict allows.
 
     Args:
@@ -196,7 +201,11 @@ def _reference_findings(config: StationConfig, robot: StationRobot, reference: R
     return [Finding("ok", subject, text)]
 
 
-def _jump_findings(config: StationConfig, robot: StationRobot, reference: Reference | None) -> list[Finding]:
+def _jump_findings(
+    config: StationConfig,
+    robot: StationRobot,
+    reference: Reference | None,
+) -> list[Finding]:
     """Warn of a reference that begins away from the robot, so that its servos jump at the start.
 
     Args:
@@ -306,7 +315,11 @@ def _motor_text(motor: Motor, unit: AxisUnit) -> str:
     )
 
 
-def _holding_findings(ports: StationPorts, robot: StationRobot, reference: Reference | None) -> list[Finding]:
+def _holding_findings(
+    ports: StationPorts,
+    robot: StationRobot,
+    reference: Reference | None,
+) -> list[Finding]:
     """Predict torques and sag of a robot along its reference. Returns a note if the robot has no reference."""
     if reference is None:
         text = message("stations.controller_decides", "not looked at: a controller says where the robot goes")
@@ -409,7 +422,12 @@ def _balance_finding(robot: StationRobot, found: Standing) -> Finding:
     return Finding("warning", f"{robot.prefix}base", text)
 
 
-def _standing_torque(config: StationConfig, robot: StationRobot, axis: int, torque: float) -> Finding:
+def _standing_torque(
+    config: StationConfig,
+    robot: StationRobot,
+    axis: int,
+    torque: float,
+) -> Finding:
     """Check the torque with which an axis carries a robot that stands, and by how much its servo gives way.
 
     Args:

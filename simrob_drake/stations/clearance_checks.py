@@ -197,7 +197,11 @@ class _HeightsByMotion(NamedTuple):
     moving: list[_LinkHeight]
 
 
-def _split_by_motion(clearance: Clearance, robot: StationRobot, measured: _Measurements) -> _HeightsByMotion:
+def _split_by_motion(
+    clearance: Clearance,
+    robot: StationRobot,
+    measured: _Measurements,
+) -> _HeightsByMotion:
     """Separate the heights of a robot's fixed links from those of its moving links."""
     plant = clearance.plant
     bodies = [plant.get_body(index) for index in plant.GetBodyIndices(robot.instance)]
@@ -281,7 +285,8 @@ def _other_findings(clearance: Clearance, measured: _Measurements) -> list[Findi
 
     Collisions with the floor are not among them; :func:`_floor_findings` measures the height of each link instead.
     """
-    if len(clearance.resolved.robots) + len(clearance.resolved.pieces) < 2:  # there is nothing to collide with
+    # A single body has nothing to collide with.
+    if len(clearance.resolved.robots) + len(clearance.resolved.pieces) < 2:
         return []
     subject = message("stations.robots_and_pieces", "robots and pieces")
     others = [timed for timed in measured.overlaps if timed.overlap.is_between_owners]
@@ -295,7 +300,14 @@ def _other_findings(clearance: Clearance, measured: _Measurements) -> list[Findi
     return [Finding("ok", subject, text)]
 
 
-def _contact_finding(clearance: Clearance, subject: str, text: str, remedy: str, *, is_own: bool = False) -> Finding:
+def _contact_finding(
+    clearance: Clearance,
+    subject: str,
+    text: str,
+    remedy: str,
+    *,
+    is_own: bool = False,
+) -> Finding:
     """Report a collision, as a note if the run simulates the contact, and as a warning if it does not.
 
     Args:

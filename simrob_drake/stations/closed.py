@@ -56,7 +56,11 @@ class ClosedStation:
     references: dict[str, Reference] = field(default_factory=dict)
     players: Mapping[str, TrajectorySource] = field(default_factory=dict)
 
-    def play(self, references: Mapping[str, Reference], forces: Mapping[str, ForceConfig]) -> None:
+    def play(
+        self,
+        references: Mapping[str, Reference],
+        forces: Mapping[str, ForceConfig],
+    ) -> None:
         """Replace the trajectories of the robots and the pushes, without building the diagram again.
 
         Args:
@@ -241,7 +245,12 @@ def _early_sources(
     return found
 
 
-def _source(builder: DiagramBuilder, prefix: str, reference: Reference, taken: Sequence[str]) -> _DrivenInputs:
+def _source(
+    builder: DiagramBuilder,
+    prefix: str,
+    reference: Reference,
+    taken: Sequence[str],
+) -> _DrivenInputs:
     """Add a source for a robot's desired motion.
 
     Args:
@@ -259,7 +268,11 @@ def _source(builder: DiagramBuilder, prefix: str, reference: Reference, taken: S
 
 
 def _add_prescribed(
-    builder: DiagramBuilder, ports: StationPorts, axis: str, robot: StationRobot, reference: Reference
+    builder: DiagramBuilder,
+    ports: StationPorts,
+    axis: str,
+    robot: StationRobot,
+    reference: Reference,
 ) -> None:
     """Add the source of a prescribed axis, unless a block drives it.
 

@@ -46,7 +46,8 @@ from simrob_drake.stations.solver_config import (
 _MOST_FACES = 20_000
 """Largest count of faces into which the round shapes of a station are divided. 33 000 faces of one ball take Drake 3 s,
 131 000 take 12 s and 0.2 GB."""
-_FINEST_STEP = 1e-5  # shortest step of an error-controlled scheme that is worth waiting for [s]
+# Shortest step of an error-controlled scheme that is worth waiting for [s].
+_FINEST_STEP = 1e-5
 _STABLE = 2.5
 """Largest stable product of step and angular frequency of a damped spring, for a third-order Runge-Kutta scheme. For a
 spring without damping it is below 1.7."""
@@ -65,7 +66,10 @@ def needs_shapes(config: StationConfig) -> bool:
 
 
 def apply_materials(
-    plant: MultibodyPlant, scene_graph: SceneGraph, station: ResolvedStation, shapes: Sequence[GeometryId]
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    station: ResolvedStation,
+    shapes: Sequence[GeometryId],
 ) -> None:
     """Write stiffness, dissipation, friction and modulus into the shapes of a station, before its plant is finalized.
 
@@ -148,7 +152,10 @@ def _check_resolution(resolution: float, shapes: Sequence[Shape]) -> None:
 
 
 def check_stiffnesses(
-    plant: MultibodyPlant, scene_graph: SceneGraph, station: ResolvedStation, shapes: Sequence[GeometryId]
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    station: ResolvedStation,
+    shapes: Sequence[GeometryId],
 ) -> None:
     """Check that the solver of a station can hold the contacts of its bodies.
 
@@ -204,7 +211,11 @@ def _is_hydroelastic(properties: ProximityProperties) -> bool:
     return bool(properties.HasGroup("hydroelastic") and properties.HasProperty("hydroelastic", "compliance_type"))
 
 
-def _material(config: StationConfig, contact: ContactConfig, piece: str | None) -> ContactMaterial:
+def _material(
+    config: StationConfig,
+    contact: ContactConfig,
+    piece: str | None,
+) -> ContactMaterial:
     """Combine the material of a station with the values that a piece replaces; ``piece`` is None for other bodies."""
     own = config.pieces[piece].contact if piece else None
     # None means that the piece does not give a value, so the station's stays.
@@ -229,7 +240,11 @@ def _write_material(properties: ProximityProperties, material: ContactMaterial) 
         properties.UpdateProperty("material", "coulomb_friction", friction)
 
 
-def _write_modulus(properties: ProximityProperties, material: ContactMaterial, contact: ContactConfig) -> None:
+def _write_modulus(
+    properties: ProximityProperties,
+    material: ContactMaterial,
+    contact: ContactConfig,
+) -> None:
     """Write the hydroelastic modulus into the properties of a shape.
 
     A shape that the robot's file makes rigid in hydroelastic contact stays rigid. A compliant one of the file keeps its
@@ -373,7 +388,12 @@ def with_friction(
     return add_sum(builder, f"{robot.prefix}friction.torque", torque, friction)
 
 
-def _sliding(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, speed: Vector) -> OutputPort:
+def _sliding(
+    builder: DiagramBuilder,
+    ports: StationPorts,
+    robot: StationRobot,
+    speed: Vector,
+) -> OutputPort:
     """Add a block for the Coulomb friction of a robot's axes: c sat(v / v_s), of the plant's state.
 
     Here c are the friction torques of the robot's model, v the speeds of its axes, and sat limits to -1 and 1.

@@ -82,7 +82,8 @@ MOST_CORNERS = 32
 MOST_EDGE_PARTS = 8
 """Largest count of parts into which balls divide an edge."""
 
-_CARRYING_BALLS = 4  # count of balls that share the weight of a body that lies on a face
+# Count of balls that share the weight of a body that lies on a face.
+_CARRYING_BALLS = 4
 
 
 class ContactBall(NamedTuple):
@@ -295,7 +296,12 @@ class _ShapeOwners:
         return self.body(shape).index() in fingers
 
 
-def _register_balls(owners: _ShapeOwners, shape: GeometryId, load: float, points: ContactPoints) -> None:
+def _register_balls(
+    owners: _ShapeOwners,
+    shape: GeometryId,
+    load: float,
+    points: ContactPoints,
+) -> None:
     """Register the balls of one shape in the plant, and append them to ``points``.
 
     Each ball has the material of the shape, and the shape's name with a number.
@@ -335,7 +341,12 @@ def _register_balls(owners: _ShapeOwners, shape: GeometryId, load: float, points
     points.corners += [register(ball, f"corner_{number}") for number, ball in enumerate(balls)]
 
 
-def balls_at_corners(corners: Vector, *, depth: float = 0.0, protrusion: float = 0.0) -> list[ContactBall]:
+def balls_at_corners(
+    corners: Vector,
+    *,
+    depth: float = 0.0,
+    protrusion: float = 0.0,
+) -> list[ContactBall]:
     """Place a ball inside each corner of a convex body, so that the balls touch its faces from inside.
 
     Each ball is shifted inward along x, y and z by its radius, less the protrusion. So it reaches exactly to faces that
@@ -426,7 +437,11 @@ def _sinking_depth(config: StationConfig, piece: str | None, load: float) -> flo
     return load / (_CARRYING_BALLS * stiffness)
 
 
-def _balls_of_round_shape(inspector: SceneGraphInspector, shape_id: GeometryId, depth: float) -> list[ContactBall]:
+def _balls_of_round_shape(
+    inspector: SceneGraphInspector,
+    shape_id: GeometryId,
+    depth: float,
+) -> list[ContactBall]:
     """Place the balls of a shape that is flat in parts only: a cylinder, a capsule or a mesh with many corners.
 
     The balls protrude by twice the depth [m] by which they sink in, so that they carry the flat parts.
@@ -451,7 +466,11 @@ def _balls_of_capsule(capsule: Capsule, protrusion: float) -> list[ContactBall]:
     return balls
 
 
-def balls_of_cylinder(radius: float, half_length: float, protrusion: float) -> list[ContactBall]:
+def balls_of_cylinder(
+    radius: float,
+    half_length: float,
+    protrusion: float,
+) -> list[ContactBall]:
     """Place small balls on both rims of a cylinder and, if it is longer than wide, two wide balls on which it rolls.
 
     The small balls protrude from the end faces but not from the mantle, so that they do not disturb rolling. The wide

@@ -94,7 +94,12 @@ def _check_external_inputs(config: StationConfig, robots: Mapping[str, StationRo
             raise InvalidParameter("inputs", name, expected)
 
 
-def _add_external_input(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, external: str) -> None:
+def _add_external_input(
+    builder: DiagramBuilder,
+    ports: StationPorts,
+    robot: StationRobot,
+    external: str,
+) -> None:
     """Add the input of a force or torque at the tool centre point of a robot, size 3 [N or N·m].
 
     Args:
@@ -139,7 +144,11 @@ def stops_of(config: StationConfig, plant: StationPlant) -> Vector:
     return stops
 
 
-def servo_inertias(config: StationConfig, robot: StationRobot, context: Context | None = None) -> Vector:
+def servo_inertias(
+    config: StationConfig,
+    robot: StationRobot,
+    context: Context | None = None,
+) -> Vector:
     """Inertias that the servos of a robot move, to judge their gains, shape (n,) [kg m² or kg].
 
     They are 1 for computed torque, whose gains are multiplied by the inertia already.
@@ -206,7 +215,11 @@ def axis_signal(robot: StationRobot, columns: str, output: str, role: Role) -> S
 
 
 def add_motion(
-    site: Site, robot: StationRobot, reference: OutputPort, position: OutputPort, velocity: OutputPort
+    site: Site,
+    robot: StationRobot,
+    reference: OutputPort,
+    position: OutputPort,
+    velocity: OutputPort,
 ) -> None:
     """Declare the outputs of a robot's reference, position and velocity, size n each.
 
@@ -223,7 +236,11 @@ def add_motion(
     site.outputs.add(f"{robot.prefix}velocity", velocity, speed, of_state=FromState(rows[count:]))
 
 
-def _add_signals(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot) -> ServoSignals:
+def _add_signals(
+    builder: DiagramBuilder,
+    ports: StationPorts,
+    robot: StationRobot,
+) -> ServoSignals:
     """Add the inputs of a robot and the signals that its servos read.
 
     Returns:
@@ -354,7 +371,12 @@ def declare_torque(site: Site, robot: StationRobot, torque: OutputPort) -> None:
     site.outputs.add(f"{robot.prefix}torque", torque, axis_signal(robot, "tau", "torque", "effort"))
 
 
-def _add_servos(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, signals: ServoSignals) -> None:
+def _add_servos(
+    builder: DiagramBuilder,
+    ports: StationPorts,
+    robot: StationRobot,
+    signals: ServoSignals,
+) -> None:
     """Add the servos of a robot, in the plant's actuators or as blocks, and the output of their torques."""
     servo = ports.config.servo_of(robot.name)
     plant = ports.plant.plant
@@ -411,7 +433,8 @@ def _add_servo_blocks(
     in_actuators = ports.config.engine.limits_torques_in_actuators
     prefix = robot.prefix
     per_joint = servo.realization == "per_joint"
-    to_speed = np.eye(2 * count)[count:]  # from the state (positions, velocities) of the axes
+    # Selects the velocities from the state of the axes, which has the positions first.
+    to_speed = np.eye(2 * count)[count:]
 
     def add_limits(command: OutputPort) -> OutputPort:
         """Add a block that limits commands by the torque limits and motors of all axes. Returns the torques."""

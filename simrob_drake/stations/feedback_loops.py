@@ -68,7 +68,12 @@ def _loops_of_stations(folder: Path, model: str) -> KnownLoops:
     return known
 
 
-def settings_with_loop(known: KnownLoops, settings: Settings, name: str, on: bool) -> Settings:
+def settings_with_loop(
+    known: KnownLoops,
+    settings: Settings,
+    name: str,
+    on: bool,
+) -> Settings:
     """Switch a loop on or off in the settings of a station. Returns the changed settings.
 
     Sensors that were added for a loop are removed with the loop, unless another loop needs them.

@@ -84,7 +84,11 @@ class FilesToCopy(NamedTuple):
     needed: list[Path]
 
 
-def with_absolute_paths(content: Mapping[str, Any], folder: Path, border: Border | None = None) -> dict[str, Any]:
+def with_absolute_paths(
+    content: Mapping[str, Any],
+    folder: Path,
+    border: Border | None = None,
+) -> dict[str, Any]:
     """Copy a station's content with absolute paths.
 
     Args:
@@ -100,7 +104,8 @@ def with_absolute_paths(content: Mapping[str, Any], folder: Path, border: Border
     for section, last, key in paths_in(result):
         value = section[last]
         if last == "class":
-            section[last] = class_from(value, folder)  # code needs a permission of its own, which is checked elsewhere
+            # Code needs a permission of its own, which is checked elsewhere.
+            section[last] = class_from(value, folder)
             continue
         named = value if isinstance(value, list) else [value]
         paths = [_absolute_path(path, key, folder, border) for path in named]
@@ -158,7 +163,11 @@ def changes_with_absolute_paths(
     return result
 
 
-def program_with_absolute_paths(program: Mapping[str, Any], folder: Path, border: Border | None) -> dict[str, Any]:
+def program_with_absolute_paths(
+    program: Mapping[str, Any],
+    folder: Path,
+    border: Border | None,
+) -> dict[str, Any]:
     """Copy a program, with absolute paths in the changes that it makes to its station.
 
     A program is a mapping with a list of moves and a list ``changes``. The key ``set`` of a change has values of the

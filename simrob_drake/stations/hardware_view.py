@@ -134,7 +134,12 @@ def build_hardware_station(
     )
 
 
-def _export_robot(builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, gripper: str | None) -> None:
+def _export_robot(
+    builder: DiagramBuilder,
+    ports: StationPorts,
+    robot: StationRobot,
+    gripper: str | None,
+) -> None:
     """Export the ports of one robot, and of its gripper if it has one.
 
     Args:

@@ -30,7 +30,11 @@ POSTURES = 50
 """Approximate count of postures along the reference at which torques are computed."""
 
 
-def holding_findings(ports: StationPorts, robot: StationRobot, positions: Vector) -> list[Finding]:
+def holding_findings(
+    ports: StationPorts,
+    robot: StationRobot,
+    positions: Vector,
+) -> list[Finding]:
     """Predict the torques that hold a robot at postures along its reference, its sag, and its payload.
 
     Args:
@@ -108,7 +112,13 @@ def _passive_finding(robot: StationRobot, axis: int, torques: Vector) -> Finding
     return Finding("note", subject, text)
 
 
-def _axis_finding(config: StationConfig, robot: StationRobot, axis: int, torques: Vector, sag: float | None) -> Finding:
+def _axis_finding(
+    config: StationConfig,
+    robot: StationRobot,
+    axis: int,
+    torques: Vector,
+    sag: float | None,
+) -> Finding:
     """Judge the torques that hold one axis along the reference, and its sag at the end of the reference.
 
     Args:
@@ -217,7 +227,12 @@ def error_bound(verdict: VerdictConfig, *, slides: bool) -> float:
     return float(np.deg2rad(bound_value(verdict.final_error_deg)))
 
 
-def _sags(config: StationConfig, robot: StationRobot, dynamics: Dynamics, reference: Vector) -> Vector | None:
+def _sags(
+    config: StationConfig,
+    robot: StationRobot,
+    dynamics: Dynamics,
+    reference: Vector,
+) -> Vector | None:
     """Predict how far a robot's axes sag from a posture that they are to hold.
 
     At rest, the proportional part of each servo is in equilibrium with gravity: kp (q_r - q) = g(q), with the desired
@@ -233,7 +248,8 @@ def _sags(config: StationConfig, robot: StationRobot, dynamics: Dynamics, refere
         the position errors q - q_r, shape (n,) [rad or m]. None if the station is kinematic, if the servos compensate
         gravity by their model, if an axis has no gain kp (such as a passive one), or if no equilibrium is found.
     """
-    from scipy.optimize import root  # loaded where it is needed: commands that do not check start without SciPy
+    # Loaded where it is needed: commands that do not check start without SciPy.
+    from scipy.optimize import root
 
     gains = robot.gains
     if not config.engine.moves_by_forces or holds_by_model(config, robot) or not (gains.kp > 0).all():
@@ -256,7 +272,11 @@ def _sags(config: StationConfig, robot: StationRobot, dynamics: Dynamics, refere
     return np.where(has_integral, 0.0, solution.x - reference)
 
 
-def _tool_findings(ports: StationPorts, robot: StationRobot, posture: Vector) -> list[Finding]:
+def _tool_findings(
+    ports: StationPorts,
+    robot: StationRobot,
+    posture: Vector,
+) -> list[Finding]:
     """Warn of a tool centre point that is below the floor in a posture (n,) [rad or m], after the axes have sagged.
 
     Without a tool or a floor there is nothing to warn of.
@@ -328,7 +348,12 @@ def _payload_findings(
     return findings
 
 
-def _payload_finding(subject: str, text: str, payload: float, robot: StationRobot) -> Finding:
+def _payload_finding(
+    subject: str,
+    text: str,
+    payload: float,
+    robot: StationRobot,
+) -> Finding:
     """Make the finding about the mass [kg] that a robot could carry: a warning if the mass is implausible."""
     # A robot whose motors do not hold even the robot itself (payload 0) has a warning for each of these motors already.
     if payload > 0:

@@ -87,7 +87,8 @@ def _ignored_contact_settings(config: StationConfig, contact: ContactConfig) -> 
         config: configuration of the station.
         contact: its section ``contact``, which holds for all surfaces but those of pieces with a section of their own.
     """
-    materials: dict[str, ContactMaterial] = {"contact": contact}  # by the key of the section
+    # Materials by the keys of the sections that describe them.
+    materials: dict[str, ContactMaterial] = {"contact": contact}
     for name, piece in config.pieces.items():
         if piece.contact is not None:
             materials[f"pieces.{name}.contact"] = piece.contact
@@ -98,7 +99,11 @@ def _ignored_contact_settings(config: StationConfig, contact: ContactConfig) -> 
     return findings
 
 
-def _ignored_by_solver(config: StationConfig, key: str, material: ContactMaterial) -> Iterator[str]:
+def _ignored_by_solver(
+    config: StationConfig,
+    key: str,
+    material: ContactMaterial,
+) -> Iterator[str]:
     """Yield a text for each setting of a surface that the station's solver ignores.
 
     Args:
@@ -135,7 +140,11 @@ def _ignored_by_solver(config: StationConfig, key: str, material: ContactMateria
         )
 
 
-def _ignored_by_model(contact: ContactConfig, key: str, material: ContactMaterial) -> Iterator[str]:
+def _ignored_by_model(
+    contact: ContactConfig,
+    key: str,
+    material: ContactMaterial,
+) -> Iterator[str]:
     """Yield a text for each setting of a surface that the station's contact model ignores.
 
     Args:

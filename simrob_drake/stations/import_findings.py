@@ -21,7 +21,12 @@ from simrob_drake.stations.findings import Finding
 from simrob_drake.stations.grouping import WordGroup, group_by_words
 
 
-def import_findings(config: StationConfig, robot: ResolvedRobot, *, source: Path | None = None) -> list[Finding]:
+def import_findings(
+    config: StationConfig,
+    robot: ResolvedRobot,
+    *,
+    source: Path | None = None,
+) -> list[Finding]:
     """Find the mechanics of a robot's file that the station does not simulate.
 
     Args:
@@ -142,7 +147,10 @@ def _lost_frictions(robot: ResolvedRobot, lost: list[Entry]) -> dict[str, float]
 
 
 def _friction_finding(
-    config: StationConfig, robot: ResolvedRobot, source: Path, frictions: Mapping[str, float]
+    config: StationConfig,
+    robot: ResolvedRobot,
+    source: Path,
+    frictions: Mapping[str, float],
 ) -> Finding:
     """Warn of joint friction that an import left out, with the setting that brings it back.
 

@@ -74,7 +74,12 @@ class _Support(NamedTuple):
     normal: Vector | None
 
 
-def put_upright(clearance: Clearance, robot: StationRobot, posture: Vector, height: float = 0.0) -> None:
+def put_upright(
+    clearance: Clearance,
+    robot: StationRobot,
+    posture: Vector,
+    height: float = 0.0,
+) -> None:
     """Put a robot with a free base into a posture (n,) [rad or m], its root upright at a height [m]."""
     pose = RigidTransform(np.array([0.0, 0.0, height]))
     clearance.plant.SetFreeBodyPose(clearance.context, robot.root.body(), pose)
@@ -131,7 +136,8 @@ def legs_of(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
 def _equal_chains(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
     """Group the chains of at least two axes by their count of axes and by their lengths."""
     groups = list[list[Leg]]()
-    lengths_of_groups = list[Vector]()  # of the first chain of each group, as by chain_lengths
+    # Lengths of the first chain of each group, as by chain_lengths.
+    lengths_of_groups = list[Vector]()
     for body, axes in ends_of(clearance, robot):
         if len(axes) < 2:
             continue
@@ -150,7 +156,12 @@ def _equal_chains(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
     return groups
 
 
-def chain_lengths(clearance: Clearance, robot: StationRobot, axes: Sequence[int], leg: Leg | None = None) -> Vector:
+def chain_lengths(
+    clearance: Clearance,
+    robot: StationRobot,
+    axes: Sequence[int],
+    leg: Leg | None = None,
+) -> Vector:
     """Measure the length of a chain in two ways, with all axes at zero.
 
     Left and right legs of one robot may differ in one of the two: in the first if their joints are drawn at other
@@ -180,7 +191,12 @@ def has_equal_length(lengths: Vector, other_lengths: Vector, tolerance: float) -
     return bool((difference <= tolerance * np.maximum(lengths, other_lengths)).any())
 
 
-def _lowest_height(clearance: Clearance, robot: StationRobot, legs: list[Leg], postures: Iterable[Vector]) -> float:
+def _lowest_height(
+    clearance: Clearance,
+    robot: StationRobot,
+    legs: list[Leg],
+    postures: Iterable[Vector],
+) -> float:
     """Height of the lowest standing point of some legs over the root [m], over all given postures (n,)."""
     heights = []
     for posture in postures:
@@ -189,7 +205,12 @@ def _lowest_height(clearance: Clearance, robot: StationRobot, legs: list[Leg], p
     return float(min(heights))
 
 
-def _foot_support(clearance: Clearance, robot: StationRobot, body: RigidBody, axis: int) -> _Support:
+def _foot_support(
+    clearance: Clearance,
+    robot: StationRobot,
+    body: RigidBody,
+    axis: int,
+) -> _Support:
     """Find the part of a body with which it stands: a flat sole, else the centre of a ball, else the tip.
 
     Args:
@@ -215,7 +236,12 @@ def _foot_support(clearance: Clearance, robot: StationRobot, body: RigidBody, ax
     return _Support(middle if is_round else tip, None)
 
 
-def _find_sole(points: Vector, knee_distance: float, axis: Vector, down: Vector) -> _Support | None:
+def _find_sole(
+    points: Vector,
+    knee_distance: float,
+    axis: Vector,
+    down: Vector,
+) -> _Support | None:
     """Find the flat side of a foot on which it can stand.
 
     A sole is a large flat side of the convex hull. All of it is farther from the joint than a knee would be, and it

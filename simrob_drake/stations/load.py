@@ -14,7 +14,9 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
-from os.path import exists, isdir, isfile  # these return False for names that no file can have; Path methods raise
+
+# These functions return False for names that no file can have; methods of Path raise.
+from os.path import exists, isdir, isfile
 from pathlib import Path
 from typing import Any
 
@@ -116,7 +118,9 @@ def load_station(
 
 
 def _culprits(
-    load: Callable[[Mapping[str, Any], str], StationConfig], overrides: Mapping[str, Any], wrong_key: str
+    load: Callable[[Mapping[str, Any], str], StationConfig],
+    overrides: Mapping[str, Any],
+    wrong_key: str,
 ) -> list[str]:
     """Find the overrides that make a station invalid.
 
@@ -152,7 +156,12 @@ def _culprits(
 
 
 def _read_station(
-    path: Path, overrides: Mapping[str, Any], where: Path | str, *, allow_code: bool, mesh_path: tuple[Path, ...]
+    path: Path,
+    overrides: Mapping[str, Any],
+    where: Path | str,
+    *,
+    allow_code: bool,
+    mesh_path: tuple[Path, ...],
 ) -> StationConfig:
     """Read a station's file and apply overrides. Relative paths in the file start at the file's folder."""
     scenes = find_station_importer(path)
@@ -167,7 +176,8 @@ def _read_station(
     content = with_absolute_paths(content, path.parent, border)
     if "program" in content:
         content["program"] = _program_content(content["program"], path.parent, border)
-    content = {"name": path.stem, **content}  # the name of the file, unless the file gives another one
+    # The station has the name of the file, unless the file gives another one.
+    content = {"name": path.stem, **content}
     return _make_config(content, overrides, where, allow_code, mesh_path)
 
 
@@ -186,7 +196,11 @@ def bare_station(robot: str, overrides: Mapping[str, Any] | None = None) -> Stat
     return _make_config(content, overrides or {}, robot, allow_code=False)
 
 
-def with_settings(config: StationConfig, settings: Mapping[str, Any], where: str = "settings") -> StationConfig:
+def with_settings(
+    config: StationConfig,
+    settings: Mapping[str, Any],
+    where: str = "settings",
+) -> StationConfig:
     """Change a configuration. Returns the changed copy, or the same configuration if there are no settings.
 
     Args:
@@ -242,7 +256,8 @@ def _make_config(
         before = _make_config(deepcopy(content), others, where, allow_code, mesh_path, warns=False)
         axes = {name: robot.axes for name, robot in resolve(before).robots.items()}
 
-    losses = KeyLosses(counts_defaults=not is_complete)  # collects warnings about keys that are dropped
+    # Collects warnings about keys that are dropped.
+    losses = KeyLosses(counts_defaults=not is_complete)
     paths = {key: key.split(".") for key in overrides}
     for key in sorted(others, key=lambda key: _rank(paths[key])):
         _override(content, paths[key], overrides[key], where, losses)
@@ -250,7 +265,8 @@ def _make_config(
     _write_by_axis(content, keys_of_axes, axes)
     for key in keys_of_axes:
         _override(content, paths[key], overrides[key], where, losses)
-    content = with_absolute_paths(content, Path.cwd())  # relative paths in overrides start at the current folder
+    # Relative paths in overrides start at the current folder.
+    content = with_absolute_paths(content, Path.cwd())
     content = _with_robots_section(content, where)
     packages = _named_packages(content, {}, Path.cwd())
     content.pop("packages", None)
@@ -342,7 +358,11 @@ def _check_extensions(content: Content, where: Path | str) -> None:
                 raise InvalidConfig(where, "extensions", problem)
 
 
-def _named_packages(content: Content, overrides: Mapping[str, Any], folder: Path) -> dict[str, Path]:
+def _named_packages(
+    content: Content,
+    overrides: Mapping[str, Any],
+    folder: Path,
+) -> dict[str, Path]:
     """Find the folders of packages that the section ``packages`` of a file and its overrides name.
 
     Args:
@@ -428,7 +448,8 @@ def _add_to_imports(content: Content, key: str, values: list[str]) -> None:
         values: values that are added. Without any, nothing changes.
     """
     robots = content.get("robots")
-    if not values or not isinstance(robots, dict):  # a section of a wrong type is refused by the validation later
+    # A section of a wrong type is refused by the validation later.
+    if not values or not isinstance(robots, dict):
         return
     for robot in robots.values():
         if not isinstance(robot, dict) or not robot.get("urdf"):
@@ -535,7 +556,13 @@ def _rank(path: list[str]) -> int:
     return _OTHER_RANK
 
 
-def _override(content: Content, path: list[str], value: Any, where: Path | str, losses: KeyLosses) -> None:
+def _override(
+    content: Content,
+    path: list[str],
+    value: Any,
+    where: Path | str,
+    losses: KeyLosses,
+) -> None:
     """Change one value of a station's content in place.
 
     Args:
@@ -614,7 +641,11 @@ def _drop_former_robot(section: Content, origin: str, value: Any) -> None:
         del section["initial_deg"]
 
 
-def _is_below_number(content: Content, overrides: Mapping[str, Any], path: list[str]) -> bool:
+def _is_below_number(
+    content: Content,
+    overrides: Mapping[str, Any],
+    path: list[str],
+) -> bool:
     """Whether a path leads into a number, as ``servo.kp.joint_1`` does if ``servo.kp`` is one number for all axes.
 
     Args:
@@ -631,7 +662,11 @@ def _is_below_number(content: Content, overrides: Mapping[str, Any], path: list[
     return isinstance(node, (int, float)) and not isinstance(node, bool)
 
 
-def _write_by_axis(content: Content, keys: list[str], axes: Mapping[str, Sequence[str]]) -> None:
+def _write_by_axis(
+    content: Content,
+    keys: list[str],
+    axes: Mapping[str, Sequence[str]],
+) -> None:
     """Replace numbers for all axes of a robot by mappings or lists with the number for each axis, in place.
 
     Args:
@@ -649,7 +684,8 @@ def _write_by_axis(content: Content, keys: list[str], axes: Mapping[str, Sequenc
             section = section.get(key) if isinstance(section, dict) else None
         number = section.get(number_key) if isinstance(section, dict) else None
         if not isinstance(number, (int, float)):
-            continue  # replaced already: for another axis, or by another override of the section
+            # Replaced already: for another axis, or by another override of the section.
+            continue
         if axis in names:
             section[number_key] = dict.fromkeys(names, number)
         elif axis.isdecimal():

@@ -20,7 +20,12 @@ _CHECKED_PACKAGES_OF_DRAKE = ("pydrake.systems.primitives", "pydrake.systems.con
 _MOST_NAMES = 6  # count of open inputs that an error lists
 
 
-def check_inputs(diagram: Diagram, inputs: Mapping[str, InputPort], *, may_be_exported: bool) -> None:
+def check_inputs(
+    diagram: Diagram,
+    inputs: Mapping[str, InputPort],
+    *,
+    may_be_exported: bool,
+) -> None:
     """Check that every input in a diagram is connected.
 
     A block of the user's own may leave inputs open that it names in an attribute ``optional_inputs``.
@@ -64,7 +69,11 @@ _Names = Callable[[tuple[int, int]], "str | None"]
 """Finds the name of an input of the station by the key of its port."""
 
 
-def _open_inputs_within(diagram: Diagram, context: Context, name_of: _Names) -> Iterator[str]:
+def _open_inputs_within(
+    diagram: Diagram,
+    context: Context,
+    name_of: _Names,
+) -> Iterator[str]:
     """Yield the names of open inputs of the systems in a diagram, but for those that it exports.
 
     Args:
@@ -115,7 +124,8 @@ def _is_open(system: System, index: int, context: Context) -> bool:
     try:
         return not port.HasValue(system.GetMyContextFromRoot(context))
     except RuntimeError:
-        return False  # it is connected, to an output that needs an input whose value is fixed later
+        # The input is connected, to an output that needs an input whose value is fixed later.
+        return False
 
 
 def _name(system: System, port: InputPort, name_of: _Names) -> str:

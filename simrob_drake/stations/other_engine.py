@@ -70,7 +70,10 @@ def other_engine(config: StationConfig) -> OtherEngine | None:
 
 
 def add_plant_block(
-    builder: DiagramBuilder, engine: OtherEngine, station: ResolvedStation, plant: StationPlant
+    builder: DiagramBuilder,
+    engine: OtherEngine,
+    station: ResolvedStation,
+    plant: StationPlant,
 ) -> PlantBlock:
     """Add the block of another engine to a diagram, in place of Drake's plant, and pose the plant's shapes by it.
 

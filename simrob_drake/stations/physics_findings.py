@@ -28,7 +28,9 @@ CONTACT = message("stations.contact", "contact")
 
 
 def physics_findings(
-    config: StationConfig, ports: StationPorts, references: Mapping[str, Reference] | None = None
+    config: StationConfig,
+    ports: StationPorts,
+    references: Mapping[str, Reference] | None = None,
 ) -> list[Finding]:
     """Find the causes by which runs of a station differ from what its file describes.
 

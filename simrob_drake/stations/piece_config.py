@@ -112,7 +112,11 @@ class Scatter(Strict):
             positions.append(position)
         return positions
 
-    def _draw_free_position(self, random: np.random.Generator, others: list[Vector]) -> Vector | None:
+    def _draw_free_position(
+        self,
+        random: np.random.Generator,
+        others: list[Vector],
+    ) -> Vector | None:
         """Draw a position (3,) [m] that keeps the smallest distance from others, or None if none of many does."""
         # Rejection sampling: positions stay uniformly distributed over the free room.
         for _ in range(_DRAWS):
@@ -239,7 +243,8 @@ def with_scattered_copies(entries: Mapping[str, PieceConfig]) -> dict[str, Piece
             ) from problem
         changes: dict[str, Any] = {"scatter": None, "free": True}
         if not entry.sources:
-            changes["model"] = name  # the name of a piece without a source is its model, but that of a copy is not
+            # The name of a piece without a source is its model, but that of a copy is not.
+            changes["model"] = name
         copies = {
             f"{name}_{number}": entry.model_copy(update={**changes, "pose": pose})
             for number, pose in enumerate(poses, start=1)

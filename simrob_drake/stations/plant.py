@@ -77,7 +77,8 @@ class PlantHooks(NamedTuple):
     """Callbacks of the user while a plant is filled. Both get the same Parser of the plant."""
 
     parser_preload: ParserHook | None = None  # before the robots are added
-    prefinalize: ParserHook | None = None  # after robots and pieces are added, before the plant is finalized
+    # After robots and pieces are added, before the plant is finalized.
+    prefinalize: ParserHook | None = None
 
     @property
     def is_used(self) -> bool:
@@ -113,7 +114,11 @@ def check_steps_plant(config: StationConfig) -> None:
         )
 
 
-def add_plant(builder: DiagramBuilder, resolved: ResolvedStation, hooks: PlantHooks | None = None) -> StationPlant:
+def add_plant(
+    builder: DiagramBuilder,
+    resolved: ResolvedStation,
+    hooks: PlantHooks | None = None,
+) -> StationPlant:
     """Add a station's scene graph and plant to a diagram.
 
     The plant stays outside of the diagram if the station is kinematic, or if another engine stands in for it.
@@ -168,7 +173,8 @@ def add_empty_plant(builder: DiagramBuilder, config: StationConfig) -> tuple[Mul
     if engine.has_discrete_states:
         # Schemes of the discrete solver have Drake's names of the approximation.
         settings.discrete_contact_approximation = engine.name
-        settings.use_sampled_output_ports = False  # so that signals can be evaluated again from a recorded state
+        # Otherwise signals could not be evaluated again from a recorded state.
+        settings.use_sampled_output_ports = False
     plant, scene_graph = AddMultibodyPlant(settings, builder)
     plant.set_name("plant")
     scene_graph.set_name("scene_graph")
@@ -221,7 +227,8 @@ def add_models(
     """
     config = resolved.config
     engine = config.engine
-    collision = needs_shapes(config)  # without any, the plant never asks the scene graph: a fifth less work
+    # Without collision shapes, the plant never asks the scene graph: a fifth less work.
+    collision = needs_shapes(config)
     # The plant may have shapes of the user's own, whose materials are not changed.
     inspector = scene_graph.model_inspector()
     shapes_before = set(inspector.GetAllGeometryIds(Role.kProximity))
@@ -283,7 +290,11 @@ def complete_plant(models: StationModels) -> StationPlant:
     return station
 
 
-def _add_standing_pieces(plant: MultibodyPlant, station: ResolvedStation, collision: bool) -> dict[str, RigidBody]:
+def _add_standing_pieces(
+    plant: MultibodyPlant,
+    station: ResolvedStation,
+    collision: bool,
+) -> dict[str, RigidBody]:
     """Add the pieces that no robot carries.
 
     Returns:
@@ -360,7 +371,8 @@ def _floor_surface(config: StationConfig, modulus: float | None) -> ProximityPro
     surface = ProximityProperties()
     if config.contact is not None and config.contact.model != "point":
         if modulus is None:
-            AddRigidHydroelasticProperties(1.0, surface)  # a compliant box on a compliant one would fall back to points
+            # A compliant box on a compliant one would fall back to points.
+            AddRigidHydroelasticProperties(1.0, surface)
         else:
             AddCompliantHydroelasticProperties(1.0, modulus, surface)
     surface.AddProperty("material", "coulomb_friction", _FLOOR_FRICTION)
@@ -386,7 +398,11 @@ def _filter_collisions(station: StationPlant, contact: ContactConfig | None) -> 
 
 
 def add_robot(
-    plant: MultibodyPlant, station: ResolvedStation, robot: ResolvedRobot, *, collision: bool
+    plant: MultibodyPlant,
+    station: ResolvedStation,
+    robot: ResolvedRobot,
+    *,
+    collision: bool,
 ) -> StationRobot:
     """Add a robot and the pieces that it carries to a plant that is not finalized.
 

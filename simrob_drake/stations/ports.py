@@ -49,7 +49,12 @@ class StationPorts(Site):
     sources: Mapping[str, OutputPort] = field(default_factory=dict)
     name: str = ""
 
-    def add_input(self, builder: DiagramBuilder, robot: StationRobot, name: str) -> OutputPort:
+    def add_input(
+        self,
+        builder: DiagramBuilder,
+        robot: StationRobot,
+        name: str,
+    ) -> OutputPort:
         """Add an input of one value an axis, as a block that any number of others can read."""
         # What drives it is known, so no block has to stand for the open input.
         if f"{robot.prefix}{name}" in self.sources:
@@ -115,7 +120,8 @@ def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) ->
     """
     axes = robot.axes
     prefix = robot.prefix
-    if ports.config.engine.limits_torques_in_actuators:  # one block shows the limits of all
+    # One block shows the limits of all.
+    if ports.config.engine.limits_torques_in_actuators:
         _draw_saturation(ports, f"{prefix}torque", list(range(len(axes))), robot)
         _draw_motors(ports, f"{prefix}motors", list(range(len(axes))), robot)
     if not per_joint:
@@ -197,7 +203,13 @@ def draw_computed_torque(ports: StationPorts, robot: StationRobot) -> None:
     _draw_motors(ports, f"{robot.prefix}motors", list(range(len(robot.axes))), robot)
 
 
-def draw_integral(ports: StationPorts, robot: StationRobot, row: str, group: list[int], who: str) -> None:
+def draw_integral(
+    ports: StationPorts,
+    robot: StationRobot,
+    row: str,
+    group: list[int],
+    who: str,
+) -> None:
     """Draw the integral part of a group of joints."""
     gains = robot.gains
     units = [robot.model.effort_units[index] for index in group]
@@ -221,7 +233,13 @@ def _passive_text(robot: StationRobot) -> str:
     return f"\n{text}"
 
 
-def _draw_servo(ports: StationPorts, robot: StationRobot, row: str, group: list[int], who: str) -> None:
+def _draw_servo(
+    ports: StationPorts,
+    robot: StationRobot,
+    row: str,
+    group: list[int],
+    who: str,
+) -> None:
     """Draw the servo of a group of joints. Passive joints have no servo: their block is labelled "no motor"."""
     gains = robot.gains
     name = f"{robot.prefix}{row}"
@@ -263,7 +281,12 @@ def _pd_label(who: str, kp: Vector, kd: Vector) -> str:
     return f"{translate(who)}: PD\nkp {shown_values(kp)}, kd {shown_values(kd)}"
 
 
-def _draw_motors(ports: StationPorts, name: str, group: list[int], robot: StationRobot) -> None:
+def _draw_motors(
+    ports: StationPorts,
+    name: str,
+    group: list[int],
+    robot: StationRobot,
+) -> None:
     """Draw the block of motors whose torque falls with their speed, if a group of joints has any."""
     line = robot.gains.line
     if line is None or not line.slope[group].any():
@@ -278,7 +301,12 @@ def _draw_motors(ports: StationPorts, name: str, group: list[int], robot: Statio
             ports.picture.draw_nothing(f"{name}.{part}")
 
 
-def _draw_saturation(ports: StationPorts, name: str, group: list[int], robot: StationRobot) -> None:
+def _draw_saturation(
+    ports: StationPorts,
+    name: str,
+    group: list[int],
+    robot: StationRobot,
+) -> None:
     """Draw the block that limits the torques of a group of joints, with the limits of those that have a motor."""
     # If none has a motor, the limits of all are shown: they are 0.
     group = _axes_with_motor(robot, group) or group

@@ -97,7 +97,11 @@ def piece_pose_signal(piece: str) -> Signal:
     return _piece_signal(piece, "pose", POSE)
 
 
-def _piece_signal(piece: str, output: str, content: tuple[tuple[str, ...], tuple[str, ...], str]) -> Signal:
+def _piece_signal(
+    piece: str,
+    output: str,
+    content: tuple[tuple[str, ...], tuple[str, ...], str],
+) -> Signal:
     """Declare the columns of a free piece's pose or velocity in a result, with a plot of the first three.
 
     Args:

@@ -56,11 +56,13 @@ from simrob_drake.stations.target_limits import check_targets
 class ResolvedStation(Surroundings):
     """A station, resolved."""
 
-    config: StationConfig  # its configuration, with the gears of axes that mimic others in their robots' files
+    # Its configuration, with the gears of axes that mimic others in their robots' files.
+    config: StationConfig
     # Gears of mimic joints that the solver does not hold, by key. The start and the references obey these gears, but no
     # force holds the axes together during a run.
     unheld_gears: Mapping[str, Gear] = field(default_factory=dict)
-    mimics: tuple[str, ...] = ()  # keys of the gears that come from the robots' files, not from the station
+    # Keys of the gears that come from the robots' files, not from the station.
+    mimics: tuple[str, ...] = ()
 
     @cached_property
     def coupled(self) -> CoupledAxes:
@@ -256,7 +258,8 @@ def _robot_from_files(entry: RobotConfig) -> RobotModel:
 def _described_robot(entry: RobotConfig) -> RobotModel:
     """Read the description of a robot: a URDF, a YAML file, or a robot of the package by its name."""
     if entry.urdf is not None:
-        from simrob_drake.importer.importing import robot_from_file  # few stations need the importer
+        # Few stations need the importer.
+        from simrob_drake.importer.importing import robot_from_file
 
         return robot_from_file(entry.urdf, entry.import_options)
     # A station names robots of other files under `urdf`, where the borders of the station's folder are checked.
@@ -264,7 +267,11 @@ def _described_robot(entry: RobotConfig) -> RobotModel:
     return read_described_robot(Path(model)) if is_yaml_name(model) else load_robot(model)
 
 
-def _ground(floor: FloorConfig | None, contact: str, pieces: Mapping[str, ResolvedPiece]) -> Ground:
+def _ground(
+    floor: FloorConfig | None,
+    contact: str,
+    pieces: Mapping[str, ResolvedPiece],
+) -> Ground:
     """Collect on what robots of a station can stand: the floor, its terrain, and boxes that do not move.
 
     Args:
@@ -391,7 +398,11 @@ def _robot(
     return resolved
 
 
-def _check_axis_values(model: RobotModel, servo: ServoConfig, reference: ReferenceConfig) -> None:
+def _check_axis_values(
+    model: RobotModel,
+    servo: ServoConfig,
+    reference: ReferenceConfig,
+) -> None:
     """Check that the values by axis in the servo and the reference of a robot name axes of the robot.
 
     Raises:
@@ -407,7 +418,10 @@ def _check_axis_values(model: RobotModel, servo: ServoConfig, reference: Referen
 
 
 def _held_pieces(
-    config: StationConfig, robot: str, model: RobotModel, pieces: Mapping[str, ResolvedPiece]
+    config: StationConfig,
+    robot: str,
+    model: RobotModel,
+    pieces: Mapping[str, ResolvedPiece],
 ) -> tuple[str, ...]:
     """Names of the pieces that a robot holds by its tools, directly or through other pieces.
 
@@ -609,7 +623,11 @@ def _outward(config: StationConfig, parents: Mapping[str, str]) -> list[str]:
 
 
 def _mount(
-    key: str, frame: str | None, parent: str, robots: Mapping[str, RobotModel], pieces: Mapping[str, PieceModel]
+    key: str,
+    frame: str | None,
+    parent: str,
+    robots: Mapping[str, RobotModel],
+    pieces: Mapping[str, PieceModel],
 ) -> str:
     """Find the frame of the plant on which a piece is mounted.
 

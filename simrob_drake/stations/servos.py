@@ -95,7 +95,8 @@ def with_passive_axes(robot: RobotModel, servo: ServoConfig) -> RobotModel:
     if servo.passive is None:
         return robot
     own = robot.servo.torque_limit
-    limits = robot.axis_vector({} if own is None else own, LIMIT, np.nan)  # NaN stands for axes without a value
+    # NaN stands for axes without a value.
+    limits = robot.axis_vector({} if own is None else own, LIMIT, np.nan)
     if servo.torque_limit is not None:
         limits = robot.axis_vector(servo.torque_limit, LIMIT, limits)
     known = {axis: limit for axis, limit in zip(robot.axes, limits.tolist(), strict=True) if np.isfinite(limit)}
@@ -203,7 +204,8 @@ def drives_of(motors: list[Motor | None], robot: RobotModel) -> Drives:
     """
     # A mapping without entries gives each axis the value NaN below.
     own_inertias = {} if robot.drives.rotor_inertia is None else robot.drives.rotor_inertia
-    inertias = robot.axis_vector(own_inertias, "rotor_inertia", np.nan)  # NaN if the robot's drives give none
+    # NaN if the robot's drives give none.
+    inertias = robot.axis_vector(own_inertias, "rotor_inertia", np.nan)
     values: dict[str, dict[str, float]] = {key: {} for key in _DRIVE_KEYS}
     for axis, motor, inertia in zip(robot.axes, motors, inertias.tolist(), strict=True):
         if motor is None:
@@ -217,7 +219,12 @@ def drives_of(motors: list[Motor | None], robot: RobotModel) -> Drives:
     return Drives(**unchecked)
 
 
-def servo_gains(robot: RobotModel, servo: ServoConfig, *, dampers: bool = False) -> ServoGains:
+def servo_gains(
+    robot: RobotModel,
+    servo: ServoConfig,
+    *,
+    dampers: bool = False,
+) -> ServoGains:
     """Collect the gains and limits of a robot's servos.
 
     A value of the station comes before the robot's own, and this before those of its motors and of the URDF.

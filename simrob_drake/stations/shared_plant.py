@@ -93,7 +93,12 @@ def shared_plant(plant: MultibodyPlant) -> SharedPlant:
     return _SHARED_PLANTS.setdefault(plant, SharedPlant())
 
 
-def check_plant(plant: object, scene_graph: object, station: ResolvedStation, name: str) -> None:
+def check_plant(
+    plant: object,
+    scene_graph: object,
+    station: ResolvedStation,
+    name: str,
+) -> None:
     """Check that a station can be added to a plant of the user's own.
 
     Args:
@@ -283,7 +288,11 @@ def _check_same_solver(config: StationConfig, other: StationConfig) -> None:
             )
 
 
-def _check_floor(contents: SharedPlant, station: ResolvedStation, scene_graph: SceneGraph) -> None:
+def _check_floor(
+    contents: SharedPlant,
+    station: ResolvedStation,
+    scene_graph: SceneGraph,
+) -> None:
     """Check that the floor of a station can be the floor of the plant.
 
     Raises:

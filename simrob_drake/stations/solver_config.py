@@ -348,7 +348,11 @@ class VerdictConfig(Strict):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _check_further_keys(cls, content: Any, check: ModelWrapValidatorHandler[Self]) -> Self:
+    def _check_further_keys(
+        cls,
+        content: Any,
+        check: ModelWrapValidatorHandler[Self],
+    ) -> Self:
         """Check the content, and refuse keys that are neither fields nor bounds of measures of extensions.
 
         Args:
@@ -375,7 +379,11 @@ class VerdictConfig(Strict):
         return checked
 
     @classmethod
-    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+    def __get_pydantic_json_schema__(
+        cls,
+        core: CoreSchema,
+        handler: GetJsonSchemaHandler,
+    ) -> JsonSchemaValue:
         """Return the JSON Schema of the section, with the bounds of measures of installed extensions among its keys.
 
         Args:

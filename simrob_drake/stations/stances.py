@@ -144,7 +144,11 @@ class Stances:
         """Compute the stance at home, whatever touches the ground there. Returns None if the robot has no shapes."""
         return self._stance(self._home, message("stations.stands_at_home", "at home"))
 
-    def bent_stances(self, legs: list[Leg], lengths: Sequence[float] = _BENT_LENGTHS) -> Iterator[Stance]:
+    def bent_stances(
+        self,
+        legs: list[Leg],
+        lengths: Sequence[float] = _BENT_LENGTHS,
+    ) -> Iterator[Stance]:
         """Yield the good stances on some legs, with the legs bent and the feet about below the hips.
 
         Args:
@@ -155,7 +159,8 @@ class Stances:
         hips = np.array([self._origin(leg.links[0]) for leg in legs])
         random = self._random.uniform(*posture_range(self._robot), (10 * _RANDOM_SEEDS, len(self._home)))
         postures = (straight(self._robot), self._home, *random)
-        feet = np.array([self._feet(legs, posture) for posture in postures])  # (postures, legs, 3)
+        # Standing points of all legs in all postures, shape (postures, legs, 3) [m].
+        feet = np.array([self._feet(legs, posture) for posture in postures])
         # The full length of the legs is how far their feet reach below their hips in any of these postures.
         full_length = float((hips - feet.min(axis=0))[:, 2].min())
         if full_length <= 0:
@@ -199,7 +204,13 @@ class Stances:
             return None
         return Stance(posture, height, found, how)
 
-    def _good(self, stance: Stance, legs: list[Leg], feet: set[str], length: float) -> Iterator[Stance]:
+    def _good(
+        self,
+        stance: Stance,
+        legs: list[Leg],
+        feet: set[str],
+        length: float,
+    ) -> Iterator[Stance]:
         """Yield the stance if nothing prevents the robot from standing in it, and record the reasons otherwise.
 
         Links that overlap are turned apart first; the axes of the legs stay as they are.
@@ -229,7 +240,12 @@ class Stances:
         if not reasons:
             yield tidy
 
-    def _reasons_against(self, found: Standing, feet: set[str], length: float) -> Iterator[str]:
+    def _reasons_against(
+        self,
+        found: Standing,
+        feet: set[str],
+        length: float,
+    ) -> Iterator[str]:
         """Yield the reasons that prevent the robot from standing steadily on its feet alone, in words.
 
         Args:
@@ -246,7 +262,8 @@ class Stances:
         heights = self._clearance.lowest(self._robot)
         low = dict[str, float]()
         for name, height in heights.items():
-            may_touch = name in feet or name in others  # links of `others` have a reason of their own
+            # Links of `others` have a reason of their own.
+            may_touch = name in feet or name in others
             if not may_touch and height <= _CLEAR_HEIGHT * length:
                 low[name] = height
         if low:
@@ -278,7 +295,13 @@ class Stances:
                 limit=self._robot.gains.limit_at_rest[worst],
             )
 
-    def _with_feet_at(self, legs: list[Leg], targets: Vector, length: float, how: str) -> Iterator[Stance]:
+    def _with_feet_at(
+        self,
+        legs: list[Leg],
+        targets: Vector,
+        length: float,
+        how: str,
+    ) -> Iterator[Stance]:
         """Yield the good stances with the feet about at given points, moved under the centre of mass.
 
         The first leg is bent in several ways. Each other leg is bent in the way that looks most like the first leg.
@@ -362,7 +385,14 @@ class Stances:
         origins = np.array([self._origin(link) for link in leg.links])
         return np.asarray((origins - origins[0])[:, [0, 2]].ravel())
 
-    def _balance(self, legs: list[Leg], posture: Vector, targets: Vector, length: float, how: str) -> Stance | None:
+    def _balance(
+        self,
+        legs: list[Leg],
+        posture: Vector,
+        targets: Vector,
+        length: float,
+        how: str,
+    ) -> Stance | None:
         """Move the feet to one height and under the centre of mass.
 
         Args:
@@ -428,7 +458,13 @@ class Stances:
                 found.append(solution)
         return sorted(found, key=lambda solution: float(np.abs(solution - home).sum()))
 
-    def _solve(self, leg: Leg, target: Vector, length: float, seed: Vector) -> Vector | None:
+    def _solve(
+        self,
+        leg: Leg,
+        target: Vector,
+        length: float,
+        seed: Vector,
+    ) -> Vector | None:
         """Solve the inverse kinematics of a leg, with its sole level if it has one.
 
         A first solution stays near home where the leg has spare axes. A second one, which begins there, meets the
@@ -448,7 +484,8 @@ class Stances:
         plant = self._plant
         context = self._clearance.context
         self._place(self._home)
-        indices = self._robot.axis_map.position_places[leg.axes]  # of the leg's axes among the plant's positions
+        # Indices of the leg's axes among the plant's positions.
+        indices = self._robot.axis_map.position_places[leg.axes]
         signs = self._robot.axis_map.signs[leg.axes]
         positions = plant.GetPositions(context)
         home = self._home[leg.axes]

@@ -50,7 +50,12 @@ class StartOverlap(NamedTuple):
         )
 
 
-def deepest_overlap(ports: StationPorts, root: Context, *, of_pieces: bool = False) -> StartOverlap | None:
+def deepest_overlap(
+    ports: StationPorts,
+    root: Context,
+    *,
+    of_pieces: bool = False,
+) -> StartOverlap | None:
     """Find the deepest overlap of two bodies that can touch.
 
     Args:

@@ -175,7 +175,8 @@ def place_station(
     if resolved.config.contact is not None:
         plant.set_stiction_tolerance(resolved.config.contact.stiction_speed)
     if resolved.engine.has_discrete_states:
-        plant.SetUseSampledOutputPorts(False)  # so that signals can be evaluated again from a recorded state
+        # Otherwise signals could not be evaluated again from a recorded state.
+        plant.SetUseSampledOutputPorts(False)
     # Only one floor, or bodies would rest on two surfaces at once.
     floor = contents.needs_floor(resolved)
     models = add_models(plant, scene_graph, resolved, floor=floor, is_shared=True)
@@ -242,7 +243,10 @@ class PlacedStation:
 
 @drake_asserts()
 def add_world(
-    builder: DiagramBuilder, station: StationLike, *, overrides: Mapping[str, Any] | None = None
+    builder: DiagramBuilder,
+    station: StationLike,
+    *,
+    overrides: Mapping[str, Any] | None = None,
 ) -> tuple[MultibodyPlant, SceneGraph]:
     """Add an empty plant and its scene graph to a diagram, with the time step, gravity and contact model of a station.
 
@@ -263,7 +267,11 @@ def add_world(
     return add_empty_plant(builder, config)
 
 
-def _compose_with_edges(builder: DiagramBuilder, station: ResolvedStation, **how: Any) -> StationPorts:
+def _compose_with_edges(
+    builder: DiagramBuilder,
+    station: ResolvedStation,
+    **how: Any,
+) -> StationPorts:
     """Add a station's systems, and a block that ends steps where its references and pushes have corners.
 
     Args:
@@ -278,7 +286,11 @@ def _compose_with_edges(builder: DiagramBuilder, station: ResolvedStation, **how
     return ports
 
 
-def _add_named(builder: DiagramBuilder, name: str, add: Callable[[], StationPorts]) -> StationPorts:
+def _add_named(
+    builder: DiagramBuilder,
+    name: str,
+    add: Callable[[], StationPorts],
+) -> StationPorts:
     """Add a station's systems to a builder, with the name of the station before their names.
 
     Args:
@@ -432,7 +444,8 @@ def compose(
         ports.edges.extend(force.edges)
     flows = flows_of(config.controllers)
     if flows:
-        from simrob_drake.parts.controllers.signal_flow import add_flows  # loaded where there is one: it is large
+        # Loaded only if there is a flow, as the module is large.
+        from simrob_drake.parts.controllers.signal_flow import add_flows
 
         systems = [*builder.GetSystems(), *own.values()]
         integrated = any(system.num_continuous_states() for system in systems)

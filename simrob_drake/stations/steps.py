@@ -53,7 +53,9 @@ _SLACK = 1e-9
 
 
 def step_findings(
-    config: StationConfig, plant: StationPlant, references: Mapping[str, Reference] | None = None
+    config: StationConfig,
+    plant: StationPlant,
+    references: Mapping[str, Reference] | None = None,
 ) -> list[Finding]:
     """Compare the servos and stops of all robots with the steps of the solver.
 
@@ -218,7 +220,10 @@ class StiffPart(NamedTuple):
 
 
 def _stiff_parts(
-    config: StationConfig, robot: StationRobot, postures: Vector, context: Context | None = None
+    config: StationConfig,
+    robot: StationRobot,
+    postures: Vector,
+    context: Context | None = None,
 ) -> list[StiffPart]:
     """Compare the stops and the servos of a robot with the inertias that they move.
 
@@ -231,9 +236,11 @@ def _stiff_parts(
     Returns:
         one entry for the stops, and one for the servos.
     """
-    inertias = np.abs(robot.free_inertias(context))  # rounding may make a tiny inertia negative
+    # Rounding may make a tiny inertia negative.
+    inertias = np.abs(robot.free_inertias(context))
     lower, upper = np.array(robot.model.axis_limits)
-    distances = np.minimum(postures - lower, upper - postures).min(axis=0)  # from the limits [rad or m]
+    # How near each axis comes to one of its limits [rad or m].
+    distances = np.minimum(postures - lower, upper - postures).min(axis=0)
     is_near = distances < np.where(robot.model.prismatic, _NEAR_DISTANCE, _NEAR_ANGLE)
     # A stop that no axis comes near to never pushes, however stiff it is.
     stop_stiffness = np.where(is_near, robot.stops[0], 0.0)
@@ -257,7 +264,13 @@ def _stiff_parts(
 
 
 def _stiff_part(
-    robot: StationRobot, name: str, stiffness: Vector, inertias: Vector, *, moved: Vector, limit: float
+    robot: StationRobot,
+    name: str,
+    stiffness: Vector,
+    inertias: Vector,
+    *,
+    moved: Vector,
+    limit: float,
 ) -> StiffPart:
     """Find the axis at which springs are stiffest for the inertia that they move.
 
@@ -362,7 +375,12 @@ def stepped_by(config: StationConfig) -> ContinuousSolver | None:
 
 
 @former_argument("config", "station")
-def apply_solver(simulator: Simulator, station: StationLike, *, overrides: Mapping[str, Any] | None = None) -> None:
+def apply_solver(
+    simulator: Simulator,
+    station: StationLike,
+    *,
+    overrides: Mapping[str, Any] | None = None,
+) -> None:
     """Set the solver of a simulator of your own, as a station's file demands.
 
     Args:
@@ -444,7 +462,10 @@ def _plants_in(system: System, path: str) -> Iterator[str]:
 
 
 def bound_steps(
-    simulator: Simulator, solver: ContinuousSolver, longest: float = np.inf, accuracy: float = np.inf
+    simulator: Simulator,
+    solver: ContinuousSolver,
+    longest: float = np.inf,
+    accuracy: float = np.inf,
 ) -> None:
     """Limit the length and the error of the steps of ``cenic`` from now on.
 
