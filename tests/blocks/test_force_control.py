@@ -16,19 +16,26 @@ POSTURE = np.deg2rad([-10, 35.058, 9.284, 20, 45.658, 30])
 
 @pytest.fixture(scope="module")
 def arm():
-    """Return the arm that holds a pencil with a tip."""
+    """The plant with the arm that holds a pencil with a tip."""
     ports = closed_station(resolve(load_station("irb120_force_control", {"controllers": {}}))).ports
     return ports.plant
 
 
 def pressing(arm, *, sensor=None, **changed):
+    """A loop that presses with 10 N, measured in the axes of a tool or of the world, with changed keys."""
     (robot,) = arm.robots.values()
     section = ForceControl.model_validate({"kind": "force_control", "force": 10.0, "ki": 0.006, **changed})
     frame = arm.plant.world_frame() if sensor is None else robot.tools[sensor]
     return PressingTool(section, arm.plant, robot.axis_map, robot.tools[robot.tcp], frame)
 
 
+def turn_between(pose, other):
+    """Angle between two rotations [rad]."""
+    return (pose.rotation().inverse() @ other.rotation()).ToAngleAxis().angle()
+
+
 def pose(arm, joints):
+    """Pose of the tool centre point in the world at axis positions (6,) [rad]."""
     (robot,) = arm.robots.values()
     plant: MultibodyPlant = arm.plant
     context = plant.CreateDefaultContext()
@@ -37,14 +44,22 @@ def pose(arm, joints):
 
 
 def test_its_speed_is_a_pi_law_whose_integral_acts_near_the_force_alone(arm):
-    loop, path, drift = pressing(arm), 0.0, 0.0
+    """The path grows by T (kp e + drift), and the drift by ki T e as long as the error e is below 2 N."""
+    period = 0.01  # [s]
+    kp = 0.003  # [m/(s·N)]
+    ki = 0.006  # [m/(s²·N)]
+    loop = pressing(arm)
+    path = 0.0
+    drift = 0.0
+
     for force in (3.0, 7.9, 8.1, 9.5, 11.0, 12.1):
         error = 10 - force
-        wanted = path + 0.01 * (0.003 * error + drift)
-        gained = 0.006 * 0.01 * error if abs(error) < 2 else 0.0
-        path, after = loop.next_path(path, drift, force)
-        assert (path, after) == pytest.approx((wanted, drift + gained))
-        drift = after
+        next_path = path + period * (kp * error + drift)
+        next_drift = drift + (ki * period * error if abs(error) < 2 else 0.0)
+
+        path, drift = loop.next_path(path, drift, force)
+
+        assert (path, drift) == pytest.approx((next_path, next_drift))
     assert drift > 0
 
 
@@ -57,27 +72,36 @@ def test_it_is_slow_until_it_touches_fast_afterwards_and_does_not_wind_up_at_its
 
 
 def test_the_tool_goes_along_the_direction_and_nowhere_else(arm):
+    """Without contact the tool goes down by 0.1 mm a sample, and neither aside nor turned."""
     driven = Driven(pressing(arm))
-    begin = pose(arm, POSTURE)
+
     for k in range(1, 101):
-        given = driven.sample(force=np.zeros(3), asked=POSTURE)
-        assert given["path"] == pytest.approx(1e-4 * k)
-    end = pose(arm, POSTURE + given["offset"])
+        outputs = driven.sample(force=np.zeros(3), asked=POSTURE)
+        assert outputs["path"] == pytest.approx(1e-4 * k)
+
+    begin = pose(arm, POSTURE)
+    end = pose(arm, POSTURE + outputs["offset"])
     assert end.translation() - begin.translation() == pytest.approx([0, 0, -0.01], abs=2e-6)
-    assert (begin.rotation().inverse() @ end.rotation()).ToAngleAxis().angle() < 1e-5
+    assert turn_between(begin, end) < 1e-5
 
 
 def test_the_direction_is_one_of_the_sensor_s_axes_and_the_reference_moves_on_below(arm):
-    """The path of a tool that the reference turns and moves goes along its own axis as it is then."""
-    driven, direction = Driven(pressing(arm, sensor="pencil", direction=[0, 0.6, 0.8])), [0, 0.6, 0.8]
+    """While the reference moves and turns the tool, the path goes along the direction in the tool's present axes."""
+    direction = np.array([0, 0.6, 0.8])
+    press = 4.0  # [N]
+    driven = Driven(pressing(arm, sensor="pencil", direction=direction.tolist()))
+
     for k in range(100):
-        asked = POSTURE + 0.005 * k
-        given = driven.sample(force=[0, -2.4, -3.2], asked=asked)  # 4 N against the direction
-    assert given["pressing"] == pytest.approx(4.0)
-    wanted, now = pose(arm, asked), pose(arm, asked + given["offset"])
-    turned = RotationMatrix(wanted.rotation()) @ np.array(direction)
-    assert now.translation() - wanted.translation() == pytest.approx(given["path"][0] * turned, abs=3e-4)
-    assert (wanted.rotation().inverse() @ now.rotation()).ToAngleAxis().angle() < 1e-4
+        reference = POSTURE + 0.005 * k
+        outputs = driven.sample(force=-press * direction, asked=reference)
+
+    assert outputs["pressing"] == pytest.approx(press)
+    desired = pose(arm, reference)
+    present = pose(arm, reference + outputs["offset"])
+    shift = present.translation() - desired.translation()
+    turned_direction = RotationMatrix(desired.rotation()) @ direction
+    assert shift == pytest.approx(outputs["path"][0] * turned_direction, abs=3e-4)
+    assert turn_between(desired, present) < 1e-4
 
 
 def test_a_joint_offset_stays_small_at_a_singular_posture(arm):

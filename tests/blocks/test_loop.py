@@ -1,4 +1,4 @@
-"""Loops alone, sample by sample: what one remembers is given in, what changes comes out."""
+"""Controllers alone, sample by sample: their outputs for given inputs and a given memory."""
 
 import numpy as np
 import pytest
@@ -13,15 +13,15 @@ NAN = np.nan
 
 
 class Driven:
-    """A loop that is driven by hand."""
+    """A controller whose inputs are fixed, and which is sampled by hand."""
 
     def __init__(self, loop: SampledBlock) -> None:
-        """Begin as the loop does."""
+        """Begin in the initial state of a controller."""
         self.loop = loop
         self.context = loop.CreateDefaultContext()
 
     def sample(self, **read):
-        """Let it sample once, and return its outputs by name."""
+        """Take a sample with inputs by name; others stay as they were. Returns the outputs by name."""
         for name, value in read.items():
             self.loop.GetInputPort(name).FixValue(self.context, np.atleast_1d(value))
         update = self.loop.EvalUniquePeriodicDiscreteUpdate(self.context)
@@ -31,6 +31,7 @@ class Driven:
 
 
 def two_cells(**changed):
+    """A sequence that moves the hip to 1 rad in 0.5 s, then the knee to -0.5 rad at once, at 10 Hz."""
     cells = [{"targets_deg": {"hip": 1}, "duration": 0.5}, {"targets_deg": {"knee": 1}, "duration": 0.0}]
     section = Sequencer.model_validate({"kind": "sequencer", "rate": 10, "cells": cells, **changed})
     targets = [np.array([1.0, NAN]), np.array([NAN, -0.5])]
@@ -70,17 +71,31 @@ def test_a_cell_that_takes_too_long_ends_the_run_with_the_late_joint_or_goes_on(
         two_cells(ends=True).sample({**memory, "done": np.ones(1)}, read)
 
 
-def guard(**changed):
-    posture, toward = np.array([1.0, -1.0]), changed.pop("toward", None)
-    figures = {"height": 0.4, "tilt_deg": np.rad2deg(0.5), "posture_deg": {"hip": 1}, **changed}
-    section = FallGuard.model_validate({"kind": "fall_guard", "rate": 10, **figures})
-    return ProtectivePosture(section, posture=posture, up=np.array([0.0, 0.0, 1.0]), toward=toward)
+def guard(toward=None, **changed):
+    """A guard that acts below 0.4 m or beyond a lean of 0.5 rad, at 10 Hz, with changed keys of its section."""
+    section = {
+        "kind": "fall_guard",
+        "rate": 10,
+        "height": 0.4,
+        "tilt_deg": np.rad2deg(0.5),
+        "posture_deg": {"hip": 1},
+        **changed,
+    }
+    return ProtectivePosture(
+        FallGuard.model_validate(section),
+        posture=np.array([1.0, -1.0]),
+        up=np.array([0.0, 0.0, 1.0]),
+        toward=toward,
+    )
 
 
-UPRIGHT, LOW = np.array([0, 0, 0.41, 1, 0, 0, 0.0]), np.array([0, 0, 0.39, 1, 0, 0, 0.0])
+# Poses of the base: position [m], then quaternion.
+UPRIGHT = np.array([0, 0, 0.41, 1, 0, 0, 0.0])
+LOW = np.array([0, 0, 0.39, 1, 0, 0, 0.0])
 
 
 def leaning(angle):
+    """Pose of a base that is turned about y [rad]."""
     return np.array([0, 0, 0.41, np.cos(angle / 2), 0, np.sin(angle / 2), 0.0])
 
 
@@ -115,13 +130,15 @@ def test_a_guard_lets_go_once_all_was_well_for_long_enough():
 
 
 def objective(**changed):
+    """An objective with a PI law, spread over three axes by weights, perhaps with a posture that follows."""
     posture = {name: changed.pop(name) for name in ("posture", "near", "duration") if name in changed}
     return WeightedObjective(law=law(**changed), weights=np.array([0.5, -1.0, 0.0]), **posture)
 
 
 def law(**changed):
-    figures = {"period": 0.1, "targets": [1.0], "gains": (2.0, 0.4), "limit": 10.0, "fastest": 100.0}
-    return PiLaw(**{**figures, **changed})
+    """A PI law with the target 1, sampled at 10 Hz."""
+    arguments = {"period": 0.1, "targets": [1.0], "gains": (2.0, 0.4), "limit": 10.0, "fastest": 100.0}
+    return PiLaw(**{**arguments, **changed})
 
 
 @pytest.mark.parametrize(
@@ -134,23 +151,37 @@ def law(**changed):
     ],
 )
 def test_an_objective_of_expressions_is_the_one_of_numbers(changed):
-    system, numbers = law(**changed).system(), Driven(objective(**changed))
+    """Effort and error of Drake's system of expressions are those of the block, whose second axis has the weight -1."""
+    system = law(**changed).system()
     context = system.CreateDefaultContext()
-    for value in np.random.default_rng(3).uniform(0, 1.5, 60):
-        system.get_input_port().FixValue(context, [value])
-        context.get_mutable_discrete_state().SetFrom(system.EvalUniquePeriodicDiscreteUpdate(context))
+    block = Driven(objective(**changed))
+
+    for measured in np.random.default_rng(3).uniform(0, 1.5, 60):
+        system.get_input_port().FixValue(context, [measured])
+        new_state = system.EvalUniquePeriodicDiscreteUpdate(context)
+        context.get_mutable_discrete_state().SetFrom(new_state)
         effort, error = system.get_output_port().Eval(context)
-        told = numbers.sample(measured=value)
-        assert (-effort, error) == pytest.approx((told["offset"][1], told["error"][0]), abs=1e-12)
+        outputs = block.sample(measured=measured)
+
+        assert effort == pytest.approx(-outputs["offset"][1], abs=1e-12)
+        assert error == pytest.approx(outputs["error"][0], abs=1e-12)
 
 
 def test_an_objective_is_a_pi_controller_spread_over_the_axes_by_their_weights():
-    driven, measured, integral = Driven(objective()), [0.2, 0.5, 1.3, 1.1], 0.0
-    for value in measured:
-        given = driven.sample(measured=value)
-        integral += 0.4 * (1.0 - value) * 0.1
-        assert given["error"] == pytest.approx(1.0 - value)
-        assert given["offset"] == pytest.approx((2.0 * (1.0 - value) + integral) * np.array([0.5, -1.0, 0.0]))
+    """The offsets are (kp e + sum of ki e T) times the weights."""
+    kp, ki = 2.0, 0.4
+    period = 0.1
+    weights = np.array([0.5, -1.0, 0.0])
+    driven = Driven(objective(gains=(kp, ki)))
+
+    integral = 0.0
+    for measured in (0.2, 0.5, 1.3, 1.1):
+        outputs = driven.sample(measured=measured)
+
+        error = 1.0 - measured
+        integral += ki * error * period
+        assert outputs["error"] == pytest.approx(error)
+        assert outputs["offset"] == pytest.approx((kp * error + integral) * weights)
 
 
 def test_an_objective_keeps_to_its_limits_and_does_not_wind_up_there():
@@ -169,14 +200,20 @@ def test_an_objective_asks_for_its_targets_one_after_the_other_along_ramps():
 
 
 def test_a_posture_follows_once_the_objective_has_been_met_for_long_enough():
-    posture = {"posture": np.array([0.0, 0.0, 1.0]), "near": (0.1, 0.2), "duration": 0.2}
-    driven, asked = Driven(objective(**posture)), np.array([0.0, 0.0, 0.5])
-    seen = [
-        (given["active"][0], given["target"][2])
-        for value in (0.5, 0.95, 0.7, 0.95, 0.95, 0.95, 0.7, 0.7)
-        for given in [driven.sample(measured=value, reference=asked)]
-    ]
-    assert seen == [(0, 0)] * 4 + [(1, 0.5), (1, 0.75), (1, 1.0), (1, 1.0)]
+    """Within 0.1 of the target for 0.2 s, the posture is approached from the reference, 0.5 to 1 in 0.2 s."""
+    posture = np.array([0.0, 0.0, 1.0])
+    reference = np.array([0.0, 0.0, 0.5])
+    driven = Driven(objective(posture=posture, near=(0.1, 0.2), duration=0.2))
+
+    active = []
+    targets = []
+    for measured in (0.5, 0.95, 0.7, 0.95, 0.95, 0.95, 0.7, 0.7):
+        outputs = driven.sample(measured=measured, reference=reference)
+        active.append(outputs["active"][0])
+        targets.append(outputs["target"][2])
+
+    assert active == [0, 0, 0, 0, 1, 1, 1, 1]
+    assert targets == [0, 0, 0, 0, 0.5, 0.75, 1.0, 1.0]
 
 
 FORCE = np.array([0.0, 0.0, 30.0])
