@@ -144,9 +144,9 @@ class Objective(LoopSection):
         return self
 
     @property
-    def named(self) -> list[str]:
-        """What it reads by names of the user's."""
-        return [*super().named, self.measures]
+    def names_read(self) -> list[str]:
+        """Names of the sensors, outputs and result columns that the loop reads, as the section writes them."""
+        return [*super().names_read, self.measures]
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
         """Return the axes with weights, and those of the posture."""

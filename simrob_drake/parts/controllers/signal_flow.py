@@ -136,7 +136,7 @@ class SignalFlow(ControllerSection):
         return ("feedforward",) if self.torque else ()
 
     @property
-    def named(self) -> list[str]:
+    def names_read(self) -> list[str]:
         """What it reads by names: signals of sensors and others."""
         sums = [*self.torque.values(), *(terms for block in self._all.values() for terms in block.inputs)]
         return sorted({name for terms in sums for name in _terms(terms)})
