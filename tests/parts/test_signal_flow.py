@@ -172,3 +172,32 @@ def test_a_force_of_no_signals_is_none():
     law = {"kind": "signal_flow", "forces": {"nothing": {"at": "lower_link"}}}
     result = simulate(load_station("double_pendulum", {"controllers": {"law": law}}), duration=0.05, progress=False)
     assert result.ending == "completed"
+
+
+def test_a_block_may_have_the_name_of_an_output_of_the_station():
+    """A block ``position`` reads the column ``q.joint_1`` of the station's output ``position``, and not itself."""
+    law = {"kind": "signal_flow", "blocks": {"position": {"kind": "sum", "of": {"q.joint_1": 2}}}}
+
+    result = simulate(arm(law), duration=0.3, progress=False)
+
+    assert np.ptp(result["q.joint_1"]) > 0.01
+    np.testing.assert_allclose(result["law.position"], 2 * result["q.joint_1"], atol=1e-12)
+
+
+def test_terms_that_name_the_same_number_add_up():
+    """``Half`` and ``Half.0`` are two names of one number."""
+    blocks = {"Half": {"kind": "sum", "of": {"one": 0.5}}, "Total": {"kind": "sum", "of": {"Half": 1, "Half.0": 1}}}
+
+    result = simulate(arm({"kind": "signal_flow", "blocks": blocks}), duration=0.01, progress=False)
+
+    np.testing.assert_array_equal(result["law.Total"], 1.0)
+
+
+@pytest.mark.parametrize("denominator", [[2.0], [1.0, 1.0], [1.0, 3.0, 2.0]])
+def test_a_transfer_function_of_zero_gives_zero(denominator):
+    """A numerator of zeros alone has no highest power, and is allowed."""
+    zero = {"kind": "transfer_function", "numerator": [0.0], "denominator": denominator, "of": "one"}
+
+    result = simulate(arm({"kind": "signal_flow", "blocks": {"Zero": zero}}), duration=0.01, progress=False)
+
+    np.testing.assert_array_equal(result["law.Zero"], 0.0)
