@@ -9,7 +9,7 @@ from pydrake.systems.primitives import PassThrough
 
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, join_texts, message, translate
-from simrob_drake.parts.captions import MANY, short, shown_limits, shown_values, wrapped
+from simrob_drake.parts.captions import MANY, fits_line, shown_limits, shown_values, wrap_label
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations.config import Feedforward, StationConfig
@@ -84,7 +84,7 @@ def draw_plant(ports: StationPorts) -> None:
         pieces = list[str]()
         if config.pieces:
             names = message("stations.block_with", "with {pieces}", pieces=", ".join(config.pieces))
-            pieces.append(wrapped(translate(names)))
+            pieces.append(wrap_label(translate(names)))
         ports.picture.draw(
             "plant", "robot", join_texts([message("stations.block_plant", "Plant"), *robot_texts, *pieces], "\n")
         )
@@ -148,9 +148,11 @@ def draw_actuator_servos(ports: StationPorts, robot: StationRobot) -> None:
         joints=message("stations.block_actuators", "{count} joints,\nin the actuators", count=len(driven)),
         passive=_passive_text(robot),
     )
-    limit = wrapped(shown_limits(robot.gains.torque_limit[driven], [robot.model.effort_units[axis] for axis in driven]))
+    limit = wrap_label(
+        shown_limits(robot.gains.torque_limit[driven], [robot.model.effort_units[axis] for axis in driven])
+    )
     kp, kd = f"kp {shown_values(robot.gains.kp[driven])}", f"kd {shown_values(robot.gains.kd[driven])}"
-    law = f"PD\n{kp}, {kd}" if short(f"{kp}, {kd}") else f"PD\n{wrapped(kp)}\n{wrapped(kd)}"
+    law = f"PD\n{kp}, {kd}" if fits_line(f"{kp}, {kd}") else f"PD\n{wrap_label(kp)}\n{wrap_label(kd)}"
     ports.picture.draw_nothing(f"{robot.prefix}applied_and_state", f"{robot.prefix}applied_torque")
     for part in ("desired_state", "actuation"):
         ports.picture.draw(
@@ -174,7 +176,7 @@ def draw_feedforward(ports: StationPorts, robots: list[str]) -> None:
         "stations.block_feedforward",
         "Feedforward: {kinds}\n{whose}",
         kinds=join_texts(kinds),
-        whose=wrapped(translate(whose)),
+        whose=wrap_label(translate(whose)),
     )
     ports.picture.draw("model_feedforward", "servo", label)
 
@@ -208,7 +210,7 @@ def _passive_text(robot: StationRobot) -> str:
     names = [robot.axes[axis] for axis in np.flatnonzero(robot.gains.passive)]
     if not names:
         return ""
-    text = wrapped(translate(message("stations.block_without_motor", "no motor: {axes}", axes=", ".join(names))))
+    text = wrap_label(translate(message("stations.block_without_motor", "no motor: {axes}", axes=", ".join(names))))
     return f"\n{text}"
 
 
@@ -268,7 +270,7 @@ def _draw_motors(ports: StationPorts, name: str, group: list[int], robot: Statio
         ports.picture.draw(
             f"{name}.stall",
             "servo",
-            message("stations.block_motor", "Motor\n{limit} at rest", limit=wrapped(limit)),
+            message("stations.block_motor", "Motor\n{limit} at rest", limit=wrap_label(limit)),
             robot,
         )
         ports.picture.draw_nothing(*(f"{name}.{part}" for part in (*_MOTOR, "commands", "driven") if part != "stall"))
@@ -279,15 +281,15 @@ def _draw_saturation(ports: StationPorts, name: str, group: list[int], robot: St
     group = _axes_with_motor(robot, group) or group
     limit = shown_limits(robot.gains.torque_limit[group], [robot.model.effort_units[index] for index in group])
     ports.picture.draw(
-        name, "servo", message("stations.block_saturation", "Saturation\n{limit}", limit=wrapped(limit)), robot
+        name, "servo", message("stations.block_saturation", "Saturation\n{limit}", limit=wrap_label(limit)), robot
     )
 
 
 def _robot_text(robot: StationRobot) -> str:
     """Describe a robot in the block of the plant: what it is, and its count of axes."""
     kind = robot.model.description.split(",")[0]
-    kind = kind if short(kind) else robot.model.name
+    kind = kind if fits_line(kind) else robot.model.name
     title = f"{robot.name}: {kind}" if robot.prefix else kind
     axes = message("stations.block_axes", "{count} {count:axis|axes}", count=len(robot.axes))
     whole = translate(compound("{title}, {axes}", title=title, axes=axes))
-    return whole if short(whole) else compound("{title},\n{axes}", title=wrapped(title), axes=axes)
+    return whole if fits_line(whole) else compound("{title},\n{axes}", title=wrap_label(title), axes=axes)

@@ -384,13 +384,13 @@ def compose(
         check_servo_steps(config, plant)
     if not station.engine.moves_by_forces:
         inputs, state = add_motion_inputs(builder, plant)
-        outputs = OutputRegistry(state, plant.plant, lean=lean)
+        outputs = OutputRegistry(state, plant.plant, defers_reports=lean)
         ports = StationPorts(station=station, plant=plant, state=state, outputs=outputs, inputs=inputs, config=config)
         add_kinematic_robots(builder, ports)
     else:
         state = plant.stepped.get_state_output_port()
         driven = sources or {}
-        outputs = OutputRegistry(state, plant.plant, lean=lean)
+        outputs = OutputRegistry(state, plant.plant, defers_reports=lean)
         ports = StationPorts(
             station=station,
             plant=plant,

@@ -182,7 +182,7 @@ class Bounded(Strict):
 class Sums(FlowBlock):
     """Sums of signals: y = Σ k u for each of the inputs."""
 
-    takes = 1, 10_000
+    takes = 1, 10_000  # so many since one block may have the sums for all axes of a robot
     kind: Literal["sum"]
 
     @property
@@ -229,7 +229,7 @@ class DeadZone(Bounded, FlowBlock):
     kind: Literal["dead_zone"]
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
-        return (u[0] - self.clip(u[0]),)
+        return (u[0] - self.clip(u[0]),)  # clip(u) is u itself between the bounds
 
 
 class Lookup(FlowBlock):
@@ -246,6 +246,7 @@ class Lookup(FlowBlock):
     @model_validator(mode="after")
     def _check_points(self) -> "Lookup":
         """Check that the points rise and that each has a value."""
+        # Two points at the same u would divide by zero.
         if len(self.values) != len(self.points) or any(np.diff(self.points) <= 0):
             raise ValueError(message("parts.points_must_rise", "points must rise, and values be as many"))
         return self
@@ -310,7 +311,7 @@ class Logic(FlowBlock):
     takes = 1, 100
     kind: Literal["logic"]
     operator: Literal["and", "or", "nor", "nand", "xor", "not"]
-    """How the inputs are joined."""
+    """Logic operator that joins all inputs; ``not`` and ``nor`` are the same."""
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
         # With truth values b of 0 and 1, as expressions have no logic operators for numbers:
@@ -365,6 +366,7 @@ class MathFunction(FlowBlock):
         Raises:
             InvalidParameter: the function takes another count.
         """
+        # All other functions have one argument.
         needed = 2 if self.function in ("atan2", "min", "max", "pow") else 1
         count = len(self.inputs)
         if count != needed:

@@ -120,6 +120,7 @@ class StateSpace(FlowBlock):
 
 def _add_products(first: Sequence[Row], x: Values, second: Sequence[Row], u: Values) -> Values:
     """Compute the sum of two products, first x + second u, of matrices given by their rows and vectors."""
+    # One sum of products for each row: [first second] (x, u)
     vector = [*x, *u]
     rows = [(*left, *right) for left, right in zip(first, second, strict=True)]
     return [sum(map(operator.mul, row, vector)) for row in rows]
@@ -137,6 +138,7 @@ class TransferFunction(FlowBlock):
     @model_validator(mode="after")
     def _check_powers(self) -> "TransferFunction":
         """Check that the denominator has its highest power, and the numerator no higher one."""
+        # All coefficients are divided by the first one.
         if not self.denominator[0]:
             raise ValueError(
                 message(
@@ -144,6 +146,7 @@ class TransferFunction(FlowBlock):
                     "denominator begins with 0: its first coefficient is that of the highest power",
                 )
             )
+        # Zeros in front of the numerator do not count: they are no higher powers.
         if len(np.trim_zeros(self.numerator, "f")) > len(self.denominator):
             raise ValueError(
                 message(
@@ -365,6 +368,7 @@ class Pid(Bounded, FlowBlock):
         """Compute the output without bounds."""
         output = self.p * u[0]
         if self.i:
+            # Without a period, the last term is 0.
             output = output + x[0] + self.integration_weight * self.period * self.i * self._integral_error(u)
         if self.d:
             output = output + self._derivative_part(x, u)
@@ -379,6 +383,7 @@ class Pid(Bounded, FlowBlock):
         difference = self.d * u[-1] - x[-1]
         if self.filter is None:
             return difference / self.period
+        # The denominator solves the backward Euler step of the filter; it is 1 without a period.
         return self.filter * difference / (1 + self.filter * self.filtering_weight * self.period)
 
     def _integral_rate(self, x: Values, u: Values) -> Any:

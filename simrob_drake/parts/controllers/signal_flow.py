@@ -27,7 +27,7 @@ from simrob_drake.blocks.monitor import Condition, Trigger
 from simrob_drake.blocks.passive_joints import add_external_force
 from simrob_drake.blocks.signal_net import signal_net
 from simrob_drake.blocks.written_net import FIRST_MEASURED, WiredBlock
-from simrob_drake.parts.captions import InnerBlock, wrapped
+from simrob_drake.parts.captions import InnerBlock, wrap_label
 from simrob_drake.parts.controllers.flow_blocks import (
     Compare,
     DeadZone,
@@ -236,6 +236,7 @@ class SignalFlow(ControllerSection):
                 one_of(kind, axis, robot.axes)
         for name, force in self.forces.items():
             check_frame(station, f"{key}.forces.{name}.at", force.at)
+        # Names of terms are checked when the net is built, since only then all signals of the station are known.
         for name, block in self.blocks.items():
             block.check(f"{key}.blocks.{name}")
             if name in (_ONE, _TIME, _TORQUE, *self.stops):
@@ -288,6 +289,7 @@ class SignalFlow(ControllerSection):
         for stop in self.stops:
             trigger = Trigger(_stop_condition(name, stop))
             add_monitor(builder if monitors else None, site, f"{name}_{stop}", trigger)
+        # Blocks of the net have given the forces their signals; here they act on bodies.
         for force_name, force in self.forces.items():
             force.apply(builder, site, force_name, ports)
         return ports.get(_TORQUE)
@@ -325,7 +327,10 @@ class SignalFlow(ControllerSection):
             net: the net of the flow.
         """
         label = message(
-            "parts.block_signal_flow", "{name}\nsignal flow, {count} blocks", name=wrapped(name), count=len(self.blocks)
+            "parts.block_signal_flow",
+            "{name}\nsignal flow, {count} blocks",
+            name=wrap_label(name),
+            count=len(self.blocks),
         )
         inner_blocks = net.inner_blocks() if len(net.blocks) <= _MOST_DRAWN_BLOCKS else None
         site.picture.draw(f"controller.{name}", "loop", label, robot, net=inner_blocks)
@@ -341,6 +346,7 @@ def _stop_condition(flow: str, stop: str) -> Condition:
 
     def excess(value: Vector) -> float:
         """Excess of the condition, which holds if it is not negative."""
+        # Only the sign counts: a signal is on or off.
         return 1.0 if value[0] else -1.0
 
     def why(value: Vector) -> str:
@@ -380,6 +386,7 @@ def add_flows(
             robot = site.robot(flow.robot)
             torques.setdefault(robot.name, []).append(torque)
     for robot_name, ports in torques.items():
+        # Several flows may drive one robot: their torques are added up.
         prefix = site.plant.robots[robot_name].prefix
         add_to(builder, site, f"{prefix}feedforward", ports, name="flows")
 
@@ -489,6 +496,7 @@ class _FlowNet:
             outputs = add_and_connect(builder, system_name, net, bus)
         else:
             outputs = add_and_connect(builder, system_name, net)
+        # The output of the net holds all blocks' outputs, one after the other.
         split = Demultiplexer([block.size for block in self.blocks.values()])
         add_and_connect(builder, f"{system_name}.split", split, outputs)
         return {name: split.get_output_port(index) for index, name in enumerate(self.blocks)}
@@ -527,7 +535,7 @@ class _FlowNet:
                 elif element.owner in self.blocks:  # it is neither the constant nor the time
                     blocks_read[element.owner] = None
             kind = block.kind.replace("_", " ")
-            found[name] = InnerBlock(f"{wrapped(name)}\n{kind}", tuple(blocks_read), tuple(outputs_read))
+            found[name] = InnerBlock(f"{wrap_label(name)}\n{kind}", tuple(blocks_read), tuple(outputs_read))
         return found
 
     def _find_terms(self, block: str, terms: Sum) -> list[_Term]:
