@@ -24,7 +24,7 @@ from simrob_drake.blocks.references import (
     interpolate_samples,
     reference_values,
 )
-from simrob_drake.parts.captions import wrapped
+from simrob_drake.parts.captions import wrap_label
 from simrob_drake.parts.forces import ForceConfig
 from simrob_drake.parts.resolved import ResolvedRobot
 from simrob_drake.parts.station_plant import StationRobot
@@ -156,7 +156,7 @@ def closed_station(
             # signals.
             ports.edges.extend(corner_times(reference))
             caption = ports.config.reference_of(robot.name).caption(robot.model)
-            ports.picture.draw(f"{robot.prefix}reference_source", "reference", wrapped(caption), robot)
+            ports.picture.draw(f"{robot.prefix}reference_source", "reference", wrap_label(caption), robot)
             kept[robot.name] = reference
             if source.player is not None:
                 players[robot.name] = source.player
@@ -290,7 +290,7 @@ def _add_prescribed(
     builder.Connect(motion, ports.inputs[name])
     ports.edges.extend(corner_times(reference))
     caption = ports.config.prescribed[f"{robot.prefix}{axis}"].caption(robot.model)
-    ports.picture.draw(f"{name}.source", "reference", wrapped(caption), robot)
+    ports.picture.draw(f"{name}.source", "reference", wrap_label(caption), robot)
     ports.picture.draw_nothing(f"{name}.motion")
 
 

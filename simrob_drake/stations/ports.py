@@ -9,7 +9,7 @@ from pydrake.systems.primitives import PassThrough
 
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, join_texts, message, translate
-from simrob_drake.parts.captions import MANY, short, shown_limits, shown_values, wrapped
+from simrob_drake.parts.captions import MANY, fits_line, shown_limits, shown_values, wrap_label
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations.config import Feedforward, StationConfig
@@ -90,7 +90,7 @@ def draw_plant(ports: StationPorts) -> None:
         pieces = list[str]()
         if config.pieces:
             names = message("stations.block_with", "with {pieces}", pieces=", ".join(config.pieces))
-            pieces.append(wrapped(translate(names)))
+            pieces.append(wrap_label(translate(names)))
         title = message("stations.block_plant", "Plant")
         ports.picture.draw("plant", "robot", join_texts([title, *robot_texts, *pieces], "\n"))
         # Otherwise the stops are a part of the solver, and no block.
@@ -155,10 +155,10 @@ def draw_actuator_servos(ports: StationPorts, robot: StationRobot) -> None:
         passive=_passive_text(robot),
     )
     units = [robot.model.effort_units[axis] for axis in driven]
-    limit = wrapped(shown_limits(robot.gains.torque_limit[driven], units))
+    limit = wrap_label(shown_limits(robot.gains.torque_limit[driven], units))
     kp = f"kp {shown_values(robot.gains.kp[driven])}"
     kd = f"kd {shown_values(robot.gains.kd[driven])}"
-    law = f"PD\n{kp}, {kd}" if short(f"{kp}, {kd}") else f"PD\n{wrapped(kp)}\n{wrapped(kd)}"
+    law = f"PD\n{kp}, {kd}" if fits_line(f"{kp}, {kd}") else f"PD\n{wrap_label(kp)}\n{wrap_label(kd)}"
     ports.picture.draw_nothing(f"{robot.prefix}applied_and_state", f"{robot.prefix}applied_torque")
     # Which of the two blocks exists depends on the gains; both are drawn as the same box.
     for part in ("desired_state", "actuation"):
@@ -184,7 +184,7 @@ def draw_feedforward(ports: StationPorts, robots: list[str]) -> None:
         "stations.block_feedforward",
         "Feedforward: {kinds}\n{whose}",
         kinds=join_texts(kinds),
-        whose=wrapped(translate(whose)),
+        whose=wrap_label(translate(whose)),
     )
     ports.picture.draw("model_feedforward", "servo", label)
 
@@ -229,7 +229,7 @@ def _passive_text(robot: StationRobot) -> str:
     names = [robot.axes[axis] for axis in np.flatnonzero(robot.gains.passive)]
     if not names:
         return ""
-    text = wrapped(translate(message("stations.block_without_motor", "no motor: {axes}", axes=", ".join(names))))
+    text = wrap_label(translate(message("stations.block_without_motor", "no motor: {axes}", axes=", ".join(names))))
     return f"\n{text}"
 
 
@@ -293,7 +293,7 @@ def _draw_motors(
         return
     units = [robot.model.effort_units[index] for index in group]
     limit = shown_limits(line.stall[group], units)
-    label = message("stations.block_motor", "Motor\n{limit} at rest", limit=wrapped(limit))
+    label = message("stations.block_motor", "Motor\n{limit} at rest", limit=wrap_label(limit))
     ports.picture.draw(f"{name}.stall", "servo", label, robot)
     # The blocks that add and subtract the slope times the speed would only repeat the motor.
     for part in (*_MOTOR, "commands", "driven"):
@@ -312,7 +312,7 @@ def _draw_saturation(
     group = _axes_with_motor(robot, group) or group
     units = [robot.model.effort_units[index] for index in group]
     limit = shown_limits(robot.gains.torque_limit[group], units)
-    label = message("stations.block_saturation", "Saturation\n{limit}", limit=wrapped(limit))
+    label = message("stations.block_saturation", "Saturation\n{limit}", limit=wrap_label(limit))
     ports.picture.draw(name, "servo", label, robot)
 
 
@@ -320,8 +320,8 @@ def _robot_text(robot: StationRobot) -> str:
     """Describe a robot in the block of the plant: what it is, and its count of axes."""
     # The first part of a description names the robot, what follows it are details.
     kind = robot.model.description.split(",")[0]
-    kind = kind if short(kind) else robot.model.name
+    kind = kind if fits_line(kind) else robot.model.name
     title = f"{robot.name}: {kind}" if robot.prefix else kind
     axes = message("stations.block_axes", "{count} {count:axis|axes}", count=len(robot.axes))
     whole = translate(compound("{title}, {axes}", title=title, axes=axes))
-    return whole if short(whole) else compound("{title},\n{axes}", title=wrapped(title), axes=axes)
+    return whole if fits_line(whole) else compound("{title},\n{axes}", title=wrap_label(title), axes=axes)

@@ -16,7 +16,7 @@ from simrob_drake.base.frames import Indices, Vector
 from simrob_drake.base.messages import message, translate
 from simrob_drake.base.signals import POSE, VELOCITY, Panel, Role, Signal
 from simrob_drake.blocks.frame_poses import FramePoses
-from simrob_drake.parts.captions import wrapped
+from simrob_drake.parts.captions import wrap_label
 from simrob_drake.parts.outputs import FromState
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.stations.ports import StationPorts
@@ -40,7 +40,7 @@ def add_poses(builder: DiagramBuilder, ports: StationPorts) -> None:
             outputs.append(f"{robot.prefix}tcp_pose")
         # The block joins the diagram that is stepped only if another block reads one of these outputs.
         ports.outputs.add_report(builder, f"{robot.prefix}poses", poses, ports.state, *outputs)
-        names = wrapped(", ".join(["base", *robot.tools]))
+        names = wrap_label(", ".join(["base", *robot.tools]))
         label = message("stations.block_poses", "Poses\n{names}", names=names)
         ports.picture.draw(f"{robot.prefix}poses", "sensor", label, robot)
 
@@ -79,7 +79,7 @@ def add_free_pieces(builder: DiagramBuilder, ports: StationPorts) -> None:
     poses = FramePoses(plant=plant, frames=frames)
     ports.outputs.add_report(builder, "piece_poses", poses, ports.state, *frames)
     label = message("stations.block_poses_of", "Poses of {names}", names=", ".join(free))
-    ports.picture.draw("piece_poses", "sensor", wrapped(translate(label)))
+    ports.picture.draw("piece_poses", "sensor", wrap_label(translate(label)))
     entries = {f"piece_velocity.{piece}": _free_velocity(plant, body) for piece, body in free.items()}
     velocities = _selector(plant, entries)
     ports.outputs.add_report(builder, "piece_velocity", velocities, ports.state, *entries)

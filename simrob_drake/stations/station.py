@@ -406,7 +406,7 @@ def compose(
         check_servo_steps(config, plant)
     if not station.engine.moves_by_forces:
         inputs, state = add_motion_inputs(builder, plant)
-        outputs = OutputRegistry(state, plant.plant, lean=lean)
+        outputs = OutputRegistry(state, plant.plant, defers_reports=lean)
         ports = StationPorts(
             station=station,
             plant=plant,
@@ -420,7 +420,7 @@ def compose(
         # `stepped` is what the simulation steps: Drake's plant, or the block of another engine.
         state = plant.stepped.get_state_output_port()
         driven = sources or {}
-        outputs = OutputRegistry(state, plant.plant, lean=lean)
+        outputs = OutputRegistry(state, plant.plant, defers_reports=lean)
         ports = StationPorts(
             station=station,
             plant=plant,

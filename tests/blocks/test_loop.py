@@ -1,10 +1,10 @@
-"""Controllers alone, sample by sample: their outputs for given inputs and a given memory."""
+"""Loops alone, sample by sample: what one remembers is given in, what changes comes out."""
 
 import numpy as np
 import pytest
 
 from simrob_drake.blocks.sampled import RunEnds, SampledBlock
-from simrob_drake.parts.controllers.objective import PiLaw, WeightedObjective
+from simrob_drake.parts.controllers.objective import FinalPosture, PiLaw, WeightedObjective
 from simrob_drake.parts.controllers.postures import CellSequence, FallGuard, ProtectivePosture, Sequencer
 from simrob_drake.parts.controllers.support import Limb
 from simrob_drake.parts.controllers.touchdown import Touchdown, UnknownGround
@@ -13,15 +13,15 @@ NAN = np.nan
 
 
 class Driven:
-    """A controller whose inputs are fixed, and which is sampled by hand."""
+    """A loop that is driven by hand."""
 
     def __init__(self, loop: SampledBlock) -> None:
-        """Begin in the initial state of a controller."""
+        """Begin as the loop does."""
         self.loop = loop
         self.context = loop.CreateDefaultContext()
 
     def sample(self, **read):
-        """Take a sample with inputs by name; others stay as they were. Returns the outputs by name."""
+        """Let it sample once, and return its outputs by name."""
         for name, value in read.items():
             self.loop.GetInputPort(name).FixValue(self.context, np.atleast_1d(value))
         update = self.loop.EvalUniquePeriodicDiscreteUpdate(self.context)
@@ -31,7 +31,6 @@ class Driven:
 
 
 def two_cells(**changed):
-    """A sequence that moves the hip to 1 rad in 0.5 s, then the knee to -0.5 rad at once, at 10 Hz."""
     cells = [{"targets_deg": {"hip": 1}, "duration": 0.5}, {"targets_deg": {"knee": 1}, "duration": 0.0}]
     section = Sequencer.model_validate({"kind": "sequencer", "rate": 10, "cells": cells, **changed})
     targets = [np.array([1.0, NAN]), np.array([NAN, -0.5])]
@@ -71,31 +70,17 @@ def test_a_cell_that_takes_too_long_ends_the_run_with_the_late_joint_or_goes_on(
         two_cells(ends=True).sample({**memory, "done": np.ones(1)}, read)
 
 
-def guard(toward=None, **changed):
-    """A guard that acts below 0.4 m or beyond a lean of 0.5 rad, at 10 Hz, with changed keys of its section."""
-    section = {
-        "kind": "fall_guard",
-        "rate": 10,
-        "height": 0.4,
-        "tilt_deg": np.rad2deg(0.5),
-        "posture_deg": {"hip": 1},
-        **changed,
-    }
-    return ProtectivePosture(
-        FallGuard.model_validate(section),
-        posture=np.array([1.0, -1.0]),
-        up=np.array([0.0, 0.0, 1.0]),
-        toward=toward,
-    )
+def guard(**changed):
+    posture, toward = np.array([1.0, -1.0]), changed.pop("toward", None)
+    figures = {"height": 0.4, "tilt_deg": np.rad2deg(0.5), "posture_deg": {"hip": 1}, **changed}
+    section = FallGuard.model_validate({"kind": "fall_guard", "rate": 10, **figures})
+    return ProtectivePosture(section, posture=posture, up=np.array([0.0, 0.0, 1.0]), toward=toward)
 
 
-# Poses of the base: position [m], then quaternion.
-UPRIGHT = np.array([0, 0, 0.41, 1, 0, 0, 0.0])
-LOW = np.array([0, 0, 0.39, 1, 0, 0, 0.0])
+UPRIGHT, LOW = np.array([0, 0, 0.41, 1, 0, 0, 0.0]), np.array([0, 0, 0.39, 1, 0, 0, 0.0])
 
 
 def leaning(angle):
-    """Pose of a base that is turned about y [rad]."""
     return np.array([0, 0, 0.41, np.cos(angle / 2), 0, np.sin(angle / 2), 0.0])
 
 
@@ -129,91 +114,92 @@ def test_a_guard_lets_go_once_all_was_well_for_long_enough():
     assert seen == [1, 1, 1, 1, 1, 1, 0, 0]
 
 
-def objective(**changed):
-    """An objective with a PI law, spread over three axes by weights, perhaps with a posture that follows."""
-    posture = {name: changed.pop(name) for name in ("posture", "near", "duration") if name in changed}
-    return WeightedObjective(law=law(**changed), weights=np.array([0.5, -1.0, 0.0]), **posture)
+KP = 2.0  # rad per unit
+KI = 0.4  # rad/s per unit
+SAMPLE = 0.1  # s
+WEIGHTS = np.array([0.5, -1.0, 0.0])
 
 
 def law(**changed):
-    """A PI law with the target 1, sampled at 10 Hz."""
-    arguments = {"period": 0.1, "targets": [1.0], "gains": (2.0, 0.4), "limit": 10.0, "fastest": 100.0}
-    return PiLaw(**{**arguments, **changed})
+    """A law with limits that it does not reach, but for what is changed."""
+    return PiLaw(**{"period": SAMPLE, "targets": [1.0], "kp": KP, "ki": KI, "limit": 10.0, "fastest": 100.0, **changed})
+
+
+def objective(*, posture=None, **changed):
+    """A loop for three axes, of which the last one does not take part."""
+    return WeightedObjective(law=law(**changed), weights=WEIGHTS, posture=posture)
 
 
 @pytest.mark.parametrize(
     "changed",
     [
         {},
-        {"gains": (0.0, 5.0), "limit": 0.3, "fastest": 1.0},
+        {"kp": 0.0, "ki": 5.0, "limit": 0.3, "fastest": 1.0},
         {"targets": [1.0, 0.5, 0.8], "speed": 2.0, "hold": 0.3},
         {"targets": [1.0, 0.2], "hold": 0.3, "fastest": 2.0},
     ],
 )
 def test_an_objective_of_expressions_is_the_one_of_numbers(changed):
-    """Effort and error of Drake's system of expressions are those of the block, whose second axis has the weight -1."""
-    system = law(**changed).system()
+    """The system of Drake's gives the effort and the error that the block computes, for any measurements."""
+    system = law(**changed).make_system()
     context = system.CreateDefaultContext()
-    block = Driven(objective(**changed))
+    of_numbers = Driven(objective(**changed))
 
     for measured in np.random.default_rng(3).uniform(0, 1.5, 60):
         system.get_input_port().FixValue(context, [measured])
-        new_state = system.EvalUniquePeriodicDiscreteUpdate(context)
-        context.get_mutable_discrete_state().SetFrom(new_state)
+        context.get_mutable_discrete_state().SetFrom(system.EvalUniquePeriodicDiscreteUpdate(context))
         effort, error = system.get_output_port().Eval(context)
-        outputs = block.sample(measured=measured)
+        outputs = of_numbers.sample(measured=measured)
 
-        assert effort == pytest.approx(-outputs["offset"][1], abs=1e-12)
+        assert WEIGHTS * effort == pytest.approx(outputs["offset"], abs=1e-12)
         assert error == pytest.approx(outputs["error"][0], abs=1e-12)
 
 
 def test_an_objective_is_a_pi_controller_spread_over_the_axes_by_their_weights():
-    """The offsets are (kp e + sum of ki e T) times the weights."""
-    kp, ki = 2.0, 0.4
-    period = 0.1
-    weights = np.array([0.5, -1.0, 0.0])
-    driven = Driven(objective(gains=(kp, ki)))
-
+    driven = Driven(objective())
     integral = 0.0
     for measured in (0.2, 0.5, 1.3, 1.1):
+        error = 1.0 - measured
+        integral += KI * error * SAMPLE
+
         outputs = driven.sample(measured=measured)
 
-        error = 1.0 - measured
-        integral += ki * error * period
         assert outputs["error"] == pytest.approx(error)
-        assert outputs["offset"] == pytest.approx((kp * error + integral) * weights)
+        assert outputs["offset"] == pytest.approx((KP * error + integral) * WEIGHTS)
 
 
 def test_an_objective_keeps_to_its_limits_and_does_not_wind_up_there():
-    driven = Driven(objective(gains=(0.0, 5.0), limit=1.0, fastest=2.0))
-    seen = [driven.sample(measured=-9.0)["offset"][1] for _ in range(40)]
-    assert np.diff(seen).min() >= -0.2 - 1e-12  # 2 a second
-    assert min(seen) == -1.0
-    back = [driven.sample(measured=1.5)["offset"][1] for _ in range(10)]
-    assert back[1] > -1.0  # had it wound up over 4 s, it would stay at its limit for as long
+    """The offset falls by at most 2 a second to its limit, and leaves it as soon as the error changes its sign."""
+    driven = Driven(objective(kp=0.0, ki=5.0, limit=1.0, fastest=2.0))
+
+    offsets = [driven.sample(measured=-9.0)["offset"][1] for _ in range(40)]
+    offsets_after = [driven.sample(measured=1.5)["offset"][1] for _ in range(10)]
+
+    assert np.diff(offsets).min() >= -2.0 * SAMPLE - 1e-12
+    assert min(offsets) == -1.0
+    assert offsets_after[1] > -1.0  # had it wound up over 4 s, it would stay at its limit for as long
 
 
 def test_an_objective_asks_for_its_targets_one_after_the_other_along_ramps():
-    driven = Driven(objective(targets=[1.0, 0.5], speed=2.0, hold=0.2, gains=(1.0, 0.0)))
-    asked = [driven.sample(measured=0.6)["error"][0] + 0.6 for _ in range(8)]
-    assert asked == pytest.approx([0.8, 1.0, 1.0, 0.8, 0.6, 0.5, 0.5, 0.5])
+    """The setpoint starts at the first measurement, 0.6, moves by 0.2 a sample, and stays at a target for 0.2 s."""
+    driven = Driven(objective(targets=[1.0, 0.5], speed=2.0, hold=0.2, kp=1.0, ki=0.0))
+
+    setpoints = [driven.sample(measured=0.6)["error"][0] + 0.6 for _ in range(8)]
+
+    assert setpoints == pytest.approx([0.8, 1.0, 1.0, 0.8, 0.6, 0.5, 0.5, 0.5])
 
 
 def test_a_posture_follows_once_the_objective_has_been_met_for_long_enough():
-    """Within 0.1 of the target for 0.2 s, the posture is approached from the reference, 0.5 to 1 in 0.2 s."""
-    posture = np.array([0.0, 0.0, 1.0])
-    reference = np.array([0.0, 0.0, 0.5])
-    driven = Driven(objective(posture=posture, near=(0.1, 0.2), duration=0.2))
+    """The axis moves from its reference, 0.5, to the posture, 1, once the quantity was near 1 for two samples."""
+    posture = FinalPosture(positions=np.array([0.0, 0.0, 1.0]), tolerance=0.1, settled=0.2, duration=0.2)
+    driven = Driven(objective(posture=posture))
 
-    active = []
-    targets = []
+    outputs = []
     for measured in (0.5, 0.95, 0.7, 0.95, 0.95, 0.95, 0.7, 0.7):
-        outputs = driven.sample(measured=measured, reference=reference)
-        active.append(outputs["active"][0])
-        targets.append(outputs["target"][2])
+        output = driven.sample(measured=measured, reference=[0.0, 0.0, 0.5])
+        outputs.append((output["active"][0], output["target"][2]))
 
-    assert active == [0, 0, 0, 0, 1, 1, 1, 1]
-    assert targets == [0, 0, 0, 0, 0.5, 0.75, 1.0, 1.0]
+    assert outputs == [(0, 0)] * 4 + [(1, 0.5), (1, 0.75), (1, 1.0), (1, 1.0)]
 
 
 FORCE = np.array([0.0, 0.0, 30.0])
