@@ -4,7 +4,7 @@ A station is a closed diagram of robots, pieces and controllers, described by a 
 or axes together in addition to their joints, such as a gear. A solver holds a coupling if it can simulate the
 constraint, or the stiff spring in its place. The types of a station in this module:
 
-- `Surroundings` describes the station before anything is built.
+- `StationContents` describes the station before anything is built.
 - `StationPlant` is its multibody plant, with the robots in it.
 - `Site` is the station under construction: the plant, and the ports that its blocks have added so far.
 """
@@ -18,7 +18,7 @@ from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Strict
 from simrob_drake.parts.engine import Engine
-from simrob_drake.parts.resolved import Surroundings
+from simrob_drake.parts.resolved import StationContents
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationPlant
 
@@ -53,7 +53,7 @@ class CouplingSection(Strict, ABC):
         """Describe the coupling in words."""
         return self.words.format(it=self)
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check that the coupling fits the station. Here: its mode and its solver.
 
         The kinds of couplings add the checks of their axes and bodies.

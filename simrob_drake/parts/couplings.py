@@ -7,9 +7,9 @@ Drake's discrete solvers hold couplings as constraints. Under an implicit contin
 a damper, so stiff that what it holds vibrates at :math:`\omega = 2000` rad/s: an acceleration :math:`a` opens it by
 :math:`a / \omega^2`.
 
-Methods get the station at different times of its construction: `Surroundings` describes the station before anything is
-built, `StationPlant` is its multibody plant with the robots in it, and `Site` adds the ports of the blocks around the
-plant.
+Methods get the station at different times of its construction: `StationContents` describes the station before anything
+is built, `StationPlant` is its multibody plant with the robots in it, and `Site` adds the ports of the blocks around
+the plant.
 """
 
 from abc import ABC, abstractmethod
@@ -40,7 +40,7 @@ from simrob_drake.blocks.block import add_and_connect, add_matrix_gain, add_mult
 from simrob_drake.parts.coupling import DAMPING_TIME, STIFFNESS, CouplingSection
 from simrob_drake.parts.engine import Engine
 from simrob_drake.parts.kinds import Kinds
-from simrob_drake.parts.resolved import WORLD, Surroundings
+from simrob_drake.parts.resolved import WORLD, StationContents
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.parts.targets import check_frame, frame_of
@@ -115,7 +115,7 @@ class Between(Strict, ABC):
     def own_poses(self) -> tuple[RigidTransform, RigidTransform]:
         """Poses of the connected frames: in the frame of `body`, and in the frame of `other`."""
 
-    def check_bodies(self, key: str, station: Surroundings) -> None:
+    def check_bodies(self, key: str, station: StationContents) -> None:
         """Check that the station has both bodies.
 
         Raises:
@@ -168,7 +168,7 @@ class BetweenPoints(Between, CouplingSection):
     other_point: Triple = (0.0, 0.0, 0.0)
     """Position of the point on the other body [m]; in the world's axes unless `other` is given."""
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check the station's mode and solver, that it has both bodies, and that they are not the same.
 
         Raises:
@@ -247,7 +247,7 @@ class BetweenFrames(Between, CouplingSection):
     other_pose: Pose = ORIGIN
     """Pose of the frame on the other body."""
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check the station's mode and solver, and that it has both bodies.
 
         Raises:
@@ -349,7 +349,7 @@ class Gear(CouplingSection):
     total: Number | None = None
     """Constant sum of positions [rad or m] times ratios; that of the initial posture unless given."""
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check that the station has the gear's axes, and a solver that holds a gear of so many axes.
 
         Args:

@@ -22,7 +22,7 @@ from simrob_drake.blocks.block import add_and_connect
 from simrob_drake.blocks.passive_joints import add_external_force
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.kinds import Kinds
-from simrob_drake.parts.resolved import Surroundings, named
+from simrob_drake.parts.resolved import StationContents, name_or_only
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.parts.targets import frame_names, frame_of
@@ -64,7 +64,7 @@ class ForceSection(Strict, ABC):
         """Return the force (3) [N] at a point (3,) [m] of a frame, along its axes, made of what the source gives."""
         return force
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check that forces count in the station, and that there is what it acts on."""
         if not station.engine.moves_by_forces:
             raise Unsuitable(
@@ -77,11 +77,11 @@ class ForceSection(Strict, ABC):
             one_of(message("parts.place_of_force", "robot, tool, link or piece for {key}.at", key=key), self.at, known)
         self.place_name(key, station)
 
-    def place_name(self, key: str, station: Surroundings) -> str:
+    def place_name(self, key: str, station: StationContents) -> str:
         """Return the name of what it acts on."""
         if self.at is not None:
             return self.at
-        robot = station.robots[named(None, list(station.robots), key=f"{key}.at")]
+        robot = station.robots[name_or_only(None, list(station.robots), key=f"{key}.at")]
         return robot.name if robot.floats or not robot.tcp else f"{robot.prefix}{robot.tcp}"
 
 
@@ -97,7 +97,7 @@ def add_force(
     output_port = builder.AddNamedSystem(f"force.{name}.source", source).get_output_port(0)
     point = point + section.offset
     force = section.shaped(builder, site, f"force.{name}", frame, point, output_port)
-    block = add_external_force(builder, site.plant.stepped, frame, name=f"force.{name}", point=point)
+    block = add_external_force(builder, site.plant.plant_block, frame, name=f"force.{name}", point=point)
     builder.Connect(force, block.get_command_input_port())
     label = message(
         "parts.block_force", "Force '{name}'\n{caption}\nat {place}", name=name, caption=caption, place=place

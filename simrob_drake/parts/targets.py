@@ -12,7 +12,7 @@ from pydrake.multibody.tree import Frame, RigidBody
 
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.messages import message
-from simrob_drake.parts.resolved import WORLD, Surroundings
+from simrob_drake.parts.resolved import WORLD, StationContents
 from simrob_drake.parts.station_plant import StationPlant
 
 FLOOR = "floor"
@@ -25,7 +25,7 @@ def own_name(inspector: SceneGraphInspector, shape: GeometryId) -> str:
     return name.rsplit("::", 1)[-1]
 
 
-def piece_of_shape(station: Surroundings, inspector: SceneGraphInspector, shape: GeometryId) -> str | None:
+def piece_of_shape(station: StationContents, inspector: SceneGraphInspector, shape: GeometryId) -> str | None:
     """Find the piece to which a shape belongs. Returns None for a robot's own shapes and those of the floor."""
     scoped_owner = inspector.GetName(shape).partition("::")[0]
     if not scoped_owner.startswith(station.scope):
@@ -67,7 +67,7 @@ def owner_and_robot(plant: StationPlant, shape: GeometryId) -> tuple[str, str]:
     return FLOOR if is_ground else owner, robot
 
 
-def body_names(station: Surroundings) -> list[str]:
+def body_names(station: StationContents) -> list[str]:
     """Names of all bodies at which forces and distances can be measured.
 
     They are robots, links, pieces, shapes of pieces and, if there is one, the floor.
@@ -81,13 +81,13 @@ def body_names(station: Surroundings) -> list[str]:
     return names
 
 
-def frame_names(station: Surroundings) -> list[str]:
+def frame_names(station: StationContents) -> list[str]:
     """Names of all frames in whose axes vectors can be given: the world, links, tools, and pieces (at their TCP)."""
     tools = [f"{robot.prefix}{tool}" for robot in station.robots.values() for tool in robot.model.tools]
     return [WORLD, *_link_names(station), *tools, *station.pieces]
 
 
-def check_body(station: Surroundings, key: str, name: str) -> None:
+def check_body(station: StationContents, key: str, name: str) -> None:
     """Check that a body or shape exists.
 
     Args:
@@ -106,7 +106,7 @@ def check_body(station: Surroundings, key: str, name: str) -> None:
     one_of(message("parts.body_or_shape_for", "body or shape for {key}", key=key), name, body_names(station))
 
 
-def check_frame(station: Surroundings, key: str, name: str) -> None:
+def check_frame(station: StationContents, key: str, name: str) -> None:
     """Check that a frame exists: one of :func:`frame_names`.
 
     Raises:
@@ -115,7 +115,7 @@ def check_frame(station: Surroundings, key: str, name: str) -> None:
     one_of(message("parts.frame_for", "frame for {key}", key=key), name, frame_names(station))
 
 
-def shapes_of(plant: StationPlant, station: Surroundings, name: str) -> list[GeometryId]:
+def shapes_of(plant: StationPlant, station: StationContents, name: str) -> list[GeometryId]:
     """Find the collision shapes of a body: one of :func:`body_names`.
 
     Raises:
@@ -144,7 +144,7 @@ def frame_of(plant: StationPlant, name: str) -> Frame:
     return plant.piece_frame(name, f"{name}_tcp")
 
 
-def _find_shapes(plant: StationPlant, station: Surroundings, name: str) -> Iterator[GeometryId]:
+def _find_shapes(plant: StationPlant, station: StationContents, name: str) -> Iterator[GeometryId]:
     """Yield the collision shapes of a body: one of :func:`body_names`."""
     inspector = plant.scene_graph.model_inspector()
     piece = name.partition(".")[0]
@@ -179,7 +179,7 @@ def _belongs_to_robot(plant: StationPlant, body: RigidBody, name: str) -> bool:
     return has_link and plant.plant.GetFrameByName(link, robot.instance).body() is body
 
 
-def _link_names(station: Surroundings) -> list[str]:
+def _link_names(station: StationContents) -> list[str]:
     """Names of the links of all robots, with the robots' prefixes."""
     return [
         f"{robot.prefix}{link.get('name')}"

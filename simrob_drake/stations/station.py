@@ -388,7 +388,7 @@ def compose(
         ports = StationPorts(station=station, plant=plant, state=state, outputs=outputs, inputs=inputs, config=config)
         add_kinematic_robots(builder, ports)
     else:
-        state = plant.stepped.get_state_output_port()
+        state = plant.plant_block.get_state_output_port()
         driven = sources or {}
         outputs = OutputRegistry(state, plant.plant, lean=lean)
         ports = StationPorts(
@@ -443,7 +443,7 @@ def gather_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
             builder, "external_forces", ExternallyAppliedSpatialForceMultiplexer(len(found)), *found
         )
         ports.picture.draw_nothing("external_forces")
-        port = ports.plant.stepped.get_applied_spatial_force_input_port()
+        port = ports.plant.plant_block.get_applied_spatial_force_input_port()
         before = _disconnect(builder, port)
         if before is not None:
             both = ExternallyAppliedSpatialForceMultiplexer(2)
@@ -453,7 +453,7 @@ def gather_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
     if ports.generalized_forces:
         joints = add_sum(builder, "joint_forces", *ports.generalized_forces)
         ports.picture.draw_nothing("joint_forces")
-        port = ports.plant.stepped.get_applied_generalized_force_input_port()
+        port = ports.plant.plant_block.get_applied_generalized_force_input_port()
         before = _disconnect(builder, port)
         if before is not None:
             joints = add_sum(builder, "all_joint_forces", before, joints)

@@ -23,7 +23,7 @@ from simrob_drake.base.signals import Signal
 from simrob_drake.blocks.block import add_matrix_gain
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.controllers.flow_blocks import chosen, largest, least
-from simrob_drake.parts.controllers.loop import LoopSection, Wired
+from simrob_drake.parts.controllers.loop import LoopPorts, LoopSection
 from simrob_drake.parts.resolved import ResolvedRobot
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
@@ -144,16 +144,16 @@ class Objective(LoopSection):
         return self
 
     @property
-    def named(self) -> list[str]:
+    def read_names(self) -> list[str]:
         """What it reads by names of the user's."""
-        return [*super().named, self.measures]
+        return [*super().read_names, self.measures]
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
         """Return the axes with weights, and those of the posture."""
         moved = [robot.axes[robot.model.axis_index(axis, "weights")] for axis in self.weights]
-        return [*moved, *self.layered(robot)]
+        return [*moved, *self.target_axes(robot)]
 
-    def layered(self, robot: ResolvedRobot) -> Sequence[str]:
+    def target_axes(self, robot: ResolvedRobot) -> Sequence[str]:
         """Return the axes of the posture."""
         return [robot.axes[robot.model.axis_index(axis, "then_deg")] for axis in self.then_deg]
 
@@ -183,7 +183,7 @@ class Objective(LoopSection):
             known,
         )
 
-    def wire(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site) -> Wired:
+    def wire(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site) -> LoopPorts:
         """Add the loop; without a posture it is one of expressions, for which no Python is asked while stepping.
 
         Drake's integrators ask every system for derivatives, which sampled expressions refuse: there it is the block.
@@ -199,7 +199,7 @@ class Objective(LoopSection):
             "offset": add_matrix_gain(builder, f"{part}.offset", np.outer(weights, [1.0, 0.0]), output),
             "error": add_matrix_gain(builder, f"{part}.error", np.array([[0.0, 1.0]]), output),
         }
-        return Wired({"measured": system.get_input_port()}, outputs, {"offset": "rad", "error": unit})
+        return LoopPorts({"measured": system.get_input_port()}, outputs, {"offset": "rad", "error": unit})
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         law, weights, unit = self._law(key, robot, site)

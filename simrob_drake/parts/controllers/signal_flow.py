@@ -50,7 +50,7 @@ from simrob_drake.parts.controllers.flow_states import (
 from simrob_drake.parts.controllers.own import add_to, declare_output
 from simrob_drake.parts.controllers.section import ControllerSection
 from simrob_drake.parts.monitors.monitor import add_monitor
-from simrob_drake.parts.resolved import Surroundings
+from simrob_drake.parts.resolved import StationContents
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.targets import check_frame, frame_of
 
@@ -91,7 +91,9 @@ class FlowForce(Strict):
         frame = frame_of(site.plant, self.at)
         for output in self.sums(name):
             turns = output.startswith("applied_torque")
-            block = add_external_force(builder, site.plant.stepped, frame, name=output, point=self.point, turns=turns)
+            block = add_external_force(
+                builder, site.plant.plant_block, frame, name=output, point=self.point, turns=turns
+            )
             builder.Connect(ports[output], block.get_command_input_port())
             site.spatial_forces.append(block.get_spatial_forces_output_port())
             what, unit = ("torque", "N·m") if turns else ("force", "N")
@@ -136,7 +138,7 @@ class SignalFlow(ControllerSection):
         return ("feedforward",) if self.torque else ()
 
     @property
-    def named(self) -> list[str]:
+    def read_names(self) -> list[str]:
         """What it reads by names: signals of sensors and others."""
         sums = [*self.torque.values(), *(terms for block in self._all.values() for terms in block.inputs)]
         return sorted({name for terms in sums for name in _terms(terms)})
@@ -149,7 +151,7 @@ class SignalFlow(ControllerSection):
             ends |= force.sums(name)
         return {**{name: block for name, block in self.blocks.items() if not isinstance(block, Input)}, **ends}
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check what is known before building; raises SimrobError: no such robot, axis, frame, block, or no torques."""
         if not station.engine.moves_by_forces:
             raise InvalidParameter(

@@ -13,7 +13,7 @@ from simrob_drake.base.sections import NotNegative, Number, Positive
 from simrob_drake.blocks.sampled import SampledBlock
 from simrob_drake.blocks.swing_up import LqrWeights, SwingUp, SwingUpGains, nearest_error
 from simrob_drake.parts.controllers.loop import LoopSection
-from simrob_drake.parts.resolved import ResolvedRobot, Surroundings
+from simrob_drake.parts.resolved import ResolvedRobot, StationContents
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.axis_map import NotNegativeAxisValues, PositiveAxisValues
@@ -53,7 +53,7 @@ class SwingUpController(LoopSection):
     catch: Positive = 1.0
     """When the regulator takes over: at 1 as soon as no motor will reach its limit on the way, by the linear model."""
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check the robot.
 
         Raises:

@@ -21,7 +21,7 @@ from simrob_drake.blocks.sampled import TIME, Changes, Named, RunEnds, SampledBl
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.controllers.section import CommandPart, TimedCommand
 from simrob_drake.parts.controllers.support import axes_to
-from simrob_drake.parts.resolved import ResolvedRobot, Surroundings
+from simrob_drake.parts.resolved import ResolvedRobot, StationContents
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.gaits_file import gaits_file
@@ -104,7 +104,7 @@ class Walk(LoopSection):
         """Return the parameters of the walk."""
         return load_walking(robot.model, self.gait)
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check that the robot stands on feet of its own and can walk.
 
         Raises SimrobError: it does not, it cannot, or what every loop checks.

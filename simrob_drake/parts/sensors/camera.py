@@ -258,7 +258,7 @@ class CameraSensor(Sensor):
         return self
 
     @property
-    def stepped(self) -> bool:
+    def samples_while_stepping(self) -> bool:
         """Whether blocks can read its images while the station is stepped."""
         return self.in_loop
 

@@ -21,7 +21,7 @@ from simrob_drake.base.sections import ORIGIN, Boolean, Integer, NotNegative, Po
 from simrob_drake.base.signals import POSE, QUANTITY_WORDS, VELOCITY, Panel, Role, Signal
 from simrob_drake.blocks.block import Block, add_and_connect
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.parts.resolved import WORLD, Surroundings
+from simrob_drake.parts.resolved import WORLD, StationContents
 from simrob_drake.parts.sensors.sensor import SampledSensor, Sensor, axis_names, normal_noise, sensor_label
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.targets import check_frame, frame_of
@@ -67,7 +67,7 @@ class Imu(SampledSensor):
     gyroscope_bias: NotNegative = 0.0
     """Standard deviation of the constant error of each axis, drawn from the seed [rad/s]."""
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check that the frame exists."""
         check_frame(station, f"{key}.frame", self._frame_name(station, key))
 
@@ -93,7 +93,7 @@ class Imu(SampledSensor):
         )
         site.outputs.notes[name] = {"kind": self.kind, "frame": frame}
 
-    def _frame_name(self, station: Surroundings, key: str) -> str:
+    def _frame_name(self, station: StationContents, key: str) -> str:
         """Name of the frame in the station.
 
         Args:
@@ -214,7 +214,7 @@ class FrameSensor(Sensor):
     turning: Boolean = True
     """Whether the velocity is relative to these axes as they turn; otherwise, to axes that do not turn."""
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check that the frames exist."""
         check_frame(station, f"{key}.frame", self.frame)
         check_frame(station, f"{key}.base", self.base)

@@ -19,7 +19,7 @@ from simrob_drake.blocks.command_bus import round_to_resolution
 from simrob_drake.blocks.joint_torque import JointTorqueSensor
 from simrob_drake.blocks.momentum_observer import MomentumObserver
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.parts.resolved import ResolvedRobot, Surroundings
+from simrob_drake.parts.resolved import ResolvedRobot, StationContents
 from simrob_drake.parts.sensors.sensor import SampledSensor, Sensor, axis_names, normal_noise, sensor_label
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
@@ -129,7 +129,7 @@ class JointTorque(Sensor):
     robot: str | None = None
     """Robot whose joints are measured; the only robot if it is left out."""
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check, in addition to the base class, that the solver reports reaction forces of joints."""
         super().check(key, station)
         if not station.engine.reports_forces_of_joints:

@@ -42,7 +42,7 @@ from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Boolean, Positive
 from simrob_drake.base.signals import POSE, QUANTITY_WORDS, VELOCITY, Panel, Signal
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.parts.resolved import ResolvedRobot, Surroundings, named
+from simrob_drake.parts.resolved import ResolvedRobot, StationContents, name_or_only
 from simrob_drake.parts.sensors.sensor import SampledSensor, axis_names
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.soles import shares_by_height
@@ -96,7 +96,7 @@ class LegOdometry(SampledSensor):
                 found[kind] = names[0]
         return found | self.reads
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check that the robot stands on feet of its own, and that the sensors exist and fit.
 
         Args:
@@ -118,7 +118,7 @@ class LegOdometry(SampledSensor):
             one_of(message("parts.input_for", "input for {key}.reads", key=key), purpose, kind_of_purpose)
             kind = kind_of_purpose[purpose]
             where = f"{key}.reads.{purpose}"
-            named(
+            name_or_only(
                 self.reads.get(purpose),
                 _names_of_kind(station.sensors, kind),
                 kind=message("parts.sensor_of_kind", "sensor of kind {kind} for {where}", kind=kind, where=where),
@@ -133,7 +133,7 @@ class LegOdometry(SampledSensor):
             )
         self._check_sensors(key, station, robot)
 
-    def _check_sensors(self, key: str, station: Surroundings, robot: ResolvedRobot) -> None:
+    def _check_sensors(self, key: str, station: StationContents, robot: ResolvedRobot) -> None:
         """Check that IMU and encoders are at the robot, and sample as often as the estimator.
 
         Args:

@@ -23,7 +23,7 @@ from simrob_drake.base.renaming import former_names_of, keep_former_attributes
 from simrob_drake.base.sections import Boolean, NotNegative, Positive, Strict
 from simrob_drake.base.signals import Compute, Recorded, Signal
 from simrob_drake.blocks.block import add_and_connect
-from simrob_drake.parts.resolved import Surroundings
+from simrob_drake.parts.resolved import StationContents
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.parts.targets import check_frame
@@ -39,7 +39,7 @@ class Sensor(Strict, ABC):
 
     kind: str
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check before anything is built that the sensor's robot and frame exist.
 
         Args:
@@ -65,7 +65,7 @@ class Sensor(Strict, ABC):
         """
 
     @property
-    def stepped(self) -> bool:
+    def samples_while_stepping(self) -> bool:
         """Whether the sensor takes samples while the station is stepped.
 
         Other sensors are added to the diagram only if something reads them: a block that nothing reads still costs a
@@ -85,6 +85,9 @@ class Sensor(Strict, ABC):
         return {}
 
 
+keep_former_attributes(Sensor, stepped="samples_while_stepping")
+
+
 class ShapeSensor(Sensor):
     """Base class of sensors at the collision shapes of a body."""
 
@@ -94,12 +97,12 @@ class ShapeSensor(Sensor):
     """Samples a second that a loop or a monitor gets [Hz]; if it is left out, they get the present value."""
 
     @property
-    def stepped(self) -> bool:
+    def samples_while_stepping(self) -> bool:
         """Whether the sensor takes samples."""
         return self.rate is not None
 
 
-def check_contact(key: str, sensor: str, station: Surroundings) -> None:
+def check_contact(key: str, sensor: str, station: StationContents) -> None:
     """Check that a station has the contact section that a sensor needs.
 
     Args:
@@ -167,7 +170,7 @@ class SampledSensor(Sensor):
         return round(self.delay * self.rate)
 
     @property
-    def stepped(self) -> bool:
+    def samples_while_stepping(self) -> bool:
         """Whether the sensor takes samples while the station is stepped."""
         return self.in_loop
 

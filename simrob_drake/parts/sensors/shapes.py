@@ -24,7 +24,7 @@ from simrob_drake.blocks.block import add_and_connect
 from simrob_drake.blocks.command_bus import round_to_resolution
 from simrob_drake.blocks.contacts import ContactReader, Contacts, DistanceSensor, ForceSensor
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.parts.resolved import Surroundings
+from simrob_drake.parts.resolved import StationContents
 from simrob_drake.parts.sensors.sensor import (
     ShapeSensor,
     add_sample_and_hold,
@@ -46,7 +46,7 @@ class Distance(ShapeSensor):
     other: str = "floor"
     """A robot, a link, a piece, a shape of a piece, or `floor`."""
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check that both things exist, and that the plant has shapes."""
         check_body(station, f"{key}.body", self.body)
         check_body(station, f"{key}.other", self.other)
@@ -119,7 +119,7 @@ class Force(ShapeSensor):
             )
         return self
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check that its bodies and its frame exist, and that the station computes contacts."""
         check_body(station, f"{key}.body", self.body)
         if self.other is not None:
@@ -150,7 +150,7 @@ class Force(ShapeSensor):
             normal_only=not site.station.engine.reports_friction_of_contacts,
         )
         contacts = _contacts_port(builder, site)
-        poses = site.plant.stepped.get_body_poses_output_port()
+        poses = site.plant.plant_block.get_body_poses_output_port()
         wrench = add_and_connect(builder, f"sensor.{name}", block, contacts, poses)
         label = sensor_label(message("parts.block_force_sensor", "Force sensor"), name, self.rate)
         site.picture.draw(f"sensor.{name}", "sensor", label)
@@ -236,7 +236,7 @@ def _contacts_port(builder: DiagramBuilder, site: Site) -> OutputPort:
     if site.plant.stand_in is not None:
         return site.plant.stand_in.get_contact_results_output_port()
     if not builder.HasSubsystemNamed(_CONTACTS):
-        add_and_connect(builder, _CONTACTS, ContactReader(), site.plant.stepped.get_contact_results_output_port())
+        add_and_connect(builder, _CONTACTS, ContactReader(), site.plant.plant_block.get_contact_results_output_port())
         site.picture.draw_nothing(_CONTACTS)
     return builder.GetSubsystemByName(_CONTACTS).get_output_port()
 
