@@ -14,7 +14,7 @@ from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.blocks.references import Reference, as_reference, corner_times, hold
 from simrob_drake.parts.controllers import readers_of
 from simrob_drake.parts.controllers.loop import sensors_read
-from simrob_drake.parts.controllers.own import driven_inputs
+from simrob_drake.parts.controllers.own import output_owners
 from simrob_drake.parts.controllers.section import ControllerSection, TimedCommand, commanded_sections
 from simrob_drake.parts.forces import ForceConfig, Push
 from simrob_drake.stations.closed import ClosedStation, closed_station
@@ -44,7 +44,7 @@ class StationDiagrams:
         With ``watched`` the one with everything is stepped, since somebody looks at it meanwhile.
         """
         self._station, self._blocks, self._watched = station, blocks, watched
-        self._driven = driven_inputs(blocks)
+        self._driven = output_owners(blocks)
         self.references, self.forces = dict(references), dict(station.config.forces)
 
     def fits(self, references: Mapping[str, Reference]) -> bool:
