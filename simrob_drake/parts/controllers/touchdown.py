@@ -3,8 +3,8 @@
 The thesis proposes it for four legs (p. 120): when the sphere of a foot touches, its leg holds what was applied last.
 
 The *plan* is the reference of the servos without the offsets that the loop itself adds. A leg is in one of three
-*phases*. It follows the plan; or its foot has touched early, while the plan still has the foot in the air; or it stands,
-until the plan lifts the foot.
+*phases*. It follows the plan; or its foot has touched early, while the plan still has the foot in the air; or it
+stands, until the plan lifts the foot.
 """
 
 import math
@@ -51,8 +51,9 @@ class Touchdown(LoopSection):
     force: Positive = 15.0
     """Force from which a foot touches [N]."""
     holds: Literal["positions", "torques"] = "positions"
-    """What a leg holds from that moment on. `positions`: the positions of its joints while the reference has the foot
-    in the air, and then their distance from the reference while the leg stands. `torques`: the torques of its joints."""
+    """Values at this moment that a leg holds. `positions`: the positions of its joints while the reference has the
+    foot in the air, and then their distance from the reference while the leg stands. `torques`: the torques of its
+    joints."""
     clearance: Positive = 0.008
     """Height above the lowest foot from which the reference has a foot in the air [m]."""
     search: NotNegative = 0.3
