@@ -26,8 +26,10 @@ STIFFNESS = 2000.0**2
 """Stiffness of a coupling for each unit of the inertia that it holds [1/s²]. Under continuous schemes a coupling is a
 spring and a damper, and the parts that it holds vibrate at the square root of this value: 2000 rad/s."""
 DAMPING_TIME = 2e-4
-"""Ratio of a coupling's damping to its stiffness [s]."""
-_LARGEST_GAP_AT_START = 1e-3  # [m or rad]
+"""Ratio of a coupling's damping to its stiffness [s]. With the frequency 2000 rad/s the damping ratio is 0.2."""
+# A larger gap at the start is a mistake in the station. A smaller one comes from a rounded pose, and closes by itself
+# [m or rad].
+_LARGEST_GAP_AT_START = 1e-3
 
 
 class CouplingSection(Strict, ABC):
@@ -74,6 +76,7 @@ class CouplingSection(Strict, ABC):
                 ),
             )
         if not self.is_held(station.engine):
+            # Stiff springs need an implicit integrator, or its steps are tiny.
             continuous = message("parts.radau_or", "radau3, or ") if self.has_springs else ""
             expected = message(
                 "parts.discrete_sap",

@@ -82,6 +82,7 @@ def add_bushing(plant: MultibodyPlant, first: Attachment, second: Attachment, *,
         mass += body.default_mass()
         # Half the trace of the inertia is at least the moment of inertia about any axis.
         inertia += body.default_spatial_inertia().CalcRotationalInertia().get_moments().sum() / 2
+    # k = omega² m: a mass m on a spring k vibrates at omega = sqrt(k / m), with omega² = STIFFNESS.
     linear = STIFFNESS * mass
     angular = STIFFNESS * float(inertia)
     stiffness_about_z = 0.0 if turns_about_z else angular
@@ -108,7 +109,7 @@ class Between(Strict, ABC):
     body: str
     """A tool or link of a robot, or a piece."""
     other: str = WORLD
-    """The other body, likewise."""
+    """The other body: a tool or link of a robot, a piece, or the world."""
 
     @property
     @abstractmethod
@@ -306,6 +307,7 @@ class Hinge(BetweenFrames):
             add_bushing(plant.plant, *self.ends(plant), turns_about_z=True)
             return
         first, second = self.constraint_ends(plant)
+        # Two points that stay together leave only the rotation about the line through them.
         for point in np.array([[0.0, 0.0, -_HALF_HINGE], [0.0, 0.0, _HALF_HINGE]]):
             plant.plant.AddBallConstraint(
                 first.body, first.pose.multiply(point), second.body, second.pose.multiply(point)
@@ -381,7 +383,7 @@ class Gear(CouplingSection):
                 engine.name,
                 message("parts.radau_or_discrete", "radau3, or kind: discrete: {others}", others=others),
             )
-        # The constraint by which `add` couples more than two joints in a discrete plant.
+        # `add` couples more than two joints by a tendon, which older Drake versions do not have.
         if engine.has_discrete_states and not TENDONS.is_there:
             older = message("parts.older_drake", "of two: older Drake couples no more")
             raise InvalidParameter(
@@ -414,6 +416,7 @@ class Gear(CouplingSection):
         coupled = []
         for robot in plant.robots.values():
             ratios = self._axis_ratios(robot)
+            # The sense of a robot's axis may be opposite to that of its joint: q_axis = sign q_joint.
             for joint, axis, ratio in zip(robot.joints, robot.model.axes.values(), ratios, strict=True):
                 if ratio:
                     coupled.append(CoupledJoint(joint, float(ratio) * axis.sign))
@@ -524,6 +527,7 @@ class Spring(BetweenPoints):
 
     def add(self, plant: StationPlant) -> None:
         """Add the spring to a plant that is not finalized."""
+        # A force element acts on the world, too, so no anchor is needed as for a constraint.
         first, second = self.ends(plant)
         spring = LinearSpringDamper(
             first.body,

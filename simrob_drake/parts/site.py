@@ -83,6 +83,7 @@ class Site:
             owner = _FORMER_ATTRIBUTES.get(name)
             if owner is None:
                 raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+            # The level of the warning counts the functions from `_warn` up, so it must be called from here.
             _warn(message("parts.site_renamed", "Site.{name} is now Site.{owner}.{name}", name=name, owner=owner))
             return getattr(getattr(self, owner), name)
 

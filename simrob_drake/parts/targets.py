@@ -27,13 +27,18 @@ def own_name(inspector: SceneGraphInspector, shape: GeometryId) -> str:
 
 def piece_of_shape(station: StationContents, inspector: SceneGraphInspector, shape: GeometryId) -> str | None:
     """Find the piece to which a shape belongs. Returns None for a robot's own shapes and those of the floor."""
+    # The name is <scope><owner>::...::<piece>.<shape> for a piece.
     scoped_owner = inspector.GetName(shape).partition("::")[0]
     if not scoped_owner.startswith(station.scope):
         return None  # it belongs to something else in a plant that the station shares
     owner = scoped_owner.removeprefix(station.scope)
-    piece, dot, _ = own_name(inspector, shape).partition(".")
-    found = station.pieces.get(piece) if dot else None
-    return piece if found is not None and owner in (piece, found.carrier) else None
+    name = own_name(inspector, shape)
+    piece = name.partition(".")[0]
+    if "." not in name or piece not in station.pieces:
+        return None
+    # A link of a robot may have a shape with a dot in its name: the owner decides.
+    owners = (piece, station.pieces[piece].carrier)
+    return piece if owner in owners else None
 
 
 def owner_of_shape(plant: StationPlant, shape: GeometryId) -> str:
@@ -41,13 +46,16 @@ def owner_of_shape(plant: StationPlant, shape: GeometryId) -> str:
     inspector = plant.scene_graph.model_inspector()
     owner = inspector.GetName(shape).partition("::")[0].removeprefix(plant.scope)
     name = own_name(inspector, shape)
+    has_dot = "." in name
+    piece = name.partition(".")[0]
     robot = plant.robots.get(owner)
-    piece, dot, _ = name.partition(".")
     if robot is None:
-        is_of_piece = bool(dot) and piece == owner
+        # A piece that no robot carries is its own owner. Other shapes are those of the ground.
+        is_of_piece = has_dot and piece == owner
         return piece if is_of_piece else name
-    if dot and piece in robot.carried:
+    if has_dot and piece in robot.carried:
         return piece
+    # A shape of a link: the link has the body that the shape moves with.
     body = plant.plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
     return f"{robot.prefix}{body.name()}"
 
@@ -62,6 +70,7 @@ def owner_and_robot(plant: StationPlant, shape: GeometryId) -> tuple[str, str]:
     owner = owner_of_shape(plant, shape)
     frame = plant.scene_graph.model_inspector().GetFrameId(shape)
     instance = plant.plant.GetBodyFromFrameId(frame).model_instance()
+    # All bodies of a robot, and of the pieces that it carries, are in the robot's model instance.
     robot = next((robot.name for robot in plant.robots.values() if robot.instance == instance), "")
     is_ground = not robot and owner.partition(".")[0] == FLOOR
     return FLOOR if is_ground else owner, robot
@@ -135,11 +144,14 @@ def frame_of(plant: StationPlant, name: str) -> Frame:
     """Find a frame by its name: one of :func:`frame_names`."""
     if name == WORLD:
         return plant.plant.world_frame()
+    # A tool comes before a link of the same name. The prefix of the only robot is empty, so every name begins with it.
     for robot in plant.robots.values():
+        if not name.startswith(robot.prefix):
+            continue
         own = name.removeprefix(robot.prefix)
-        if own in robot.tools and name.startswith(robot.prefix):
+        if own in robot.tools:
             return robot.tools[own]
-        if name.startswith(robot.prefix) and plant.plant.HasFrameNamed(own, robot.instance):
+        if plant.plant.HasFrameNamed(own, robot.instance):
             return plant.plant.GetFrameByName(own, robot.instance)
     return plant.piece_frame(name, f"{name}_tcp")
 

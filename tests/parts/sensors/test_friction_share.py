@@ -1,4 +1,4 @@
-"""Friction that a force sensor gets under ``cenic``: the model's friction times the sensor's share of the normal load."""
+"""Friction of a force sensor under ``cenic``: that of its model, times the sensor's share of the normal load."""
 
 from types import SimpleNamespace
 
