@@ -162,7 +162,7 @@ class LoopSection(ControllerSection):
         return robot
 
     def warnings(self, key: str, robot: ResolvedRobot) -> list[str]:
-        """Find what will not work as the section asks for, in words.
+        """Find settings that will not work as they are written, in words.
 
         Args:
             key: key of the section in the station file, such as ``controllers.balance``.
@@ -380,9 +380,10 @@ def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSecti
         _connect(builder, site, name, section, ports_of[name])
     for robot in site.plant.robots.values():
         own = [name for name, loop in loops.items() if site.robot(loop.robot) is robot]
-        layers = sorted(own, key=lambda name: loops[name].layer)  # the lowest layer first
+        own.sort(key=lambda name: loops[name].layer)  # the lowest layer first; equal ones stay in the file's order
+        layers = {name: (loops[name], ports_of[name]) for name in own}
         if layers:
-            _drive(builder, site, robot, {name: (loops[name], ports_of[name]) for name in layers})
+            _drive(builder, site, robot, layers)
 
 
 def _add_loop(builder: DiagramBuilder, site: Site, name: str, section: LoopSection) -> LoopPorts:

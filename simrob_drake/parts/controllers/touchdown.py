@@ -32,7 +32,7 @@ _STANDS = 2.0  # the leg stands, until the reference lifts it
 
 
 class Touchdown(LoopSection):
-    """Hold a leg as it is when its foot touches, and let it seek the ground where that is lower than planned.
+    """Hold a leg in its posture when its foot touches, and move a foot on downward if it does not touch when it should.
 
     `reads` names the feet and the sensors of their forces: `{left_foot: force.left}` for a tool `left_foot` and a force
     sensor `left`. The reference has a foot in the air if it is higher above the lowest foot than the clearance.
@@ -236,7 +236,7 @@ class UnknownGround(SampledBlock):
     def _hold_torques(
         self, new: dict[str, Vector], leg: slice | list[int], to_position: Vector, velocity: Vector, *, follows: bool
     ) -> None:
-        """Let the servos of a leg that touched early apply the torques of that moment, and no other ones.
+        """Change offset and feedforward of a leg that touched early so that only the torques of that moment act.
 
         It writes to the new memory. With the reference at the measured position, the servos themselves apply nothing.
 

@@ -68,7 +68,7 @@ class JointLimit(MonitorSection):
             return np.concatenate([position - upper, lower - position])
 
         def why(index: int, _: float) -> str:
-            """Say which limit was reached, by the index of its overshoot."""
+            """Reason of the end of the run, by the index of the largest overshoot."""
             is_upper = index < count
             axis = index if is_upper else index - count
             limit = upper[axis] if is_upper else lower[axis]
@@ -558,7 +558,7 @@ class Workspace(PoseMonitorSection):
             return np.concatenate([position - self.upper, self.lower - position])
 
         def why(index: int, _: float) -> str:
-            """Say which side of the box was left, by the index of its overshoot."""
+            """Reason of the end of the run, by the index of the largest overshoot."""
             is_upper = index < len(_XYZ)
             axis = index % len(_XYZ)
             return message(

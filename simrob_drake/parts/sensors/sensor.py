@@ -49,6 +49,7 @@ class Sensor(Strict, ABC):
         Raises:
             SimrobError: something does not exist; the message says what.
         """
+        # Kinds of sensor declare a field ``robot`` or ``frame`` if they need one.
         if hasattr(self, "robot"):
             station.robot(self.robot, key)
         if hasattr(self, "frame"):
@@ -92,7 +93,7 @@ class ShapeSensor(Sensor):
     """Base class of sensors at the collision shapes of a body."""
 
     body: str
-    """What it is at: a robot, a link, a piece, or a shape of a piece (`<piece>.<shape>`)."""
+    """Body at which it measures: a robot, a link, a piece, or a shape of a piece (`<piece>.<shape>`)."""
     rate: Positive | None = None
     """Samples a second that a loop or a monitor gets [Hz]; if it is left out, they get the present value."""
 
@@ -202,6 +203,7 @@ class SampledSensor(Sensor):
             robot: robot in whose part of the block picture the block is drawn, or None.
         """
         if not self.in_loop:
+            # No diagram owns the block, so it is kept as long as the plant. All of its outputs share one replay.
             release_with(site.plant.plant, block)
             for port, signal in signals.items():
                 compute = partial(_compute_after_run, block=block, inputs=inputs, output=port)
@@ -264,6 +266,7 @@ def _compute_after_run(
     """
     if block not in recorded.memo:
         recorded.memo[block] = replay(recorded, block=block, inputs=inputs)
+    # Between two samples the values of the earlier one hold.
     replayed: Replay = recorded.memo[block]
     values = replayed.outputs[output]
     samples = (times / replayed.period + _SAME_SAMPLE).astype(int)
@@ -289,7 +292,7 @@ def replay(recorded: Recorded, *, block: LeafSystem, inputs: Mapping[str, Output
     end_sample = int(np.floor(recorded.step_times[-1] / period + _SAME_SAMPLE)) + 1
     sample_times = period * np.arange(_first_sample(recorded, period), end_sample)
 
-    # Values of the inputs at all samples, shape (k, size), by port.
+    # Values of the inputs at all samples, shape (k, size), by port. Ports are evaluated together, which is faster.
     ports = {name: source for name, source in inputs.items() if isinstance(source, OutputPort)}
     values = dict(zip(ports, recorded.sample(list(ports.values()), sample_times), strict=True))
     # While stepping, sensors that sample at the same time read each other's last sample. So does the replay.
@@ -301,6 +304,7 @@ def replay(recorded: Recorded, *, block: LeafSystem, inputs: Mapping[str, Output
     context = block.CreateDefaultContext()
     output_ports = [block.get_output_port(index) for index in range(block.num_output_ports())]
     outputs = {port.get_name(): np.empty((len(sample_times), port.size())) for port in output_ports}
+    # The same as a simulator does: at each sample the update sees the inputs, and the outputs follow from its result.
     for row, time in enumerate(sample_times):
         context.SetTime(time)
         for name, input_values in values.items():
