@@ -86,9 +86,9 @@ def planned_gait(
         )
 
     def plan(**others: Any) -> JointMotion:
-        return gait.changed({**changes, **others}, amplitude, name).plan(walker, steps or 0, amplitude)
+        return gait.with_changes({**changes, **others}, amplitude, name).plan(walker, steps or 0, amplitude)
 
-    motion = _within_reach(plan, gait, bent=(bends or walker.differs) and "bearing" not in changes)
+    motion = _within_reach(plan, gait, bent=(bends or walker.is_loaded_or_inclined) and "bearing" not in changes)
     check_limits(
         robot.trunk_chain(),
         motion.times,
@@ -101,7 +101,7 @@ def planned_gait(
 def perform(robot: LeggedGeometry, motion: JointMotion) -> SimulationResult:
     """Run a gait from where a robot stands, and return the run; the floor stays as large as it had to become."""
     here = float(np.abs(robot.base_pose.translation()[:2]).max())
-    adapted = motion.adapted(robot.cell.config, robot.name, start=here)
+    adapted = motion.adapt_station(robot.cell.config, robot.name, start=here)
     trajectory = hermite(*_from_here(robot, motion))
     del motion  # of ten minutes it takes 16 MB
     return robot.cell.follow_as(adapted, {robot.name: trajectory}, trajectory.end_time())
@@ -146,7 +146,7 @@ def _walker(robot: LeggedGeometry, station: ResolvedStation) -> Walker:
     heading = np.arctan2(turn[1, 0], turn[0, 0]) + np.deg2rad(gaits.facing_deg)
     seen = RotationMatrix.MakeZRotation(-heading) @ from_floor
     gravity = seen.matrix()[:, 2] * -station.config.gravity
-    return Walker(skeleton, gaits, gravity, differs=bool(own.carried or station.ground.incline))
+    return Walker(skeleton, gaits, gravity, is_loaded_or_inclined=bool(own.carried or station.ground.incline))
 
 
 def _check_station(robot: LeggedGeometry, station: ResolvedStation, gait: Gait, name: str) -> None:

@@ -11,8 +11,9 @@ from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Positive
-from simrob_drake.programs.gaits.biped import SIDES
-from simrob_drake.programs.gaits.climb import BallFootholds, Climb, Footholds, Places, SoleFootholds
+from simrob_drake.programs.gaits.biped import FEET
+from simrob_drake.programs.gaits.climb import Climb
+from simrob_drake.programs.gaits.climb_footholds import BallFootholds, Footholds, FootPositions, SoleFootholds
 from simrob_drake.programs.gaits.registry import has_gait
 from simrob_drake.programs.gaits.walker import UP, Foot, Walker, rotations_about
 from simrob_drake.programs.geometry import LeggedGeometry
@@ -99,7 +100,7 @@ def _has_edges(model: RobotModel, worn: str | None) -> bool:
     """
     assert model.feet is not None  # or it had no gait
     feet = model.feet.kind(worn)
-    return len(feet.links) != len(SIDES) or bool(feet.boxes)
+    return len(feet.links) != len(FEET) or bool(feet.boxes)
 
 
 @dataclass(frozen=True)
@@ -128,10 +129,10 @@ class ClimbPath:
             return ground.beneath(np.column_stack([origin + places @ turn.T, np.full(len(places), high)]))
 
         facing = np.deg2rad(walker.gaits.facing_deg)
-        kind = SoleFootholds if len(feet) == len(SIDES) else BallFootholds
+        kind = SoleFootholds if len(feet) == len(FEET) else BallFootholds
         return cls(gait, feet, facing, origin, heading, kind(gait, feet, height, distance))
 
-    def seen(self, robot: LeggedGeometry) -> tuple[Places, float]:
+    def seen(self, robot: LeggedGeometry) -> tuple[FootPositions, float]:
         """Return where the soles stand, and how the trunk is turned [rad]."""
         turn, places = _turn(self.heading), {}
         for name, foot in self.feet.items():
@@ -141,7 +142,7 @@ class ClimbPath:
         root = robot.base_pose.rotation().matrix()
         return places, float(np.arctan2(root[1, 0], root[0, 0])) + self.facing - self.heading
 
-    def aim(self, places: Places, turned: float = 0.0) -> dict[str, Any]:
+    def aim(self, places: FootPositions, turned: float = 0.0) -> dict[str, Any]:
         """Return the parameters of the stride from places of the soles and a turn of the trunk; none at the goal."""
         stride = self.footholds.next(places)
         if stride is None:

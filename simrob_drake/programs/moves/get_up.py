@@ -7,7 +7,7 @@ from simrob_drake.base.errors import SimrobError
 from simrob_drake.blocks.references import hold
 from simrob_drake.parts.controllers.get_up import STANDS, Attempts, GetUp
 from simrob_drake.parts.controllers.loop import LoopSection
-from simrob_drake.programs.gaits.motion import short_steps, unwatched
+from simrob_drake.programs.gaits.motion import monitors_without_fall, short_steps
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.moves.move import Move, Outlook, Stage
 from simrob_drake.results.result import SimulationResult
@@ -57,7 +57,7 @@ class GetUpMove(Move):
 
         others = {name: one for name, one in config.controllers.items() if not rests(one)}
         section = GetUp(kind="get_up", robot=robot, attempts=self.attempts, ends=True)
-        changes = {"controllers": {**others, self.key: section}, "monitors": unwatched(config, robot)}
+        changes = {"controllers": {**others, self.key: section}, "monitors": monitors_without_fall(config, robot)}
         changed = config.model_copy(update={**changes, "solver": short_steps(config.solver)})
         check_parts(resolve(changed))
         return changed

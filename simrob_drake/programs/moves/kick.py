@@ -92,7 +92,7 @@ class KickMove(Move):
         if self.ball is None:
             return {}
         walker, cell = Walker.of(robot.model), robot.cell
-        return Kick.of(walker, self.gait, self.model_extra or {}).aimed(
+        return Kick.of(walker, self.gait, self.model_extra or {}).aim(
             walker,
             robot.base_pose.GetAsMatrix4(),
             robot.position,

@@ -27,7 +27,7 @@ def test_the_tip_of_the_foot_goes_through_the_point_at_the_speed(name, speed, ah
     walker, turn = Walker.of(name), np.deg2rad(10.0)
     feet = {foot.name: foot for foot in walker.feet()}
     left = feet["left_foot"].home[1]
-    motion = Kick.planned(name, 0, foot="left_foot", speed=speed, toward_deg=10.0, point=(ahead, left), rest=0.0)
+    motion = Kick.plan_by_name(name, 0, foot="left_foot", speed=speed, toward_deg=10.0, point=(ahead, left), rest=0.0)
     facing = facing_rotation(walker.gaits.facing_deg)
     roots = stacked(motion.root[:, :3, 3] @ facing.T, facing @ motion.root[:, :3, :3])
     kicking, standing = (feet[side].poses(motion.positions, roots) for side in ("left_foot", "right_foot"))

@@ -10,9 +10,9 @@ from simrob_drake.kinematics.skeleton import skeleton_of
 from simrob_drake.programs.gaits.biped import BipedWalk, planned_walk, walk
 from simrob_drake.programs.gaits.legs import OutOfReach
 from simrob_drake.programs.gaits.phases import SAMPLE, Phase, gait_plan
-from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, crawl, moved_inside, three_legs, trot
+from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, crawl, nearest_inside, three_legs, trot
 from simrob_drake.programs.gaits.registry import load_gaits
-from simrob_drake.programs.gaits.walker import Walker, facing_rotation, feet_of, rolled, rotations_about
+from simrob_drake.programs.gaits.walker import Walker, facing_rotation, feet_of, rolled_distances, rotations_about
 from simrob_drake.programs.gaits.zmp import whole_body_zmp
 from simrob_drake.stations.clearance import standing
 from simrob_drake.stations.plant import add_plant
@@ -106,20 +106,20 @@ def test_a_ball_rolls_by_its_radius_times_the_angle():
     angle = np.linspace(0, 0.4, 41)
     standing = np.ones(41, dtype=bool)
     rotation = rotations_about(np.array([0.0, 1.0, 0.0]), angle)
-    np.testing.assert_allclose(rolled(rotation, standing, 0.025)[-1], [0.025 * 0.4, 0], rtol=1e-4)
+    np.testing.assert_allclose(rolled_distances(rotation, standing, 0.025)[-1], [0.025 * 0.4, 0], rtol=1e-4)
     standing[20:30] = False
-    again = rolled(rotation, standing, 0.025)
+    again = rolled_distances(rotation, standing, 0.025)
     np.testing.assert_allclose(again[30], 0, atol=1e-9)  # it lands where it was meant to
     np.testing.assert_allclose(again[-1], [0.025 * 0.1, 0], rtol=1e-4)
 
 
-def test_moved_inside_goes_to_the_nearest_place():
+def test_nearest_inside_goes_to_the_nearest_place():
     triangle = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    np.testing.assert_allclose(moved_inside(np.array([0.3, 0.3]), triangle, 0.1), [0.3, 0.3])
-    np.testing.assert_allclose(moved_inside(np.array([0.3, -2.0]), triangle, 0.1), [0.3, 0.1])
-    np.testing.assert_allclose(moved_inside(np.array([-1.0, -1.0]), triangle[::-1], 0.1), [0.1, 0.1])
+    np.testing.assert_allclose(nearest_inside(np.array([0.3, 0.3]), triangle, 0.1), [0.3, 0.3])
+    np.testing.assert_allclose(nearest_inside(np.array([0.3, -2.0]), triangle, 0.1), [0.3, 0.1])
+    np.testing.assert_allclose(nearest_inside(np.array([-1.0, -1.0]), triangle[::-1], 0.1), [0.1, 0.1])
     with pytest.raises(InvalidParameter, match="inside"):
-        moved_inside(np.zeros(2), triangle, 0.5)
+        nearest_inside(np.zeros(2), triangle, 0.5)
 
 
 def test_a_swing_rises_and_lands():
