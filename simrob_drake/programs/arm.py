@@ -28,6 +28,7 @@ from simrob_drake.programs.plan import Plan
 from simrob_drake.programs.planning import Planning
 from simrob_drake.programs.program import Program, pace_of, run_cells
 from simrob_drake.programs.recorded import STATION, RecordedStation
+from simrob_drake.programs.smooth_path import RateLimits
 from simrob_drake.programs.stages import check_takes_time
 from simrob_drake.programs.time_optimal import Motors
 from simrob_drake.programs.timeline import following
@@ -166,7 +167,7 @@ class Arm(ArmGeometry):
         return Planner(
             robot=self.name,
             model=model,
-            rate_limits=(robot.speed_limits, model.accelerations),
+            rate_limits=RateLimits(robot.speed_limits, model.accelerations),
             chain=self.chain,
             start=self.reference,
             solver=self.solver,

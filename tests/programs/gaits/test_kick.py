@@ -102,7 +102,7 @@ def test_legs_that_do_not_turn_kick_ahead_alone():
     foot = {foot.name: foot for foot in walker.feet()}["right_foot"]
     assert np.ptp(motion.positions[:, list(foot.axes)], axis=0).max() > 0.2
     with pytest.raises(InvalidParameter, match=r"toward_deg is 5\.0; it must be 0, since the legs of humanoid"):
-        kick.changed({"toward_deg": 5}, 1.0, "kick").plan(walker)
+        kick.with_changes({"toward_deg": 5}, 1.0, "kick").plan(walker)
 
 
 def test_a_robot_on_four_legs_does_not_kick():
