@@ -141,11 +141,11 @@ class Arm(ArmGeometry):
             self.tool(tool)
         _ = self.chain  # of joints that can be followed
 
-    def _described(self) -> list[str]:
+    def _description(self) -> list[str]:
         values = np.append(self.pose()[:3], np.rad2deg(self.pose()[3:])).round(6) + 0.0  # no -0
         place, angles = (" ".join(f"{value:.4g}" for value in part) for part in (values[:3], values[3:]))
         tool = self.cell.model.robots[self.name].tcp
-        return [*super()._described(), f"tool {tool} at {place} m, Rz Ry Rx {angles} deg"]
+        return [*super()._description(), f"tool {tool} at {place} m, Rz Ry Rx {angles} deg"]
 
     def tool(self, tool: str | PoseLike) -> None:
         """Change the tool centre point (SimRob's Tool).

@@ -79,9 +79,9 @@ class LeggedRobot(LeggedGeometry):
         self.move_spans: list[MoveSpan] = []
         self._past: list[Snapshot] = []
 
-    def _described(self) -> list[str]:
+    def _description(self) -> list[str]:
         feet = [] if self.worn_feet is None else [f"feet {self.worn_feet}"]
-        return [*super()._described(), *feet, f"program of {counted(len(self.program.moves), 'move')}"]
+        return [*super()._description(), *feet, f"program of {counted(len(self.program.moves), 'move')}"]
 
     def do(self, move: Move | Mapping[str, Any], *, store: bool = False) -> SimulationResult | None:
         """Do a move of any kind from the last state, and return its run; None of one that takes no time.

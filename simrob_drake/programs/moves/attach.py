@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, NamedTuple
 from simrob_drake.base.sections import Boolean, Pose
 from simrob_drake.parts.resolved import WORLD
 from simrob_drake.programs.geometry import LeggedGeometry
-from simrob_drake.programs.grasps import let_go
+from simrob_drake.programs.grasps import release_piece
 from simrob_drake.programs.model import StationModel, reparented
 from simrob_drake.programs.moves.move import Move, NameOf, Outlook, Run, Stage, naming
 from simrob_drake.programs.stateful_station import StatefulStation
@@ -120,7 +120,7 @@ class ReleaseMove(Move):
         The outlook gets the station with the released piece.
         """
         model = StationModel(outlook.station)
-        outlook.station = let_go(model, self.piece, self.parent, frame=self.frame, fixed=self.fixed)
+        outlook.station = release_piece(model, self.piece, self.parent, frame=self.frame, fixed=self.fixed)
         outlook.changed = True
 
         def run_stage(robot: LeggedGeometry) -> None:
