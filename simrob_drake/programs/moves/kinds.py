@@ -60,6 +60,7 @@ class MoveKinds(Mapping[str, type[Move]]):
 
     @cached_property
     def _all(self) -> dict[str, type[Move]]:
+        """All kinds by their key."""
         return {kind.key: kind for kind in _CORE} | classes_of_extensions(_POINT, Move, named_by="key")
 
     @cached_property
@@ -84,7 +85,7 @@ register_core_names(_POINT, lambda: [kind.key for kind in _CORE])
 
 
 def leg_kinds() -> list[str]:
-    """Return the keys of the kinds that robots with legs can do."""
+    """Keys of the kinds that robots with legs can perform."""
     return [key for key, kind in KINDS.items() if kind.of_legs]
 
 
