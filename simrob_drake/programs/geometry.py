@@ -425,7 +425,7 @@ class LeggedGeometry(CellRobot):
 
     @property
     def soles(self) -> Vector:
-        """Points of the feet that may touch the ground, in the world, shape (m, 3) [m]. There are none without feet."""
+        """Points of the feet that may touch the ground, in the world, shape (m, 3) [m]. Without feet, m is 0."""
         robot = self.cell.robot(self.name)
         model = self.cell.model
         if robot.feet is None:

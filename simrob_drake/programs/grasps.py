@@ -1,6 +1,6 @@
 """Taking and releasing pieces: how far a tool may be from a piece that it takes, and which pieces can fall.
 
-A piece that is taken gets a new parent, on which it is fixed, see :func:`~simrob_drake.programs.model.reparented`.
+A piece that is taken gets a new parent, on which it is fixed, see :func:`~simrob_drake.programs.model.reparent_piece`.
 """
 
 from collections.abc import Iterator, Mapping
@@ -17,14 +17,14 @@ from simrob_drake.base.messages import message
 from simrob_drake.parts.resolved import WORLD
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.parts.targets import own_name
-from simrob_drake.programs.model import StationModel, reparented
+from simrob_drake.programs.model import StationModel, reparent_piece
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
 
 REACH = 0.03
 """Largest distance from a piece of the tool that takes it, or of the link on which it is fixed [m]."""
 
-_THIN = 1e-9  # half the sides of a box that stands for a point [m]
+_THIN = 1e-9  # half the sides of a box that replaces a point [m]
 
 
 class _Box(NamedTuple):
@@ -40,7 +40,7 @@ class _Box(NamedTuple):
 
 
 def take_piece(model: StationModel, piece: str, parent: str, *, frame: str | None = None) -> StationConfig:
-    """Make a station in which a piece has another parent, if that is close enough; see :func:`reparented`.
+    """Make a station in which a piece has another parent, if that is close enough; see :func:`reparent_piece`.
 
     Args:
         model: the station as it is now.
@@ -50,9 +50,9 @@ def take_piece(model: StationModel, piece: str, parent: str, *, frame: str | Non
 
     Raises:
         InvalidParameter: a robot takes the piece from a larger distance than :data:`REACH`.
-        SimrobError: see :func:`reparented`.
+        SimrobError: see :func:`reparent_piece`.
     """
-    changed = reparented(model, piece, parent, frame=frame)
+    changed = reparent_piece(model, piece, parent, frame=frame)
     is_piece = parent in model.resolved.pieces
     carrier = model.resolved.pieces[parent].carrier if is_piece else parent
     if carrier not in model.robots:
@@ -107,7 +107,7 @@ def release_piece(
 
     Raises:
         InvalidParameter: no robot or piece holds the piece; or it would fall forever, or cannot fall without a mass.
-        SimrobError: see :func:`reparented`.
+        SimrobError: see :func:`reparent_piece`.
     """
     subject = message("programs.piece_to_release", "{piece}, to be let go,", piece=piece)
     if piece in model.config.pieces and model.resolved.pieces[piece].parent == WORLD:
@@ -116,7 +116,7 @@ def release_piece(
             message("programs.held_by_nothing", "held by nothing"),
             message("programs.piece_that_hangs", "a piece that hangs on a robot or a piece"),
         )
-    changed = reparented(model, piece, parent, frame=frame)
+    changed = reparent_piece(model, piece, parent, frame=frame)
     falls = parent == WORLD and not fixed and changed.engine.moves_by_forces
     if not falls:
         return changed
@@ -158,7 +158,7 @@ def _missing_to_fall(model: StationModel, config: StationConfig, piece: str) -> 
 
 
 def _point_box(pose: RigidTransform) -> _Box:
-    """Box that stands for the origin of a frame."""
+    """Box of almost no size around the origin of a frame."""
     return _Box(pose, np.full(3, _THIN))
 
 

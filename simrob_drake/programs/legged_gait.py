@@ -55,7 +55,7 @@ def planned_gait(
     station: StationConfig | None = None,
     bends: bool = False,
 ) -> JointMotion:
-    """Plan a gait for a robot as it is in a station: with its load, its arms, and on its slope. Nothing moves.
+    """Plan a gait for a robot in a station: with its load and its arms, and on its slope. Nothing moves.
 
     Args:
         robot: the robot.

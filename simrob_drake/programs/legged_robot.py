@@ -18,7 +18,7 @@ from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.moves.get_up import GetUpMove
 from simrob_drake.programs.moves.joints import move_of, targets_on
 from simrob_drake.programs.moves.kinds import ActMove, AttachMove, GoMove, JointMove, ReleaseMove, WalkMove, move_from
-from simrob_drake.programs.moves.move import MOVE_TIME, Move, checked
+from simrob_drake.programs.moves.move import MOVE_TIME, Move, make_move
 from simrob_drake.programs.moves.walk import GO_TIME
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.stages import (
@@ -172,7 +172,7 @@ class LeggedRobot(LeggedGeometry):
             OutOfReach, JointLimitExceeded: the legs cannot do the steps. The message has the excess.
             SimrobError: the gait needs other feet or another station, or a parameter has an invalid value.
         """
-        return self._run(checked(WalkMove, steps=steps, amplitude=amplitude, gait=gait, **changes), store)
+        return self._run(make_move(WalkMove, steps=steps, amplitude=amplitude, gait=gait, **changes), store)
 
     def go(
         self,
@@ -215,7 +215,7 @@ class LeggedRobot(LeggedGeometry):
         Raises:
             SimrobError: see :meth:`walk`.
         """
-        return self._run(checked(ActMove, name=name, **changes), store)
+        return self._run(make_move(ActMove, name=name, **changes), store)
 
     def get_up(self, *, attempts: int = 5, store: bool = False) -> SimulationResult:
         """Get up where the robot has fallen. The ``message`` of the result has the outcome.
@@ -227,7 +227,7 @@ class LeggedRobot(LeggedGeometry):
         Raises:
             InvalidParameter: the robot's ``gaits.yaml`` has no postures for getting up, or the count is invalid.
         """
-        return self._run(checked(GetUpMove, attempts=attempts), store)
+        return self._run(make_move(GetUpMove, attempts=attempts), store)
 
     def attach(self, piece: str, tool: str | None = None, *, pose: PoseLike | None = None, store: bool = False) -> None:
         """Attach a piece to a tool of the robot; see :meth:`Workcell.attach`.
@@ -244,11 +244,11 @@ class LeggedRobot(LeggedGeometry):
             InvalidParameter: the piece is more than 30 mm away, and no pose is given.
         """
         pose_numbers = None if pose is None else pose_from_transform(as_transform(pose))
-        self.do(checked(AttachMove, piece=piece, tool=tool, pose=pose_numbers), store=store)
+        self.do(make_move(AttachMove, piece=piece, tool=tool, pose=pose_numbers), store=store)
 
     def release(self, piece: str, parent: str = WORLD, *, fixed: bool = False, store: bool = False) -> None:
         """Release a piece, in the world or on another piece; see :meth:`Workcell.release`, also for the errors."""
-        self.do(checked(ReleaseMove, piece=piece, parent=parent, fixed=fixed), store=store)
+        self.do(make_move(ReleaseMove, piece=piece, parent=parent, fixed=fixed), store=store)
 
     def run(self, program: Program | Path | str) -> SimulationResult:
         """Run another program from the last state, without storing its moves.

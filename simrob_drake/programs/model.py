@@ -1,8 +1,8 @@
 """Geometry of a station for its programs: poses of frames, dynamics of robots, distances of bodies. It is not stepped.
 
-A piece has a *parent* on which it is fixed: the world, a robot or another piece. :func:`reparented` makes a station in
-which it has another parent (SimRob's PegarEn). The *carrier* of a piece is the robot that carries it, perhaps by way of
-other pieces. A *free* piece has no parent: it moves by forces, and a robot can only *hold* it between its fingers.
+A piece has a *parent* on which it is fixed: the world, a robot or another piece. :func:`reparent_piece` makes a station
+in which it has another parent (SimRob's PegarEn). The *carrier* of a piece is the robot that carries it, perhaps by way
+of other pieces. A *free* piece has no parent: it moves by forces, and a robot can only *hold* it between its fingers.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -172,7 +172,7 @@ class StationModel(PosedStation):
         if self._holds:
             self.place(self.plant.GetPositions(self.context))
 
-    def frozen(self) -> StationConfig:
+    def frozen_station(self) -> StationConfig:
         """Make a dynamic station in which nothing but the robots can move.
 
         Free pieces are fixed on what holds them, or in the world where they are now. A floor without terrain becomes a
@@ -380,7 +380,7 @@ class StationModel(PosedStation):
         return self.plant.GetFrameByName(flange(own.model.tools, own.model.root, frame), own.instance)
 
     def dynamics(self, robot: str) -> Dynamics:
-        """Equation of motion of a robot with what it carries, while the others rest as they are placed."""
+        """Equation of motion of a robot with what it carries, while the other robots are at rest."""
         own = self.robots[robot]
         return Dynamics(
             own.model,
@@ -392,7 +392,7 @@ class StationModel(PosedStation):
         )
 
 
-def reparented(
+def reparent_piece(
     model: StationModel,
     piece: str,
     parent: str,

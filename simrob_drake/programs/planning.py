@@ -39,7 +39,7 @@ from simrob_drake.programs.plan import CHECKED, Check, Plan, check_limits, check
 from simrob_drake.programs.segments import PathPoint, Segment, Way, pose_segment, through_zones, zone_size
 from simrob_drake.programs.smooth_path import RateLimits
 from simrob_drake.programs.time_optimal import Motors
-from simrob_drake.programs.timing import How, is_free, remedy, through_all, timed
+from simrob_drake.programs.timing import How, is_free, plan_timed, remedy, through_all
 from simrob_drake.programs.torques import check_torques, slowed_for_motors
 from simrob_drake.robots.catalog import RobotModel
 
@@ -303,14 +303,14 @@ class Planning:
         zone = zone_of(how, len(ways))
         start = self.start
         segments = list[Segment]()
-        for index, (way, count) in enumerate(grouped(ways, zone, points)):
+        for index, (way, count) in enumerate(join_ways(ways, zone, points)):
             name = target_name(index, len(ways))
             segment = pose_segment(inverse, way, start, points=count, target=name)
             segments.append(segment)
             start = segment.end
-        return self.checked(segments, how, points)
+        return self.plan_segments(segments, how, points)
 
-    def checked(
+    def plan_segments(
         self,
         segments: list[Segment],
         how: How,
@@ -337,19 +337,19 @@ class Planning:
         if through:
             plan = through_all(self.robot, segments, how, points, self.rate_limits)
         else:
-            plan = timed(self.robot, segments, how, points, self.rate_limits, lambda: self.motors([self.robot]))
+            plan = plan_timed(self.robot, segments, how, points, self.rate_limits, lambda: self.motors([self.robot]))
         ends = np.array([segment.end for segment in segments]) if rows is None else rows
         check = how.get("check", CHECKED)  # not validated yet: the user may have given a value of any type
         is_unchecked = isinstance(check, str) and check == "nothing"
         # If the user left the timing to the planner, the move may take as long as the motors need.
         if is_free(how) and not is_unchecked:
             plan = slowed_for_motors(self.motors([self.robot]), plan)
-        plan = self.looked_at(plan, how, ends, hint)
+        plan = self.check_limits_of(plan, how, ends, hint)
         if plan.check == "collision":
             self.collide(plan)
         return plan
 
-    def looked_at(self, plan: Plan, how: How, ends: Vector, hint: str = "") -> Plan:
+    def check_limits_of(self, plan: Plan, how: How, ends: Vector, hint: str = "") -> Plan:
         """Check the limits of a plan as its options demand. Collisions are not checked here.
 
         Args:
@@ -424,7 +424,7 @@ class SampledWay(NamedTuple):
     points: int
 
 
-def grouped(ways: Sequence[Way], zone: float, points: int) -> list[SampledWay]:
+def join_ways(ways: Sequence[Way], zone: float, points: int) -> list[SampledWay]:
     """Join paths that are gone without a rest between them.
 
     Args:

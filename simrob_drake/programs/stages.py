@@ -23,7 +23,7 @@ from simrob_drake.programs.gaits.sequences import Posing
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.moves.joints import JointMove, move_of, targets_on
 from simrob_drake.programs.moves.kinds import leg_kinds
-from simrob_drake.programs.moves.move import Move, Outlook, Stage, checked, move_name, naming, reference_name
+from simrob_drake.programs.moves.move import Move, Outlook, Stage, make_move, move_name, naming, reference_name
 from simrob_drake.programs.moves.walk import WalkMove
 from simrob_drake.programs.program import Program, run_cells
 from simrob_drake.results.record.run import MoveSpan, move_title
@@ -296,7 +296,7 @@ def step_moves(model: RobotModel, feet: str | None, move_time: float | None = No
     changes = dict(gait.one_step)
     if move_time is not None:
         changes[gait.pace] = move_time
-    return [checked(WalkMove, steps=1, **changes)]
+    return [make_move(WalkMove, steps=1, **changes)]
 
 
 def _moves_of_sequence(model: RobotModel, posing: Posing, move_time: float | None) -> list[Move]:

@@ -20,7 +20,7 @@ from simrob_drake.parts.resolved import WORLD
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.programs.free_path import FreeSpace
 from simrob_drake.programs.grasps import release_piece, take_piece, with_efforts
-from simrob_drake.programs.model import StationModel, reparented
+from simrob_drake.programs.model import StationModel, reparent_piece
 from simrob_drake.programs.plan import Plan, check_moves
 from simrob_drake.programs.planning import HasTool, Planning, WorkObject, check_units, pose_numbers
 from simrob_drake.programs.segments import Stretch, rest, trajectory, until
@@ -359,7 +359,7 @@ class StatefulStation(ABC):
             self._change(take_piece(self.model, piece, parent, frame=frame))
         else:
             check_units(pose_from_transform(as_transform(pose)), "pose")
-            self._change(reparented(self.model, piece, parent, frame=frame, pose=pose))
+            self._change(reparent_piece(self.model, piece, parent, frame=frame, pose=pose))
         numbers = None if pose is None else pose_numbers(pose)
         self.tape.note({"attach": {"piece": piece, "parent": parent, "frame": frame, "pose": numbers}})
 

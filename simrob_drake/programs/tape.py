@@ -125,7 +125,7 @@ class Tape:
             self.whole = False
 
     def moves(self) -> list[Any]:
-        """Entries of a program that repeats the recording. The list is empty if no file can say all of it."""
+        """Entries of a program that repeats the recording. The list is empty if a part of it is no entry."""
         moves = [entry.entry if isinstance(entry, Take) else entry for entry in self.entries]
         return moves if self.whole else []
 
@@ -134,7 +134,7 @@ class Tape:
         return [take.run() for take in self.takes]
 
     def check_some(self) -> None:
-        """Check that there is a recorded run.
+        """Check that a run was recorded.
 
         Raises:
             InvalidParameter: nothing was recorded.
@@ -224,7 +224,7 @@ def _join_takes(takes: list[Take], factor: float) -> Stage:
     return Stage({robot: trajectory(stretches) for robot, stretches in motions.items()}, begin)
 
 
-def recorded(
+def with_entry(
     plan: Plan,
     key: str,
     planning: Planning,

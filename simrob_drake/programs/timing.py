@@ -215,7 +215,7 @@ def speed_of(how: How) -> float:
     return speed
 
 
-def timed(
+def plan_timed(
     robot: str,
     segments: Sequence[Segment],
     how: How,

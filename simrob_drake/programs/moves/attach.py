@@ -9,7 +9,7 @@ from simrob_drake.base.sections import Boolean, Pose
 from simrob_drake.parts.resolved import WORLD
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.grasps import release_piece
-from simrob_drake.programs.model import StationModel, reparented
+from simrob_drake.programs.model import StationModel, reparent_piece
 from simrob_drake.programs.moves.move import Move, NameOf, Outlook, Run, Stage, naming
 from simrob_drake.programs.stateful_station import StatefulStation
 from simrob_drake.stations.config import StationConfig
@@ -68,7 +68,7 @@ class AttachMove(Move):
         """
         mount = self.mount(outlook.station, self.robot or robot.name)
         model = StationModel(outlook.station)
-        outlook.station = reparented(model, self.piece, mount.parent, frame=mount.frame, pose=self.pose)
+        outlook.station = reparent_piece(model, self.piece, mount.parent, frame=mount.frame, pose=self.pose)
         outlook.changed = True
 
         def run_stage(robot: LeggedGeometry) -> None:

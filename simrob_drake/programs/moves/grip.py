@@ -128,7 +128,7 @@ class FingerMove(Move):
         way = joint_way(planning.chain, planning.start, posture)
         segment = joint_segment(way, points=POINTS)
         # Collisions are not checked: the fingers shall touch the piece.
-        plan = planning.checked([segment], {"duration": duration, "check": "limits"}, POINTS)
+        plan = planning.plan_segments([segment], {"duration": duration, "check": "limits"}, POINTS)
         named_move = self.model_copy(update={"robot": planning.robot})  # also if the file leaves the robot out
         return replace(plan, entry={self.key: named_move.entry()[self.key]})
 

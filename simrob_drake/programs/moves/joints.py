@@ -12,7 +12,7 @@ from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Duration, Number
 from simrob_drake.programs.errors import JointLimitExceeded
 from simrob_drake.programs.geometry import LeggedGeometry
-from simrob_drake.programs.moves.move import MOVE_TIME, Move, Outlook, Run, Stage, checked
+from simrob_drake.programs.moves.move import MOVE_TIME, Move, Outlook, Run, Stage, make_move
 from simrob_drake.programs.moves.move_j import plan_move_abs_j
 from simrob_drake.programs.plan import CHECKED, Check
 from simrob_drake.programs.stateful_station import StatefulStation
@@ -112,7 +112,7 @@ def move_of(target_deg: Mapping[str, Any], duration: Any = MOVE_TIME) -> JointMo
     Raises:
         InvalidParameter: there is no axis, an angle is not finite, or the duration is not positive.
     """
-    return checked(JointMove, target_deg=target_deg, duration=duration)
+    return make_move(JointMove, target_deg=target_deg, duration=duration)
 
 
 def targets_on(model: RobotModel, target_deg: Mapping[str, float], where: str, time: float = 0.0) -> dict[int, float]:

@@ -263,7 +263,7 @@ def content_of(kind: type[Move], move: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _first_field(kind: type[Move]) -> str:
-    """Name of the first field of a kind of move, whose value can stand for a brief move."""
+    """Name of the first field of a kind of move, whose value alone is a brief move."""
     return next(iter(kind.model_fields))
 
 
@@ -286,7 +286,7 @@ def read_move(kind: type[Move], content: Mapping[str, Any], where: str) -> Move:
     return _unwrap_move(validated(entry_model(kind), plain(content), where))
 
 
-def checked(kind: type[Kind], /, **content: Any) -> Kind:
+def make_move(kind: type[Kind], /, **content: Any) -> Kind:
     """Make a move from arguments that a user gave in Python.
 
     Args:

@@ -18,12 +18,12 @@ from simrob_drake.programs.planning import (
     PoseTargets,
     WorkObject,
     degrees_hint,
-    grouped,
+    join_ways,
     points_of,
     zone_of,
 )
 from simrob_drake.programs.segments import joint_segment, joint_way
-from simrob_drake.programs.tape import recorded
+from simrob_drake.programs.tape import with_entry
 from simrob_drake.programs.timing import How
 
 
@@ -85,10 +85,10 @@ def plan_move_abs_j(
             message("programs.with_stop_or_zone", "given with stop=True or a zone: else the joints do not cruise"),
         )
     ways = [joint_way(planning.chain, start, row) for start, row in pairwise([planning.start, *rows])]
-    segments = [joint_segment(way, points=count) for way, count in grouped(ways, zone, points)]
+    segments = [joint_segment(way, points=count) for way, count in join_ways(ways, zone, points)]
     hint = degrees_hint(planning.chain, rows)
-    plan = planning.checked(segments, how, points, rows, through=passes_smoothly, hint=hint)
-    return recorded(plan, MoveAbsJ.key, planning, targets, how, solver="auto", stop=stop)
+    plan = planning.plan_segments(segments, how, points, rows, through=passes_smoothly, hint=hint)
+    return with_entry(plan, MoveAbsJ.key, planning, targets, how, solver="auto", stop=stop)
 
 
 class MoveJ(ToolMotion, ArmMotion):
@@ -137,4 +137,4 @@ def plan_move_j(
         missed = solutions.first_missed
         raise solutions.unreachable(missed, target_name(missed, len(poses)))
     plan = plan_move_abs_j(planning, solutions.positions, stop=stop, **how)
-    return recorded(plan, MoveJ.key, planning, targets, how, wobj=wobj, solver=solver, stop=stop)
+    return with_entry(plan, MoveJ.key, planning, targets, how, wobj=wobj, solver=solver, stop=stop)

@@ -16,7 +16,7 @@ from simrob_drake.programs.moves.motion import ArmMotion, Rows, ToolMotion
 from simrob_drake.programs.plan import Plan, target_name
 from simrob_drake.programs.planning import ARC_POINTS, POINTS, Planning, PoseTargets, WorkObject, places, points_of
 from simrob_drake.programs.segments import Way
-from simrob_drake.programs.tape import recorded
+from simrob_drake.programs.tape import with_entry
 from simrob_drake.programs.timing import How
 
 
@@ -61,7 +61,7 @@ def plan_move_l(
         length = float(np.linalg.norm(end[:3, 3] - begin[:3, 3]))
         ways.append(Way(partial(poses_between, begin, end), length))
     plan = planning.along(ways, inverse, how, points)
-    return recorded(plan, MoveL.key, planning, targets, how, wobj=wobj, solver=solver)
+    return with_entry(plan, MoveL.key, planning, targets, how, wobj=wobj, solver=solver)
 
 
 class MoveC(ToolMotion, ArmMotion):
@@ -121,7 +121,7 @@ def plan_move_c(
         ways.append(Way(partial(_poses_on_arc, arc, begin, end), arc.length))
         begin = end
     plan = planning.along(ways, inverse, how, points)
-    return recorded(plan, MoveC.key, planning, targets, how, wobj=wobj, solver=solver, via=via)
+    return with_entry(plan, MoveC.key, planning, targets, how, wobj=wobj, solver=solver, via=via)
 
 
 def _poses_on_arc(arc: Arc, begin: Vector, end: Vector, parts: Vector) -> Vector:

@@ -9,7 +9,7 @@ from simrob_drake.programs.stateful_station import StatefulStation
 
 
 class WaitMove(Move):
-    """All robots hold their positions. On a dynamic station they come to rest."""
+    """Wait, while all robots hold their positions. On a dynamic station they come to rest."""
 
     key: ClassVar[str] = "wait"
     brief: ClassVar[bool] = True
@@ -27,7 +27,7 @@ class WaitMove(Move):
 
 
 class PlayMove(Move):
-    """All robots follow the references of the station's file, from where they are."""
+    """Follow the references of the station's file with all robots, from their present positions."""
 
     key: ClassVar[str] = "play"
     brief: ClassVar[bool] = True

@@ -23,7 +23,7 @@ from simrob_drake.parts.controllers.walk import Walk
 from simrob_drake.programs.gaits.motion import JointMotion, short_steps
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.legged_gait import perform, planned_gait, taught_arms
-from simrob_drake.programs.moves.move import MOST_AMPLITUDE, MOST_STEPS, Move, NameOf, Outlook, Stage, checked, naming
+from simrob_drake.programs.moves.move import MOST_AMPLITUDE, MOST_STEPS, Move, NameOf, Outlook, Stage, make_move, naming
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import StationConfig
@@ -70,7 +70,7 @@ class GaitMove(Move):
             return replace(result, did=self.caption())
 
         def plan_again(robot: LeggedGeometry) -> JointMotion:
-            """Plan the motion for the station as it is."""
+            """Plan the motion for the present station."""
             with naming(name):
                 return self.plan_motion(robot, robot.cell.config)
 
@@ -168,7 +168,7 @@ class GoMove(Move):
                 if name == "turn":
                     expected = message("programs.finite_turn", "a finite number [rad/s]")
                 raise InvalidParameter(name, value, expected)
-        return checked(
+        return make_move(
             cls,
             ahead=ahead,
             sideways=sideways,
