@@ -69,8 +69,7 @@ class Climb(SolvedGait):
     zmp_inward: Number = 0.0
     """Distance of the zero-moment point from the middle of a standing foot towards the other foot, on two legs [m]."""
     inside: Positive = 0.04
-    """Least distance of the zero-moment point from the sides of the triangle of three standing feet, on four legs [m].
-    """
+    """Least distance of the zero-moment point from the sides of three standing feet's triangle, on four legs [m]."""
     margin: NotNegative = 0.02
     """Least distance of the toes from a riser ahead, and of the heels from one that they have come down [m]."""
     overhang: NotNegative = 0.035

@@ -38,15 +38,13 @@ class AttachMove(Move):
     piece: Annotated[str, NameOf("pieces")]
     """Name of the piece."""
     tool: Annotated[str | None, NameOf("tools")] = None
-    """Tool or link of the robot, or a piece that it carries, which takes the piece. If it is not set, the first tool.
-    """
+    """Tool or link of the robot, or a piece that it carries, which takes the piece. By default the first tool."""
     pose: Pose | None = None
     """Pose of the piece in the frame of the tool. If it is not set, the piece stays where it is."""
     parent: str | None = None
     """Parent instead of a tool of the robot: `world`, a robot or another piece."""
     frame: str | None = None
-    """Frame of a parent that is a piece, instead of its tool centre point; or tool or link of a parent that is a robot.
-    """
+    """Frame of a parent piece, instead of its tool centre point; or tool or link of a parent robot."""
     robot: str | None = None
     """Robot of the station that takes the piece. If it is not set, that of the program."""
 

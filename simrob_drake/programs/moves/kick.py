@@ -31,8 +31,7 @@ class KickMove(Move):
     of_arms: ClassVar[bool] = False
 
     ball: Annotated[str | None, NameOf("pieces")] = None
-    """Piece to hit in its middle, where it is when the kick begins. If it is not set, the foot swings through the air.
-    """
+    """Piece to hit in its middle, where it is when the kick begins. If it is not set, the foot hits nothing."""
     toward: tuple[Number, Number] | None = None
     """Position in the world to which the ball shall go [m]. If it is not set, it goes where the robot looks."""
     speed: Positive | None = None
