@@ -16,7 +16,7 @@ from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.sections import Integer, Number, Positive
 from simrob_drake.blocks.block import add_matrix_gain
 from simrob_drake.blocks.sampled import SampledBlock
-from simrob_drake.parts.captions import wrapped
+from simrob_drake.parts.captions import wrap_label
 from simrob_drake.parts.controllers.own import add_to, declare_output
 from simrob_drake.parts.controllers.section import ControllerSection
 from simrob_drake.parts.resolved import ResolvedRobot, Surroundings
@@ -75,8 +75,8 @@ class LoopSection(ControllerSection):
     """How much of it shows above what is below it, 0 to 1; all unless given."""
 
     @property
-    def named(self) -> list[str]:
-        """What it reads by names of the user's: sensors, outputs, columns."""
+    def names_read(self) -> list[str]:
+        """Names of the sensors, outputs and result columns that the loop reads, as the section writes them."""
         return list(self.reads.values())
 
     @property
@@ -191,7 +191,7 @@ def readers_of(controllers: Mapping[str, Any]) -> "dict[str, LoopSection | Signa
 
 def sensors_read(loops: "Mapping[str, LoopSection | SignalFlow]", sensors: Mapping[str, Sensor]) -> set[str]:
     """Return the names of the sensors that must sample while a station is stepped: loops read them, or such sensors."""
-    parts = {part for loop in loops.values() for text in loop.named for part in text.split(".")}
+    parts = {part for loop in loops.values() for text in loop.names_read for part in text.split(".")}
     stepped = {name: sensor for name, sensor in sensors.items() if sensor.stepped or name in parts}
     read = {other for sensor in stepped.values() for other in sensor.read(sensors).values()}
     return {*stepped, *read} & set(sensors)
@@ -423,7 +423,7 @@ def _block_label(name: str, section: LoopSection) -> str:
     word = section.kind.replace("_", " ")
     kind_and_rate = compound("{kind}, {rate:g} Hz", kind=section.label or word, rate=section.rate)
     # A loop that is named as its kind is not named twice.
-    return kind_and_rate if word == name else join_texts([wrapped(name), kind_and_rate], "\n")
+    return kind_and_rate if word == name else join_texts([wrap_label(name), kind_and_rate], "\n")
 
 
 def _draw_layers(site: Site, system: str, robot: StationRobot) -> None:

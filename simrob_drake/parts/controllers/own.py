@@ -17,7 +17,7 @@ from simrob_drake.base.errors import InvalidParameter, one_of, quoted
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.signals import Panel, Signal
 from simrob_drake.blocks.block import add_sum
-from simrob_drake.parts.captions import wrapped
+from simrob_drake.parts.captions import wrap_label
 from simrob_drake.parts.controllers.section import ControllerSection
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
@@ -230,7 +230,7 @@ def add_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, Lea
     for name, block in blocks.items():
         builder.AddNamedSystem(f"controller.{name}", block)
         site.outputs.notes[name] = {"kind": type(block).__name__}
-        site.picture.draw(f"controller.{name}", "own", f"{wrapped(name)}\n{type(block).__name__}")
+        site.picture.draw(f"controller.{name}", "own", f"{wrap_label(name)}\n{type(block).__name__}")
         for port in _outputs(block):
             if port.get_name() not in site.inputs:
                 unit, components = (getattr(block, key, {}).get(port.get_name()) for key in ("units", "components"))

@@ -17,7 +17,7 @@ from simrob_drake.base.files import description_message, station_files
 from simrob_drake.base.messages import message, translate
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.blocks.monitor import EventTimes, SteadySteps
-from simrob_drake.parts.captions import BlockRole, Drawn, Shape, wrapped
+from simrob_drake.parts.captions import BlockRole, Drawn, Shape, wrap_label
 from simrob_drake.results.block_diagram.graph import BARS, ROLES, Arrow, BlockGraph, DrawnBlock
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.ports import StationPorts
@@ -188,7 +188,7 @@ def place_of(name: str, system: System, ports: StationPorts) -> Drawn | None:
         if isinstance(system, kind):
             return Drawn(name, "servo", label, owner, shape=shape)
     shown = type(system).__name__ if type(system) is not LeafSystem else system.GetSystemType().split("::")[-1]
-    return Drawn(name, "own", f"{wrapped(name)}\n{shown}")
+    return Drawn(name, "own", f"{wrap_label(name)}\n{shown}")
 
 
 def _is_wire(local: str, system: System) -> bool:
