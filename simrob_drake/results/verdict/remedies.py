@@ -140,7 +140,8 @@ def _start_at_reference(run: RecordedRun, robot: StationRobot, subject: str) -> 
         subject: name of the axis, such as ``left.joint_2``.
     """
     axis = next((index for index, name in enumerate(robot.axes) if f"{robot.prefix}{name}" == subject), None)
-    if axis is None:
+    # A run that goes on with a motion begins where the robot is, which lags behind its reference.
+    if axis is None or run.continues:
         return None
     positions = run.axes("q", robot.name)
     references = run.axes("q_ref", robot.name)
