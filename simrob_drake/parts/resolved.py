@@ -9,7 +9,7 @@ from pydrake.math import RigidTransform
 
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import Message, compound, join_texts, message
 from simrob_drake.base.sections import Pose
 from simrob_drake.blocks.references import Reference
 from simrob_drake.blocks.servo import ServoGains
@@ -64,7 +64,7 @@ class ResolvedRobot:
     initial: Vector  # where its axes are at the start, shape (n,) [rad or m]
     carried: tuple[str, ...]  # the pieces that it carries, each after what it hangs on
     held: tuple[str, ...]  # those of them that hang on its tools, and not elsewhere
-    load: float  # the mass of all that it carries [kg]
+    loads: Mapping[str, float]  # mass of each piece that it carries, by name [kg]
     tool_frames: Mapping[str, str]  # by tool or carried piece the name of its frame in the plant
     tcp: str  # the tool in use; empty without any
     # pose of the tool centre point in that tool's frame; then the tool in use is called ``tcp``
@@ -82,6 +82,17 @@ class ResolvedRobot:
     def axes(self) -> list[str]:
         """The names of the axes, in order."""
         return list(self.model.axes)
+
+    @property
+    def load(self) -> float:
+        """Mass of everything that it carries [kg]."""
+        return float(sum(self.loads.values()))
+
+    @property
+    def load_in_words(self) -> Message:
+        """Mass of each piece that it carries, such as ``gripper 1 kg + load 5 kg``. Pieces without mass are left out."""
+        masses = [compound("{piece} {mass:.3g} kg", piece=piece, mass=mass) for piece, mass in self.loads.items() if mass]
+        return join_texts(masses, " + ")
 
     @property
     def speed_limits(self) -> Vector:

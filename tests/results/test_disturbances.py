@@ -11,6 +11,8 @@ from simrob_drake.parts.forces import Push
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.whole_program import perform
+from simrob_drake.results.animation.camera import base_distances
+from simrob_drake.results.animation.pictures import captions
 from simrob_drake.results.record.disturbances import last_disturbance
 
 FALL = "stopped by fall: robot fell: it leans by more than 60 deg, at {at} s, {after} s after the push of {size} N on robot"
@@ -92,3 +94,9 @@ def test_the_end_of_a_move_is_judged_and_not_a_change_in_it():
     assert "final_error" not in middle.verdict.summary()["figures"]
     # The second half begins where the robot is, behind its reference: no start of a station can change that.
     assert "initial_deg" not in " ".join(remark.remedy.text for remark in run.remarks if remark.remedy)
+
+
+def test_the_film_strip_gives_the_distance_of_the_text(fall):
+    distance = fall.summary()["locomotion"]["distance"]
+    assert base_distances(fall, fall.times[[0, -1]]) == pytest.approx([0.0, distance])
+    assert captions(fall.times[-1:], base_distances(fall, fall.times[-1:])) == [f"{fall.stop_time:.2f} s, {distance:.2f} m"]

@@ -406,7 +406,7 @@ class Bench:
         self.pacer.show_last()
         ended = {
             "ending": "stopped" if result.stopped_by == USER else result.ending,
-            "message": result.message,
+            "message": result.end_in_words,
             "stopped_by": result.stopped_by,
             "remarks": result.remarks,
             "criteria": result.verdict.table,
