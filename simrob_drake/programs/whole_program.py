@@ -1,5 +1,7 @@
 """A program as one run, whoever does it: arms together, or a robot with legs."""
 
+from dataclasses import replace
+
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.legged_robot import LeggedRobot
 from simrob_drake.programs.program import Program
@@ -18,7 +20,9 @@ def perform(cell: Workcell, program: Program, file: str = "") -> SimulationResul
     robot, begun = LeggedRobot(cell, program.robot), (cell.config, cell.state)
     robot.run(source)
     text = program.on(STATION).text()
-    return joined(robot.runs, begun=begun, left=cell.config, program=text, move_spans=robot.move_spans)
+    is_named = not program.plays_references
+    spans = [replace(span, is_named=is_named) for span in robot.move_spans]
+    return joined(robot.runs, begun=begun, left=cell.config, program=text, move_spans=spans)
 
 
 def carried_program(config: StationConfig) -> Program | None:

@@ -14,6 +14,7 @@ from simrob_drake.programs.whole_program import perform
 from simrob_drake.results.animation.camera import base_distances
 from simrob_drake.results.animation.pictures import captions
 from simrob_drake.results.record.disturbances import last_disturbance
+from simrob_drake.stations.load import load_station, with_settings
 
 FALL = "stopped by fall: robot fell: it leans by more than 60 deg, at {at} s, {after} s after the push of {size} N on robot"
 
@@ -100,3 +101,16 @@ def test_the_film_strip_gives_the_distance_of_the_text(fall):
     distance = fall.summary()["locomotion"]["distance"]
     assert base_distances(fall, fall.times[[0, -1]]) == pytest.approx([0.0, distance])
     assert captions(fall.times[-1:], base_distances(fall, fall.times[-1:])) == [f"{fall.stop_time:.2f} s, {distance:.2f} m"]
+
+
+def test_a_program_without_moves_of_the_user_names_no_move():
+    station = with_settings(load_station("irb120_dynamic"), {"duration": 1.2, "servo.kp": 300}, "the test")
+
+    def warning(*moves):
+        content = {"station": "irb120_dynamic", "moves": [*moves]}
+        run = perform(Workcell(station), Program.of_content(content, "the test"))
+        assert len(run.move_spans) == len(moves)
+        return run.verdict["below_floor"].warning
+
+    assert " at 1.11 s (bound 5 mm)" in warning({"play": 1.2})
+    assert " at 1.11 s, in move 1 (bound 5 mm)" in warning({"play": 1.2}, {"wait": 0.1})

@@ -111,11 +111,14 @@ class MoveSpan:
         index: index of the move in its program, from 0.
         begin: when the move began, since the start of the program [s].
         end: when the move ended, or was ended by a monitor or the user, likewise [s].
+        is_named: whether messages name the move by its number. They do not if nobody stored moves, and the program only
+            plays the station's references.
     """
 
     index: int
     begin: float
     end: float
+    is_named: bool = True
 
 
 _USUAL_NAMES = {"columns": "names", "data": "values", "signal_names": "names", "t": "times", "time": "times"}

@@ -610,7 +610,7 @@ def _move_at(time: float | None, spans: Sequence["MoveSpan"]) -> str:
         return ""
     for span in spans:
         if span.begin - _TIME_ROUNDING <= time <= span.end + _TIME_ROUNDING and span.end > span.begin:
-            return move_title(span.index)
+            return move_title(span.index) if span.is_named else ""
     return ""
 
 
