@@ -100,7 +100,9 @@ def test_the_end_of_a_move_is_judged_and_not_a_change_in_it():
 def test_the_film_strip_gives_the_distance_of_the_text(fall):
     distance = fall.summary()["locomotion"]["distance"]
     assert base_distances(fall, fall.times[[0, -1]]) == pytest.approx([0.0, distance])
-    assert captions(fall.times[-1:], base_distances(fall, fall.times[-1:])) == [f"{fall.stop_time:.2f} s, {distance:.2f} m"]
+    assert captions(fall.times[-1:], base_distances(fall, fall.times[-1:])) == [
+        f"{fall.stop_time:.2f} s, {distance:.2f} m"
+    ]
 
 
 def test_a_program_without_moves_of_the_user_names_no_move():

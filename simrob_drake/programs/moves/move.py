@@ -230,7 +230,7 @@ def checked(kind: type[Kind], /, **content: Any) -> Kind:
             if key.startswith("target_deg")
             else message("programs.a_text", "a text")
         )
-        raise InvalidParameter(key, finding["input"], _EXPECTED.get(key, otherwise)) from problem
+        raise InvalidParameter(key, finding["input"], _EXPECTED.get(key, otherwise)) from None
 
 
 def move_name(index: int, count: int, file: str = "") -> str:
