@@ -469,6 +469,7 @@ class Workcell(RecordedStation):
         runs: list[SimulationResult] = []
         spans: list[MoveSpan] = []
         now = 0.0
+        is_named = not program.plays_references
         for number, move in enumerate(program.moves):
             try:
                 with naming(move_name(number, len(program.moves), file)):
@@ -479,8 +480,8 @@ class Workcell(RecordedStation):
             begin = now
             if run is not None:
                 now = begin + run.stop_time
-                runs.append(run.numbered(number))
-            spans.append(MoveSpan(index=number, begin=begin, end=now))
+                runs.append(run.numbered(number) if is_named else run)
+            spans.append(MoveSpan(index=number, begin=begin, end=now, is_named=is_named))
             if run is not None and run.ending != "completed":
                 break
         return runs, spans

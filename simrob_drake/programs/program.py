@@ -25,6 +25,7 @@ from simrob_drake.programs.geometry import CellRobot
 from simrob_drake.programs.moves.joints import JointMove
 from simrob_drake.programs.moves.kinds import AnyMove, check_move
 from simrob_drake.programs.moves.move import Move, move_name, reference_name
+from simrob_drake.programs.moves.wait import PlayMove
 from simrob_drake.programs.timeline import Change
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.stations.file_paths import changes_with_absolute_paths
@@ -165,6 +166,11 @@ class Program(Strict):
         return f"<Program of {held}{references}>"
 
     __str__ = __repr__
+
+    @property
+    def plays_references(self) -> bool:
+        """Whether the only move is to play the references of the station, so that messages need not name the move."""
+        return len(self.moves) == 1 and isinstance(self.moves[0], PlayMove)
 
     def added(self, *moves: Move) -> "Program":
         """Make a copy with further moves at the end."""

@@ -1,5 +1,7 @@
 """Run a whole program as one result: with the arms of a workcell, or with a robot with legs."""
 
+from dataclasses import replace
+
 from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.legged_robot import LeggedRobot
 from simrob_drake.programs.program import Program
@@ -28,7 +30,10 @@ def perform(cell: Workcell, program: Program, file: str = "") -> SimulationResul
     start = (cell.config, cell.state)
     robot.run(source)
     text = program.on(STATION).text()
-    return joined(robot.runs, begun=start, left=cell.config, program=text, move_spans=robot.move_spans)
+    # A program that only plays the station's references has no moves that a user could know by their numbers.
+    is_named = not program.plays_references
+    spans = [replace(span, is_named=is_named) for span in robot.move_spans]
+    return joined(robot.runs, begun=start, left=cell.config, program=text, move_spans=spans)
 
 
 def carried_program(config: StationConfig) -> Program | None:

@@ -385,7 +385,7 @@ def _robot(
         stops=(stiffness, damping),
         initial=initial,
         carried=carried,
-        load=sum(pieces[piece].model.mass for piece in carried),
+        loads={piece: pieces[piece].model.mass for piece in carried},
         held=held,
         tool_frames=tool_frames,
         tcp=tcp,

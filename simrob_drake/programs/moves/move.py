@@ -304,7 +304,7 @@ def make_move(kind: type[Kind], /, **content: Any) -> Kind:
         default = message("programs.a_text", "a text")
         if key.startswith("target_deg"):
             default = message("programs.finite_degrees", "a finite number [deg]")
-        raise InvalidParameter(key, finding["input"], _EXPECTED.get(key, default)) from problem
+        raise InvalidParameter(key, finding["input"], _EXPECTED.get(key, default)) from None
 
 
 def move_name(index: int, count: int, file: str = "") -> str:
