@@ -477,9 +477,9 @@ def _update_tools(model: StationModel, new: StationConfig, piece: str) -> Statio
     robots = dict(new.robots)
     if giver in robots:
         tool = model.tool_in_use(giver)
-        has_given_tool_away = carriers.get(tool, giver) != giver
+        lost_its_tool = carriers.get(tool, giver) != giver
         changes: dict[str, Any]
-        if has_given_tool_away:
+        if lost_its_tool:
             old_parent = old_pieces[piece].parent
             own_tools = model.robots[giver].model.tools
             frame = model.config.pieces[piece].frame

@@ -8,6 +8,7 @@ from simrob_drake.base.frames import transform_from_pose
 from simrob_drake.blocks.references import hermite, hermite_samples
 from simrob_drake.programs.errors import AccelerationLimitExceeded, SpeedLimitExceeded
 from simrob_drake.programs.segments import zone_size
+from simrob_drake.programs.smooth_path import RateLimits
 from tests.programs.conftest import DOWN, HOME
 
 CORNERS = np.array([[0.05, 0.1, 0.05], [0.15, 0.1, 0.05], [0.15, 0.2, 0.05], [0.05, 0.2, 0.05]])  # m, on the table
@@ -54,7 +55,7 @@ def test_unless_told_it_is_sped_up_as_much_as_the_joints_allow(arm):
     assert np.linalg.norm(tool_way(arm, quick)[3][3:-3], axis=1).max() == pytest.approx(2.0, rel=5e-3)  # the usual
     limits = np.array(arm.plan.rate_limits)
     weak = np.full(6, 3.0)  # rad/s²
-    object.__setattr__(planner := arm.plan, "rate_limits", (limits[0], weak))
+    object.__setattr__(planner := arm.plan, "rate_limits", RateLimits(limits[0], weak))
     slow = planner.move_l(CORNERS[1], wobj="table", speed=0.3)
     assert slow.duration > quick.duration
     assert 0.9 * 3.0 < joint_pushes(slow).max() < 3.0
@@ -62,7 +63,7 @@ def test_unless_told_it_is_sped_up_as_much_as_the_joints_allow(arm):
 
 def test_free_moves_take_as_long_as_accelerations_need(arm):
     limits = arm.plan.rate_limits
-    object.__setattr__(planner := arm.plan, "rate_limits", (limits[0], np.full(6, 1.0)))
+    object.__setattr__(planner := arm.plan, "rate_limits", RateLimits(limits[0], np.full(6, 1.0)))
     for how in ({}, {"profile": "trapezoid"}, {"zone": "z20"}):
         assert joint_pushes(planner.move_l(CORNERS[1:], wobj="table", **how)).max() == pytest.approx(0.98, rel=0.02)
     with pytest.raises(
