@@ -57,7 +57,7 @@ def stepped_blocks(config):
     """Return the names of the blocks that a run of a station steps."""
     station = resolve(config)
     diagrams = StationDiagrams(station, station_references(station), {})
-    return {system.get_name() for system in diagrams.stepped(0.0).diagram.GetSystems()}
+    return {system.get_name() for system in diagrams.diagram_at(0.0).diagram.GetSystems()}
 
 
 def test_blocks_that_only_report_are_not_stepped():
