@@ -11,7 +11,7 @@ from simrob_drake.stations.resolve import resolve
 
 
 def condition(kind, station="irb120_force_stop", overrides=None, **keys):
-    """Return what a monitor's section of a station looks for."""
+    """Condition of a monitor's section of a station."""
     config = load_station(station, {**(overrides or {}), "monitors": {"watch": {"kind": kind, **keys}}})
     return config.monitors["watch"].condition("watch", resolve(config))
 

@@ -259,16 +259,29 @@ class TestMomentumObserver:
 
     def test_an_unknown_torque_is_found_with_the_lag_of_its_gain(self, add_pendulum):
         """A point of 1 kg on a rod of 0.5 m: I q'' = tau + x - m g l sin q, with x = 0.3 N·m from outside."""
-        _builder, observer = self.observer(add_pendulum)
-        memory, state = np.full(3, np.inf), np.array([0.4, -1.0])
+        servo_torque = 0.7
+        external_torque = 0.3
+        length = 0.5
+        inertia = length**2  # of 1 kg [kg m²]
+        gain = 20.0
+        period = 0.005
+        steps_per_sample = 50
+        step = period / steps_per_sample
+        _builder, observer = self.observer(add_pendulum, gain=gain, period=period)
+
+        memory = np.full(3, np.inf)  # no sample was taken yet
+        angle, speed = 0.4, -1.0
         estimates = []
         for _ in range(60):
-            memory = observer.next_state(memory, state, np.array([0.7]))
+            memory = observer.next_state(memory, np.array([angle, speed]), np.array([servo_torque]))
             estimates.append(memory[0])
-            for _ in range(50):
-                acceleration = (0.7 + 0.3 - 9.80665 * 0.5 * np.sin(state[0])) / 0.25
-                state = state + 1e-4 * np.array([state[1] + 5e-5 * acceleration, acceleration])
-        expected = 0.3 * (1 - np.exp(-20 * 0.005 * np.arange(60)))
+            for _ in range(steps_per_sample):
+                weight = 9.80665 * length * np.sin(angle)
+                acceleration = (servo_torque + external_torque - weight) / inertia
+                angle += step * (speed + step / 2 * acceleration)
+                speed += step * acceleration
+
+        expected = external_torque * (1 - np.exp(-gain * period * np.arange(60)))
         np.testing.assert_allclose(estimates, expected, atol=2e-3)
 
     @pytest.mark.parametrize("key", ["gain", "period"])

@@ -11,7 +11,7 @@ from simrob_drake.blocks.monitor import EventTimes, SteadySteps
 
 
 def step_ends(*blocks: LeafSystem, scheme: str = "runge_kutta3", duration: float = 2.0) -> list[float]:
-    """Return the ends of the steps that a slow first-order system takes beside the blocks."""
+    """Ends of the steps that a slow first-order system takes in one diagram with the blocks."""
     builder = DiagramBuilder()
     decay = LinearSystem(A=-0.1 * np.eye(1), B=np.zeros((1, 0)), C=np.eye(1), D=np.zeros((1, 0)))
     for block in (decay, *blocks):

@@ -27,6 +27,7 @@ def pushed(add_irb120: Callable[[DiagramBuilder], MultibodyPlant]) -> tuple[Mult
 
 
 def acceleration(plant: MultibodyPlant, diagram: Diagram, context: Context, force: np.ndarray) -> np.ndarray:
+    """Accelerations (nv,) of the plant under a force (3,) [N] in the axes of the tool."""
     diagram.GetInputPort("force").FixValue(context, force)
     return plant.get_generalized_acceleration_output_port().Eval(plant.GetMyContextFromRoot(context))
 
@@ -35,19 +36,26 @@ def acceleration(plant: MultibodyPlant, diagram: Diagram, context: Context, forc
 def test_a_force_at_the_tcp_is_the_generalized_force_of_its_jacobian(
     pushed: tuple[MultibodyPlant, Diagram], seed: int
 ) -> None:
+    """The force changes M dv/dt by J' R f in any state, with the rotation R of the tool in the world."""
     plant, diagram = pushed
     random = np.random.default_rng(seed)
     context = diagram.CreateDefaultContext()
-    mine = plant.GetMyContextFromRoot(context)
-    lower, upper = plant.GetPositionLowerLimits(), plant.GetPositionUpperLimits()
-    plant.SetPositionsAndVelocities(mine, np.concatenate([random.uniform(lower, upper), random.normal(size=6)]))
+    plant_context = plant.GetMyContextFromRoot(context)
+    positions = random.uniform(plant.GetPositionLowerLimits(), plant.GetPositionUpperLimits())
+    velocities = random.normal(size=6)
+    plant.SetPositionsAndVelocities(plant_context, np.concatenate([positions, velocities]))
     force = random.normal(scale=20.0, size=3)
 
-    world, tcp = plant.world_frame(), plant.GetFrameByName("tcp")
-    jacobian = plant.CalcJacobianTranslationalVelocity(mine, JacobianWrtVariable.kV, tcp, np.zeros(3), world, world)
-    expected = jacobian.T @ (tcp.CalcRotationMatrixInWorld(mine) @ force)
-    change = acceleration(plant, diagram, context, force) - acceleration(plant, diagram, context, np.zeros(3))
-    np.testing.assert_allclose(plant.CalcMassMatrix(mine) @ change, expected, rtol=1e-9, atol=1e-9)
+    with_force = acceleration(plant, diagram, context, force)
+    without_force = acceleration(plant, diagram, context, np.zeros(3))
+
+    world = plant.world_frame()
+    tcp = plant.GetFrameByName("tcp")
+    origin = np.zeros(3)
+    jacobian = plant.CalcJacobianTranslationalVelocity(plant_context, JacobianWrtVariable.kV, tcp, origin, world, world)
+    expected = jacobian.T @ (tcp.CalcRotationMatrixInWorld(plant_context) @ force)
+    found = plant.CalcMassMatrix(plant_context) @ (with_force - without_force)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("axis", range(3))

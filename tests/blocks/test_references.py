@@ -294,7 +294,7 @@ CUBIC = PiecewisePolynomial.CubicShapePreserving([0.0, 0.7, 1.5, 2.0], np.array(
     ids=["polynomial", "smooth", "spline", "composite", "of_another_kind", "sine"],
 )
 def test_a_reference_goes_on_later_as_it_was(reference: Reference) -> None:
-    """At 0.9 s of it as at 0 of what is left; the one of another kind to the error of its samples."""
+    """The shifted reference at a time is the reference that much later; one of another kind has errors of samples."""
     times = np.linspace(0.0, 1.0, 37)
     np.testing.assert_allclose(
         reference_values(later(reference, 0.9), times), reference_values(reference, times + 0.9), atol=1e-8

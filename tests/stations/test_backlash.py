@@ -36,7 +36,7 @@ def rod(tmp_path: Path) -> Path:
 
 
 def link_and_motor(rod: Path, changes: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
-    """Return where the link and its motor are while the rod is lifted over the top [deg]."""
+    """Angles of the link and its motor while the rod is lifted over the top [deg]."""
     result = simulate(load_station(rod, changes), progress=False)
     link = np.arctan2(result["tcp.z"] - 1, result["tcp.x"])
     return np.rad2deg(link), np.rad2deg(result["q.joint_1"])
@@ -52,7 +52,7 @@ def link_and_motor(rod: Path, changes: dict[str, Any]) -> tuple[np.ndarray, np.n
     ],
 )
 def test_the_link_lies_on_the_lower_side_of_its_play(rod: Path, changes: dict[str, Any]) -> None:
-    """Half of the play behind the motor as it is lifted, half before it over the top, but for the solver's error."""
+    """The link is half of the play behind the motor as it is lifted, and half ahead of it over the top."""
     link, motor = link_and_motor(rod, changes)
     up, over = (motor > 10) & (motor < 60), motor > 130
     np.testing.assert_allclose((link - motor)[up], -PLAY / 2, atol=0.02)

@@ -29,7 +29,7 @@ URDF = """<robot name="arm"><link name="base"/>
 
 @pytest.fixture
 def places(tmp_path: Path) -> tuple[Path, Path]:
-    """Return the folder of a station, and one of the user's own beside it, which it has no right to."""
+    """The folder of a station, and a folder of the user next to it, whose files the station may not read."""
     own, other = tmp_path / "downloaded", tmp_path / "private"
     for folder in (own, other):
         folder.mkdir()

@@ -77,30 +77,50 @@ def test_gravity_that_pulls_up_and_a_centre_of_mass_in_millimetres_are_told():
         load_station("irb120_dynamic", {"pieces.load.com": [0, 0, 70]})
 
 
-def test_a_flat_body_on_a_single_point_is_reported(tmp_path):
-    pieces = {name: {"model": "die", "free": True, "pose": [0, 0, z, 0, 0, 0]} for name, z in (("a", 0.1), ("b", 0.2))}
+@pytest.fixture
+def two_dice(tmp_path):
+    """File of a station in which two dice fall on a floor."""
+    pieces = {
+        "a": {"model": "die", "free": True, "pose": [0, 0, 0.1, 0, 0, 0]},
+        "b": {"model": "die", "free": True, "pose": [0, 0, 0.2, 0, 0, 0]},
+    }
     station = {"mode": "dynamic", "pieces": pieces, "floor": {"size": 1}, "contact": {"model": "point"}}
     file = tmp_path / "stack.yaml"
     file.write_text(json.dumps(station))
-    single = findings({"contact.corners": False}, file)
-    warnings = [finding.text for finding in single if finding.level == "warning"]
-    assert len(warnings) == 1
-    assert warnings[0].startswith("a lies on one point that jumps about")
-    assert warnings[0].endswith("set contact.corners to true")
-    for right in ({}, {"contact.model": "hydroelastic"}):
-        assert not [finding for finding in findings(right, file) if finding.level == "warning"]
+    return file
+
+
+def warnings_of(found):
+    """Texts of the warnings among findings."""
+    return [finding.text for finding in found if finding.level == "warning"]
+
+
+def test_a_flat_body_on_a_single_point_is_reported(two_dice):
+    """Without balls at the corners, one warning names a body and the remedy."""
+    (warning,) = warnings_of(findings({"contact.corners": False}, two_dice))
+
+    assert warning.startswith("a lies on one point that jumps about")
+    assert warning.endswith("set contact.corners to true")
+
+
+@pytest.mark.parametrize("changes", [{}, {"contact.model": "hydroelastic"}])
+def test_a_flat_body_on_several_points_or_a_surface_is_in_order(two_dice, changes):
+    """Balls at corners, and contact over surfaces, carry a flat body."""
+    assert not warnings_of(findings(changes, two_dice))
 
 
 @pytest.mark.parametrize(("kp", "level"), [(500, "ok"), (50, "warning")])
 def test_the_sag_is_foretold_and_judged_by_the_bound_of_the_verdict(kp, level):
+    """The predicted sag is that at the end of a run; at kp = 50 the arm still swings a little after 1.5 s of rest."""
     changes = {"servo.kp": kp, "reference.duration": 0.5, "duration": 2.0}
+
     finding = text_of(findings(changes), "torque of joint_2")
+
     assert finding.level == level
+    predicted_deg = float(finding.text.partition("sags by ")[2].split()[0])
     result = simulate(load_station("irb120_dynamic", changes), progress=False)
-    sag = np.rad2deg(np.abs(result["q.joint_2"] - result["q_ref.joint_2"])[-1])
-    foretold = float(finding.text.partition("sags by ")[2].split()[0])
-    # At kp = 50 the arm still swings a little after 1.5 s of rest.
-    assert foretold == pytest.approx(sag, rel=0.03)
+    errors = np.abs(result["q.joint_2"] - result["q_ref.joint_2"])
+    assert predicted_deg == pytest.approx(np.rad2deg(errors[-1]), rel=0.03)
     assert any("joint_2 ended" in warning for warning in result.warnings) == (level == "warning")
 
 
@@ -186,16 +206,27 @@ LOW = {"reference.target_deg": {"joint_2": 80, "joint_3": 20}}  # the wrist goes
 
 
 def test_a_motion_through_the_floor_is_foretold():
+    """The warning has the depth of the lowest point of link_6, a disc behind the flange."""
+    radius = 0.02  # [m]
+    length = 0.013  # [m]
+    at_target = {"pieces": {}, "robot.initial_deg": LOW["reference.target_deg"]}
+
     finding = text_of(findings({"pieces": {}, **LOW}), "floor and robot")
+
     assert finding.level == "warning"
     assert "the station has no contact" in finding.text
-    arm = Arm(load_station("irb120_kinematic", {"pieces": {}, "robot.initial_deg": LOW["reference.target_deg"]}))
-    flange = transform_from_pose(arm.pose())
-    axis, radius, length = flange.rotation().matrix()[2, 2], 0.02, 0.013  # of link_6, a disc behind the flange
-    depth = radius * np.sqrt(1 - axis**2) + max(length * axis, 0.0) - flange.translation()[2]
+    flange = transform_from_pose(Arm(load_station("irb120_kinematic", at_target)).pose())
+    cosine = flange.rotation().matrix()[2, 2]  # of the disc's axis and the vertical
+    reach_below_flange = radius * np.sqrt(1 - cosine**2) + max(length * cosine, 0.0)
+    depth = reach_below_flange - flange.translation()[2]
     assert finding.text.startswith(f"link_6 is {1e3 * depth:.0f} mm below the ground")
-    simulated = text_of(findings({"pieces": {}, "contact": {}, **LOW}), "floor and robot")
-    assert simulated.level == "note"  # the run shows it
+
+
+def test_a_motion_through_the_floor_is_only_a_note_with_contact():
+    """With contact the run itself shows that the floor holds the arm back."""
+    finding = text_of(findings({"pieces": {}, "contact": {}, **LOW}), "floor and robot")
+
+    assert finding.level == "note"
 
 
 def test_links_that_run_into_each_other_are_foretold():

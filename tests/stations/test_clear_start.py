@@ -20,7 +20,7 @@ def start_of(clearance, *, torque=False) -> Start:
 
 
 def tip_heights(shoulder: float, lift: np.ndarray, elbow: np.ndarray) -> np.ndarray:
-    """Return how high the ends of two bars of 0.4 m are, turned downward by angles [rad], in a row."""
+    """Heights of the ends of two bars of 0.4 m in a row, which are turned downward by angles [rad]."""
     middle = shoulder - 0.4 * np.sin(lift)
     return np.minimum(middle, middle - 0.4 * np.sin(lift + elbow)) - 0.025
 
@@ -135,7 +135,7 @@ def test_fingers_in_each_other_are_turned_apart(robot_of, clearance_of):
 
 
 def test_sockets_do_not_count(robot_of, clearance_of):
-    """A ball in its socket, two joints on, lies in it however the joints turn."""
+    """A ball overlaps its socket, two joints before it, in all postures, and so is no collision."""
     ball = link("ball", "0.06 0.06 0.06")
     ring = link("ring", "0.001 0.001 0.001", mass=0.1)
     urdf = robot_of(BASE, ring, ball, joint("ring", "base", "0 0 0.15", "0 0 1"), joint("ball", "ring", "0 0 0"))

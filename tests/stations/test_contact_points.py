@@ -54,7 +54,7 @@ def on_slope(size, degrees):
 
 
 def way(result, piece):
-    """How far a piece came, along x and z [m]."""
+    """Distance that a piece has moved, in the plane of x and z [m]."""
     ends = result.piece_pose(piece)[[0, -1], :3]
     return float(np.linalg.norm(ends[1] - ends[0]))
 

@@ -67,15 +67,25 @@ SLIDER = ("prismatic", "0 0 1", "0 0 1", 1.0, "0 0 0", 0.01)
 
 @pytest.mark.parametrize("solver", [TIGHT, {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-5}])
 def test_two_bodies_on_a_spring(tmp_path, solver):
-    """Two masses that slide, a spring with a damper between them: x'' = -k (x - l) / m - d x' / m of their distance."""
-    spring = {"spring": {"body": "low", "other": "high", "length": 0.8, "stiffness": 200.0, "damping": 3.0}}
-    low = ("prismatic", "0 0 0", "0 0 1", 2.0, "0 0 0", 0.01)
-    config = station(tmp_path, {"low": low, "high": SLIDER}, couplings=spring, gravity=0.0, solver=solver)
+    """Two masses with a spring and a damper between them are pulled together by k (x - l) + d x' of the distance x."""
+    length = 0.8  # [m]
+    stiffness = 200.0  # [N/m]
+    damping = 3.0  # [N·s/m]
+    low_mass, high_mass = 2.0, 1.0  # [kg]
+    distance_at_zero = 1.0  # [m]
+    spring = {"body": "low", "other": "high", "length": length, "stiffness": stiffness, "damping": damping}
+    low = ("prismatic", "0 0 0", "0 0 1", low_mass, "0 0 0", 0.01)
+    parts = {"low": low, "high": SLIDER}
+    config = station(tmp_path, parts, couplings={"spring": spring}, gravity=0.0, solver=solver)
+
     result = simulate(config, progress=False)
 
     def motion(_, state):
-        pull = 200 * (state[1] - state[0] + 1 - 0.8) + 3 * (state[3] - state[2])
-        return [state[2], state[3], pull / 2.0, -pull / 1.0]
+        """Derivatives of the positions and velocities (4,) of the low and the high mass."""
+        low_position, high_position, low_speed, high_speed = state
+        extension = high_position - low_position + distance_at_zero - length
+        pull = stiffness * extension + damping * (high_speed - low_speed)
+        return [low_speed, high_speed, pull / low_mass, -pull / high_mass]
 
     expected = solve_ivp(motion, (0, 1), [0.0] * 4, rtol=1e-10, atol=1e-12, t_eval=result.times).y
     np.testing.assert_allclose(result["q.low_joint"], expected[0], atol=2e-4)

@@ -98,7 +98,7 @@ def test_a_kinematic_station_tells_what_motors_give_against_it(sled: Path) -> No
 
 
 def test_a_station_changes_friction(sled: Path) -> None:
-    """Without any the sled goes on swinging to the same place."""
+    """A sled without friction goes on swinging to the same place."""
     result = simulate(load_station(sled, {"robot.drives.friction": 0, "solver": RADAU}), progress=False)
     way = result["q.joint_1"] - 0.5
     assert np.abs(way[find_peaks(way)[0]]) == pytest.approx(0.5, abs=1e-3)

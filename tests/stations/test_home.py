@@ -72,7 +72,7 @@ def test_an_axis_that_excludes_zero_begins_midway(tmp_path: Path, home: str) -> 
 
 
 def test_another_robot_begins_at_its_own_home(urdf: Path) -> None:
-    """irb120_kinematic says 0 for the axes of the irb120."""
+    """The file of irb120_kinematic gives 0 for the axes of the irb120, which holds for no other robot."""
     changes = {"robot.urdf": str(urdf), "reference": {"kind": "hold"}, "pieces.gripper": None, "pieces.load": None}
     robot = resolve(load_station("irb120_kinematic", overrides=changes)).robots["robot"]
     np.testing.assert_allclose(robot.initial, [-2.0], atol=1e-5)

@@ -35,6 +35,7 @@ def test_thousands_of_pieces_are_refused_by_their_number(tmp_path, free, fixed, 
 
 
 def test_the_memory_of_a_free_piece_does_not_grow_with_their_number(tmp_path):
+    """Outputs of a piece select their entries of the state by indices, and not by a matrix as wide as the state."""
     for count in (2, 20):
         ports = build_station(load_station(pieces_file(tmp_path, count))).ports
         assert ports.outputs.of_state["piece_pose.free_1"].pick.shape == (7,)
@@ -46,23 +47,28 @@ def test_outputs_of_free_pieces_are_poses_and_velocities_of_the_plant(tmp_path):
     station = build_station(load_station(pieces_file(tmp_path, 3)))
     plant = station.ports.plant.plant
     context = station.CreateDefaultContext()
-    own = plant.GetMyMutableContextFromRoot(context)
-    draw = np.random.default_rng(5)
-    positions = draw.normal(size=plant.num_positions())
+    plant_context = plant.GetMyMutableContextFromRoot(context)
+    random = np.random.default_rng(5)
+    positions = random.normal(size=plant.num_positions())
     for body in station.ports.plant.free_pieces.values():
         start = body.floating_positions_start()
-        positions[start : start + 4] /= np.linalg.norm(positions[start : start + 4])
-    velocities = draw.normal(size=plant.num_velocities())
-    plant.SetPositionsAndVelocities(own, np.concatenate([positions, velocities]))
-    states = plant.GetPositionsAndVelocities(own)[np.newaxis]
+        quaternion = slice(start, start + 4)
+        positions[quaternion] /= np.linalg.norm(positions[quaternion])
+    velocities = random.normal(size=plant.num_velocities())
+    plant.SetPositionsAndVelocities(plant_context, np.concatenate([positions, velocities]))
+    states = plant.GetPositionsAndVelocities(plant_context)[np.newaxis]
+    from_state = station.ports.outputs.of_state
+
     for name, body in station.ports.plant.free_pieces.items():
-        motion = plant.EvalBodySpatialVelocityInWorld(own, body)
-        expected = [*motion.translational(), *motion.rotational()]
         velocity = station.GetOutputPort(f"piece_velocity.{name}").Eval(context)
+        motion = plant.EvalBodySpatialVelocityInWorld(plant_context, body)
+        expected = [*motion.translational(), *motion.rotational()]
         np.testing.assert_allclose(velocity, expected, atol=1e-12)
-        np.testing.assert_array_equal(station.ports.outputs.of_state[f"piece_velocity.{name}"].of(states)[0], velocity)
-        pose = station.ports.outputs.of_state[f"piece_pose.{name}"].of(states)[0]
-        np.testing.assert_allclose(pose, station.GetOutputPort(f"piece_pose.{name}").Eval(context), atol=1e-12)
-        transform = plant.EvalBodyPoseInWorld(own, body)
+        np.testing.assert_array_equal(from_state[f"piece_velocity.{name}"].of(states)[0], velocity)
+
+        pose = from_state[f"piece_pose.{name}"].of(states)[0]
+        port_pose = station.GetOutputPort(f"piece_pose.{name}").Eval(context)
+        np.testing.assert_allclose(pose, port_pose, atol=1e-12)
+        transform = plant.EvalBodyPoseInWorld(plant_context, body)
         np.testing.assert_allclose(pose[:3], transform.translation(), atol=1e-12)
         np.testing.assert_allclose(rotation_of(pose[3:]).matrix(), transform.rotation().matrix(), atol=1e-12)

@@ -237,11 +237,15 @@ def test_losses_of_an_import_are_told_by_every_command(tmp_path):
 
 
 def test_friction_is_a_loss_unless_the_station_brings_it_back(tmp_path):
-    file = urdf(tmp_path, {"a": ("revolute", "base", "<dynamics friction='0.5'/>")})
-    content = {"robot": {"urdf": str(file)}, "duration": 0.01}
-    (tmp_path / "station.yaml").write_text(yaml.safe_dump(content))
-    told = simulate(load_station(tmp_path / "station.yaml"), progress=False).warnings
-    assert any("joint friction" in text and "a 0.5 N·m" in text for text in told)
-    assert any("--set robot.drives.friction.a=0.5" in text for text in told)
-    back = load_station(tmp_path / "station.yaml", {"robot.drives": {"friction": {"a": 0.5}}})
-    assert not any("friction" in text for text in simulate(back, progress=False).warnings)
+    """A run warns of the friction that the import left out, until the station gives the axis its friction."""
+    robot_file = urdf(tmp_path, {"a": ("revolute", "base", "<dynamics friction='0.5'/>")})
+    station_file = tmp_path / "station.yaml"
+    station_file.write_text(yaml.safe_dump({"robot": {"urdf": str(robot_file)}, "duration": 0.01}))
+    friction = {"robot.drives": {"friction": {"a": 0.5}}}
+
+    without_friction = simulate(load_station(station_file), progress=False)
+    with_friction = simulate(load_station(station_file, friction), progress=False)
+
+    assert any("joint friction" in text and "a 0.5 N·m" in text for text in without_friction.warnings)
+    assert any("--set robot.drives.friction.a=0.5" in text for text in without_friction.warnings)
+    assert not any("friction" in text for text in with_friction.warnings)

@@ -20,6 +20,7 @@ DYNAMIC = {
 
 
 def first_of(clearance: Clearance) -> tuple[StationRobot, Stance | None]:
+    """The robot of a station, and its first good stance, or None if it has none."""
     robot = clearance.station.robots["robot"]
     return robot, next(Stances(clearance, robot).find(), None)
 
@@ -27,11 +28,15 @@ def first_of(clearance: Clearance) -> tuple[StationRobot, Stance | None]:
 @pytest.mark.long
 def test_a_quadruped_whose_home_is_on_its_knees_is_put_on_its_feet(quadruped, clearance_of):
     """Knees at -97 deg bring its shanks level, forward of the knees, which are lowest then."""
+    length = 0.2  # of a thigh and of a shank [m]
+
     robot, stance = first_of(clearance_of(quadruped(), **DYNAMIC))
+
     assert stance is not None
-    thighs, shanks = stance.posture[::2], stance.posture[1::2]
-    knees = stance.height - 0.2 * np.cos(thighs)
-    feet = knees - 0.2 * np.cos(thighs + shanks)
+    thighs = stance.posture[::2]
+    shanks = stance.posture[1::2]
+    knees = stance.height - length * np.cos(thighs)
+    feet = knees - length * np.cos(thighs + shanks)
     assert np.ptp(feet) < 1.5e-3
     assert np.abs(feet).max() < 0.02  # the middle of a shank's end; its corner, up to 14 mm farther, is on the floor
     assert knees.min() > 0.1
@@ -39,8 +44,9 @@ def test_a_quadruped_whose_home_is_on_its_knees_is_put_on_its_feet(quadruped, cl
     assert set(stance.standing.ends) == {f"shank{number}" for number in range(4)}
     lower, upper = robot.model.axis_limits
     assert ((stance.posture >= lower) & (stance.posture <= upper)).all()
-    places = np.array([0.18, 0.18, -0.18, -0.18]) - 0.2 * (np.sin(thighs) + np.sin(thighs + shanks))
-    assert np.abs(places.mean()) < 0.02  # the trunk's centre of mass is over the feet
+    hips_ahead = np.array([0.18, 0.18, -0.18, -0.18])
+    feet_ahead = hips_ahead - length * (np.sin(thighs) + np.sin(thighs + shanks))
+    assert np.abs(feet_ahead.mean()) < 0.02  # the trunk's centre of mass is over the feet
 
 
 @pytest.mark.long
