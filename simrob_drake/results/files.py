@@ -144,6 +144,7 @@ def save_result(
 
 def _write_data(result: RecordedRun, verdict: Verdict, folder: Path) -> None:
     """Write the summary, the signals, the program, the commands and the station of a result to a folder."""
+    # Names in any alphabet stay readable.
     summary = json.dumps(summary_of(result, verdict), indent=2, ensure_ascii=False)
     (folder / SUMMARY).write_text(summary + "\n", encoding="utf-8")
     write_table(folder / SIGNALS, result.names, result.times, result.values)
@@ -193,6 +194,7 @@ def write_table(file: Path, names: list[str], times: Vector, values: Vector) -> 
     with file.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream)
         writer.writerow([TIME_COLUMN, *names])
+        # Python writes the shortest text from which the same float is read.
         writer.writerows(np.column_stack([times, values]).tolist())
 
 
@@ -240,6 +242,7 @@ def with_tables(result: RecordedRun, folder: Path) -> StationConfig:
     Returns:
         the configuration of the station, in which tables with the written files are the references.
     """
+    # A program may end with another station than the one in which it began.
     config = (result.begun or result.config).model_copy(update={"duration": result.config.duration})
     for robot in config.robots:
         reference = _sampled_reference(result, config, robot)
@@ -247,6 +250,7 @@ def with_tables(result: RecordedRun, folder: Path) -> StationConfig:
             continue
         axes = result.plant.robots[robot].axes
         columns = [*axes, *speed_columns(axes)] if reference.interpolation == "hermite" else axes
+        # Samples that a user passed may be lists.
         times, values = (np.asarray(part, dtype=float) for part in reference.samples)
         file = Path("reference.csv" if config.only_robot else f"{robot}_reference.csv")
         write_table(folder / file, columns, times, values)
@@ -305,6 +309,7 @@ def in_background(work: Callable[[], object]) -> Iterator[None]:
         yield
         work()
         return
+    # A copy of the process has all objects already: nothing is sent between the two.
     copy = os.fork()  # process id of the copy; 0 in the copy
     if copy == 0:
         _work_and_exit(work)

@@ -200,6 +200,7 @@ class SimulationResult(RecordedRun):
     def verdict(self) -> Verdict:
         """Verdict about the run: how far it did what was asked. Its bounds are set under ``verdict`` in a station."""
         verdict = self._verdict_of_program() if self.runs else verdict_of(self)
+        # Inertias that an import has estimated are noted with every result.
         estimates = [estimated_inertias(robot.model) for robot in self.plant.robots.values()]
         notes = tuple(estimate for estimate in estimates if estimate is not None)
         own_moves = [judge_move(self, move) for move in self.moves]
@@ -239,6 +240,7 @@ class SimulationResult(RecordedRun):
     def __repr__(self) -> str:
         """Three lines: how the run ended, how much was recorded, and the warnings or the sentence of the verdict."""
         samples = f"{len(self.times)} samples of {len(self.names)} columns to {self.stop_time:.4g} s"
+        # One line, since notebooks and debuggers show results among others.
         judgement = shortened("; ".join(self.warnings) or self.verdict.judgement, _WIDTH)
         return f"{self.config.name}: {self.message}\n{samples}, {self.speed_in_words}\n{judgement}"
 
@@ -246,6 +248,7 @@ class SimulationResult(RecordedRun):
         """HTML for notebooks: end of the run, verdict, film strip, and the table of last positions and torques."""
         from simrob_drake.results.animation.pictures import film_strip  # imported here, since it takes long to load
 
+        # The picture is a part of the HTML, so that a notebook needs no further file.
         strip = b64encode(film_strip(self)).decode()
         end_and_size = repr(self).splitlines()[:2]
         verdict = self.verdict
@@ -332,6 +335,7 @@ class SimulationResult(RecordedRun):
         """
         if not truth(strict, "strict"):
             return self
+        # A run that diverged has many warnings with the same cause, so only its end counts.
         problems = [self.message] if self.ending in (DIVERGED, FAILED) else self.warnings
         if problems:
             text = compound("{station}: {problems}", station=self.config.name, problems="; ".join(problems))
@@ -385,6 +389,7 @@ def joined(
     if begun is not None:
         first_station, start = begun
 
+    # As one run, the program lasts from the begin of its first run to the end of its last one.
     last = runs[-1]
     begins = begins_of(*runs).round(_TIME_DECIMALS)
     handed_over = _handed_over_pieces(stations)
@@ -403,6 +408,7 @@ def joined(
     for run in runs:
         notes |= run.notes
     solver_warnings = [warning for run in runs for warning in run.solver_warnings]
+    # Fields that are not given here are those of the last run, such as its final state.
     whole = replace(
         last,
         config=config,
@@ -427,7 +433,7 @@ def joined(
         marks=tuple(_marks(runs, stations, ends=begins[1:])),
         move_spans=tuple(move_spans),
         program=program,
-        trace=None,
+        trace=None,  # the states of the runs belong to different diagrams
     )
     return _with_signals(whole, kept, handed_over)
 
@@ -449,6 +455,7 @@ def _handed_over_pieces(stations: Sequence[StationConfig]) -> list[str]:
     handed_over = []
     for name in stations[0].pieces:
         pieces = [station.pieces[name] for station in stations]
+        # Poses count, too: a gripper may grasp the same piece at another place.
         attachments = {(piece.parent, piece.frame, piece.pose, piece.free) for piece in pieces}
         if len(attachments) > 1:
             handed_over.append(name)
@@ -473,7 +480,7 @@ def _marks(runs: Sequence[RecordedRun], stations: Sequence[StationConfig], ends:
             if before.pieces[name].parent != piece.parent:
                 hand_overs.append(f"{name} to {piece.parent}")
         is_last = index == len(runs) - 1
-        if hand_overs:
+        if hand_overs:  # these say more than the end of the run at the same time
             marks.append(Event(end, ", ".join(hand_overs)))
         elif not is_last:
             marks.append(Event(end, _end_in_words(run)))
@@ -630,6 +637,7 @@ def _positions_in_program(run: RecordedRun, plant: StationPlant, handed_over: Se
         times: times of the run, shape (k,) [s].
     """
     positions = run.positions_at(times)
+    # Pieces that hang on something in this run have no joint of their own.
     carried = [piece for piece in handed_over if piece not in run.plant.free_pieces]
     known = _by_joint(run.plant.plant, positions) | _free_positions(run, carried, positions)
     in_program = np.empty((len(times), plant.plant.num_positions()))
@@ -657,7 +665,7 @@ def _free_positions(run: RecordedRun, pieces: Sequence[str], positions: Vector) 
     plant = run.plant.plant
     bodies = {piece: run.plant.piece_frame(piece, piece) for piece in pieces}
     poses = {piece: np.empty((len(positions), len(XYZ_QUATERNION_NAMES))) for piece in pieces}
-    context = plant.CreateDefaultContext()
+    context = plant.CreateDefaultContext()  # one for all rows: making a context takes long
     for index, row in enumerate(positions):
         plant.SetPositions(context, row)
         for piece, body in bodies.items():

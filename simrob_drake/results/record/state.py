@@ -128,7 +128,7 @@ _BlockEntry: TypeAlias = tuple[_ArrayField, tuple[_ArrayField, ...], tuple[_Valu
 class _StateFile(Strict):
     """Content of a file with a state. The keys are those of :class:`State`."""
 
-    of_any_size = True
+    of_any_size = True  # velocities at rest may be tiny
     positions: dict[str, _ArrayField]
     velocities: dict[str, _ArrayField]
     references: dict[str, _ArrayField]

@@ -192,6 +192,7 @@ def _peak_forces(run: RecordedRun) -> dict[str, float]:
     peaks = {}
     for signal in run.signals:
         if signal.role == "force" and recorded.issuperset(signal.names):
+            # Components of the vector, shape (3, m); the norm is its magnitude at each sample.
             components = [run[name] for name in signal.names]
             peaks[signal.part] = float(np.linalg.norm(components, axis=0).max())
     return peaks

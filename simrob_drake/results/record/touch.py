@@ -99,6 +99,7 @@ def _touch_in_words(bodies: Sequence[str]) -> Message:
 
 def _bodies_of(station: StationPlant, shapes: Sequence[GeometryId]) -> BodyPair:
     """Names of the bodies to which two collision shapes belong."""
+    # Shapes are fixed to frames, and each frame to a body.
     inspector = station.scene_graph.model_inspector()
     frames = [inspector.GetFrameId(shape) for shape in shapes]
     return frozenset(str(station.plant.GetBodyFromFrameId(frame).name()) for frame in frames)
@@ -219,6 +220,7 @@ def evaluate_touch(
     samples_per_look = int(np.ceil(config.sample_rate / FASTEST))
     times = samples[::samples_per_look]
     rate = config.sample_rate / samples_per_look
+    # Looks take time, so none is made for stations without feet and contacts.
     walkers = robots_that_can_walk(config, station)
     root = context_of() if config.has_contact_forces and context_of is not None else None
     if not walkers and root is None:

@@ -194,6 +194,7 @@ def headings(station: StationPlant, robot: StationRobot, base: Vector) -> Vector
     Returns:
         the headings, shape (m,) [rad].
     """
+    # Which side is left follows from names, since bases of robots have their axes in any direction.
     left = _tools_at_zero(station, robot, "left")
     right = _tools_at_zero(station, robot, "right")
     rotations = [transform_from_xyz_quaternion(pose).rotation().matrix() for pose in base]
