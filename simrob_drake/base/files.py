@@ -74,15 +74,15 @@ def opened(file: Path | str) -> Iterator[BufferedReader]:
     except NotRead:
         raise
     except OSError as problem:
-        raise NotRead(problem.strerror or str(problem)) from problem
+        raise NotRead(problem.strerror or str(problem)) from None
 
 
 def _open(file: Path | str) -> BufferedReader:
     """Open a regular file. Raises NotRead if it is another kind of file, and OSError as Python's own open."""
     try:
         return open(file, "rb", opener=_open_without_waiting)
-    except ValueError as problem:  # the name contains a surrogate, or the character 0
-        raise NotRead(message("base.impossible_file_name", "no file can have this name")) from problem
+    except ValueError:  # the name contains a surrogate, or the character 0
+        raise NotRead(message("base.impossible_file_name", "no file can have this name")) from None
 
 
 def _open_without_waiting(file: str, flags: int) -> int:
@@ -121,7 +121,7 @@ def text_of(file: Path | str, largest: int = LARGEST_TEXT) -> str:
                 reason=problem.reason,
                 start=problem.start,
             )
-        ) from problem
+        ) from None
 
 
 LARGEST_TABLE = 100_000_000
@@ -275,7 +275,7 @@ def _rows(file: Path) -> Iterator[_Row]:
     except (NotRead, csv.Error) as problem:
         raise InvalidConfig(
             file, "", message("base.cannot_be_read", "cannot be read ({problem})", problem=problem)
-        ) from problem
+        ) from None
 
 
 def _check_header(header: _Row, names: Sequence[str], file: Path) -> None:

@@ -100,7 +100,7 @@ def read_yaml(path: Path | str) -> dict[str, Any]:
     except NotRead as problem:
         raise InvalidConfig(
             path, "", message("base.cannot_be_read", "cannot be read ({problem})", problem=problem)
-        ) from problem
+        ) from None
     content = parse_yaml(text, path)
     if not isinstance(content, dict):
         raise InvalidConfig(path, "", message("base.no_mapping", "must hold a mapping of keys to values"))
@@ -168,7 +168,7 @@ def parse_yaml(text: str, where: Path | str) -> Any:
         if isinstance(problem, yaml.constructor.ConstructorError):
             # An unknown tag: files of Drake's scenes have some.
             why = _tag_problem(text) or why
-        raise InvalidConfig(where, "", why) from problem
+        raise InvalidConfig(where, "", why) from None
 
 
 def parse_json(text: str, where: Path | str) -> Any:

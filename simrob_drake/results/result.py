@@ -434,6 +434,8 @@ def joined(
         move_spans=tuple(move_spans),
         program=program,
         trace=None,  # the states of the runs belong to different diagrams
+        is_continued=False,
+        continues=False,
     )
     return _with_signals(whole, kept, handed_over)
 
@@ -686,9 +688,8 @@ def _end_of_program(last: RecordedRun, count: int, begin: float) -> str:
     if last.ending == "completed":
         return message(
             "results.ran_to_its_end",
-            "ran to its end at {time:.6g} s, in {count} {count:run|runs}",
+            "ran to its end at {time:.6g} s",
             time=begin + last.simulated_time,
-            count=count,
         )
     if last.runs:  # a program itself, which was cut where something happened
         begin_of_last_part = begin + last.simulated_time - last.runs[-1].simulated_time

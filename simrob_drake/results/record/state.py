@@ -229,7 +229,7 @@ class State:
             tolerant: whether outputs of robots that cannot be evaluated become NaN, as after a run in which a block
                 failed. If it is False, the error is raised.
         """
-        plant = ports.plant.stepped
+        plant = ports.plant.plant_block
         blocks = {}
         for system in _blocks_of(diagram, plant):
             block = _block_state(system.GetMyContextFromRoot(context))
@@ -334,7 +334,7 @@ class State:
         for robot in ports.plant.robots.values():
             _check_size(robot.name, self.positions.get(robot.name), len(robot.axes))
             _check_size(robot.name, self.velocities.get(robot.name), len(robot.axes))
-        plant = ports.plant.stepped
+        plant = ports.plant.plant_block
         for system in _blocks_of(diagram, plant):
             block = self.blocks.get(_block_name(system, ports))
             if block is not None:
@@ -465,9 +465,9 @@ class State:
                 start=config.start,
                 problem=problem,
             )
-            raise _bad_start_file(unreadable) from problem
+            raise _bad_start_file(unreadable) from None
         except InvalidConfig as problem:
-            raise _bad_start_file(problem) from problem
+            raise _bad_start_file(problem) from None
 
 
 class PlantState(NamedTuple):

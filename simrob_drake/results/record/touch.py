@@ -250,7 +250,7 @@ def _deepest_overlaps(
         root = station.with_whole_shapes(root)
     of_shapes: dict[ShapePair, DeepestOverlap] = {}
     for time, row in zip(times.tolist(), positions, strict=True):
-        station.place(root, row)
+        station.set_positions(root, row)
         _keep_deepest(of_shapes, station.query(root), time)
 
     of_bodies: dict[OverlappingBodies, DeepestOverlap] = {}

@@ -16,7 +16,7 @@ import numpy as np
 from simrob_drake.base.frames import Vector, transform_from_xyz_quaternion
 from simrob_drake.base.messages import message
 from simrob_drake.blocks.servo import AT_LIMIT
-from simrob_drake.parts.resolved import named
+from simrob_drake.parts.resolved import name_or_only
 from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.results.record.run import RecordedRun, robot_that_fell
 from simrob_drake.results.record.torques import torque_shares
@@ -99,7 +99,7 @@ def locomotion(result: RecordedRun, robot: str | None = None) -> Locomotion:
         UnknownName: there is no legged robot of this name.
         InvalidParameter: the name is None, and the run has several legged robots or none.
     """
-    name = named(robot, legged_robots(result), kind=message("results.legged_robot", "legged robot"))
+    name = name_or_only(robot, legged_robots(result), kind=message("results.legged_robot", "legged robot"))
     station_robot = result.plant.robots[name]
     base = result.pose("base", name)
     headings_of_base = headings(result.plant, station_robot, base)  # without jumps, so that whole turns count
