@@ -17,7 +17,7 @@ from simrob_drake.stations.file_paths import with_absolute_paths
 from simrob_drake.stations.load import load_station
 
 
-class Change(NamedTuple):
+class KeyChange(NamedTuple):
     """A change of a station.
 
     Attributes:
@@ -92,7 +92,7 @@ def changes_of(texts: list[str] | None, option: str, *, others: Mapping[str, str
     return changes
 
 
-def _changes(text: str, option: str) -> Iterator[Change]:
+def _changes(text: str, option: str) -> Iterator[KeyChange]:
     """Yield the changes that one value of an option gives.
 
     Args:
@@ -101,7 +101,7 @@ def _changes(text: str, option: str) -> Iterator[Change]:
     """
     if "=" in text or not is_yaml_name(text):
         for key, value in texts_by_key([text], option):
-            yield Change(key, parse_yaml(value, compound("{option} {one}", option=option, one=text)))
+            yield KeyChange(key, parse_yaml(value, compound("{option} {one}", option=option, one=text)))
         return
     file = Path(text).absolute()
     sections = with_absolute_paths(read_yaml(file), file.parent, Border(file))
@@ -109,9 +109,9 @@ def _changes(text: str, option: str) -> Iterator[Change]:
         # The keys of a section are changed one by one: other keys of the section in the station stay.
         if isinstance(section, Mapping) and section:
             for key, value in section.items():
-                yield Change(f"{name}.{key}", value)
+                yield KeyChange(f"{name}.{key}", value)
         else:
-            yield Change(name, section)
+            yield KeyChange(name, section)
 
 
 def texts_by_key(texts: list[str] | None, option: str) -> Iterator[KeyText]:
