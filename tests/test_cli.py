@@ -14,7 +14,7 @@ from simrob_drake import Dynamics, Workcell
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.files import models_root
 from simrob_drake.cli import ExitCode
-from simrob_drake.cli.__main__ import DEBUG, guarded
+from simrob_drake.cli.__main__ import DEBUG, run_guarded
 from simrob_drake.cli.app import run_command
 from simrob_drake.cli.arguments import station_from
 from simrob_drake.cli.tables import _pose_differences
@@ -379,14 +379,14 @@ def asserted(_):
 def test_whatever_else_fails_is_one_line_whose_traceback_can_be_seen(command, said, monkeypatch, capsys):
     for debug in ("", "1"):
         monkeypatch.setenv(DEBUG, debug)
-        assert guarded(command, []) == ExitCode.BAD_INPUT
+        assert run_guarded(command, []) == ExitCode.BAD_INPUT
         *before, last = capsys.readouterr().err.splitlines()
         assert last.startswith(f"simrob: unexpected: {said}")
         assert last.endswith("SIMROB_DEBUG=1 shows the traceback")
         assert any("Traceback" in line for line in before) == bool(debug)
         assert debug or not before
     with pytest.raises(SystemExit):
-        guarded(lambda _: sys.exit(3), [])
+        run_guarded(lambda _: sys.exit(3), [])
     with pytest.raises(KeyError):
         broken([])
 
@@ -405,7 +405,7 @@ def test_a_missing_package_is_named(capsys, module, told):
     def command(_):
         raise ModuleNotFoundError(f"No module named {module!r}", name=module)
 
-    assert guarded(command, ["run"]) == ExitCode.BAD_INPUT
+    assert run_guarded(command, ["run"]) == ExitCode.BAD_INPUT
     assert told in capsys.readouterr().err
 
 

@@ -6,7 +6,7 @@ import pickle
 import numpy as np
 import pytest
 
-from simrob_drake.base.distributions import Choice, Normal, Uniform, parsed
+from simrob_drake.base.distributions import Choice, Normal, Uniform, parse_distribution
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.sampling import Draws, drawn
 from simrob_drake.base.sections import validated
@@ -32,7 +32,7 @@ MIXED = {
     ],
 )
 def test_values_are_listed_or_spread_over_a_range(text, values):
-    assert parsed("key", text).values == values
+    assert parse_distribution("key", text).values == values
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ def test_values_are_listed_or_spread_over_a_range(text, values):
 )
 def test_values_that_are_none_are_refused(text):
     with pytest.raises(SimrobError, match="--vary gain"):
-        parsed("--vary gain", text)
+        parse_distribution("--vary gain", text)
 
 
 @pytest.mark.parametrize(
@@ -111,7 +111,7 @@ def test_each_whole_number_and_each_choice_has_its_part(log):
 
 @pytest.mark.parametrize(("text", "mean", "deviation"), [("normal:3:0.5", 3, 0.5), ("uniform:2:4", 3, 1 / 3**0.5)])
 def test_draws_are_those_of_their_distribution_and_of_their_seed(text, mean, deviation):
-    one = parsed("key", text)
+    one = parse_distribution("key", text)
     values = [one.draw(np.random.default_rng(seed)) for seed in range(2000)]
     assert np.mean(values) == pytest.approx(mean, abs=0.05)
     assert np.std(values) == pytest.approx(deviation, rel=0.05)

@@ -126,19 +126,19 @@ def test_what_a_killed_process_left_goes_with_the_next_save(tmp_path, monkeypatc
     users[2].write_text("a file")
     fill(tmp_path / "young", "1")
     assert left.exists()  # it may be at work
-    monkeypatch.setattr(folders, "_YOUNG", -1.0)
+    monkeypatch.setattr(folders, "_LOCKING_TIME", -1.0)
     fill(tmp_path / "second", "2")
     assert {path.name for path in tmp_path.iterdir()} == {"young", "second", *(user.name for user in users)}
 
 
 def test_what_another_still_fills_stays(tmp_path, monkeypatch):
-    monkeypatch.setattr(folders, "_YOUNG", -1.0)
+    monkeypatch.setattr(folders, "_LOCKING_TIME", -1.0)
     fill(tmp_path / "out", "first", meanwhile=lambda: fill(tmp_path / "other", "second"))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["other", "out"]
 
 
 def test_an_old_result_that_was_put_aside_is_not_deleted(tmp_path, monkeypatch):
-    monkeypatch.setattr(folders, "_YOUNG", -1.0)
+    monkeypatch.setattr(folders, "_LOCKING_TIME", -1.0)
     aside = tmp_path / ".out-abc.simrob-part" / "before"
     aside.mkdir(parents=True)
     fill(tmp_path / "out", "new")

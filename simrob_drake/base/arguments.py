@@ -1,4 +1,8 @@
-"""What callers give in Python, checked at the border: numbers, times, kinds of objects; and Drake's own refusals."""
+"""Checks of arguments that users pass in Python: numbers, times, classes of objects; and Drake's own refusals.
+
+Each check returns the argument in the type that the package computes with, or raises an error that names the argument
+and says what would be right.
+"""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -12,22 +16,39 @@ from simrob_drake.base.messages import message
 
 Kind = TypeVar("Kind")
 
-SHORTEST, LONGEST = 1e-6, 1e9
-"""Times that a station knows [s]: of any two, one later by the shortest of all is still a later one."""
+SHORTEST = 1e-6
+"""Smallest duration of anything in a station [s]."""
+
+LONGEST = 1e9
+"""Largest duration and latest time in a station [s]. Adding SHORTEST to it gives another number in float64."""
+
+_SMALLEST_FLOAT = 1e-308
+"""Smallest positive number that is accepted: smaller ones have fewer digits in float64."""
+
+_LARGEST_FLOAT = 1e308
+"""Largest number that is accepted, close to the largest of float64. So infinity is refused."""
 
 
 class DrakeRefused(SimrobError):
-    """Something that only Drake's own checks found out."""
+    """Raised when a check of Drake itself fails, for a fault that no check of this package finds."""
 
 
 @contextmanager
 def drake_asserts() -> Iterator[None]:
-    """Tell of Drake's failed assertions, a SystemExit in Python, as errors; a decorator, too; raises DrakeRefused."""
+    """Context manager, and decorator, that turns Drake's failed assertions into errors.
+
+    In Python, a failed assertion of Drake arrives as a SystemExit, with a text such as "Failure at FILE in FUNCTION:
+    condition '...' failed.".
+
+    Raises:
+        DrakeRefused: an assertion failed in the body.
+    """
     try:
         yield
     except SystemExit as problem:
-        place, found, condition = str(problem).partition(" in ")
-        if not (found and place.startswith("Failure at")):
+        place, separator, condition = str(problem).partition(" in ")
+        is_assertion = bool(separator) and place.startswith("Failure at")
+        if not is_assertion:
             raise
         raise DrakeRefused(
             message("base.drake_refuses", "Drake cannot do that: {condition}", condition=condition)
@@ -35,34 +56,67 @@ def drake_asserts() -> Iterator[None]:
 
 
 def number(value: object, name: str) -> float:
-    """Return a number; raises InvalidParameter: anything else, what is not finite too."""
-    return _between(value, name, -1e308, 1e308, message("base.a_number", "a number"))
+    """Check a number.
+
+    Args:
+        value: the argument.
+        name: its name, for the error.
+
+    Raises:
+        InvalidParameter: it is no number, or not finite.
+    """
+    expected = message("base.a_number", "a number")
+    return _number_between(value, name, -_LARGEST_FLOAT, _LARGEST_FLOAT, expected)
 
 
 def positive(value: object, name: str, unit: str) -> float:
-    """Return a positive number; raises InvalidParameter: anything else."""
-    return _between(
-        value, name, 1e-308, 1e308, message("base.a_positive_number", "a positive number [{unit}]", unit=unit)
-    )
+    """Check a positive number.
+
+    Args:
+        value: the argument.
+        name: its name, for the error.
+        unit: its unit, for the error.
+
+    Raises:
+        InvalidParameter: it is no number, or not positive and finite.
+    """
+    expected = message("base.a_positive_number", "a positive number [{unit}]", unit=unit)
+    return _number_between(value, name, _SMALLEST_FLOAT, _LARGEST_FLOAT, expected)
 
 
 def seconds(value: object, name: str = "duration") -> float:
-    """Return a duration [s]; raises InvalidParameter: not positive, too small or too large for one."""
-    return _between(
-        value,
-        name,
-        SHORTEST,
-        LONGEST,
-        message(
-            "base.a_positive_time",
-            "a positive time [s], {shortest:g} to {longest:g}",
-            shortest=SHORTEST,
-            longest=LONGEST,
-        ),
+    """Check a duration [s].
+
+    Args:
+        value: the argument.
+        name: its name, for the error.
+
+    Raises:
+        InvalidParameter: it is no number, shorter than SHORTEST, or longer than LONGEST.
+    """
+    expected = message(
+        "base.a_positive_time",
+        "a positive time [s], {shortest:g} to {longest:g}",
+        shortest=SHORTEST,
+        longest=LONGEST,
     )
+    return _number_between(value, name, SHORTEST, LONGEST, expected)
 
 
-def _between(value: object, name: str, least: float, most: float, expected: str) -> float:
+def _number_between(value: object, name: str, least: float, most: float, expected: str) -> float:
+    """Check a number of Python or NumPy between two bounds, both included.
+
+    Args:
+        value: the argument.
+        name: its name, for the error.
+        least: the lower bound.
+        most: the upper bound.
+        expected: what would be right, for the error.
+
+    Raises:
+        InvalidParameter: it is no number, or outside of the bounds, as NaN is.
+    """
+    # Python counts True and False as integers.
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise InvalidParameter(name, quoted(value), expected)
     if not least <= value <= most:
@@ -71,42 +125,83 @@ def _between(value: object, name: str, least: float, most: float, expected: str)
 
 
 def whole(value: object, name: str, least: int, most: int) -> int:
-    """Return a whole number within bounds; raises InvalidParameter: anything else."""
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
-        raise InvalidParameter(
-            name,
-            quoted(value),
-            message("base.a_whole_number", "a whole number, {least} to {most}", least=least, most=most),
-        )
+    """Check an integer between two bounds, both included.
+
+    Args:
+        value: the argument.
+        name: its name, for the error.
+        least: the lower bound.
+        most: the upper bound.
+
+    Raises:
+        InvalidParameter: it is no integer, or outside of the bounds.
+    """
+    expected = message("base.a_whole_number", "a whole number, {least} to {most}", least=least, most=most)
+    # Python counts True and False as integers.
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
+        raise InvalidParameter(name, quoted(value), expected)
+    if not least <= value <= most:
+        raise InvalidParameter(name, quoted(value), expected)
     return int(value)
 
 
 def truth(value: object, name: str) -> bool:
-    """Return True or False; raises InvalidParameter: anything else, for its truth may not be what was meant."""
+    """Check a boolean. Other objects are refused, since Python's truth of them may not be what the user meant.
+
+    Args:
+        value: the argument.
+        name: its name, for the error.
+
+    Raises:
+        InvalidParameter: it is neither True nor False.
+    """
     return bool(instance(value, name, (bool, np.bool_), message("base.true_or_false", "True or False")))
 
 
 def instance(value: object, name: str, kind: type[Kind] | tuple[type[Kind], ...], expected: str) -> Kind:
-    """Return an object of a kind; raises InvalidParameter: one of another kind."""
+    """Check the class of an object.
+
+    Args:
+        value: the argument.
+        name: its name, for the error.
+        kind: the class, or several classes.
+        expected: what would be right, for the error.
+
+    Raises:
+        InvalidParameter: it is of another class.
+    """
     if not isinstance(value, kind):
         raise InvalidParameter(name, quoted(value), expected)
     return value
 
 
 def as_path(value: object, name: str) -> Path:
-    """Return a path; raises InvalidParameter: something else, or a text that no file system takes."""
+    """Check a path, given as a text or a Path.
+
+    Args:
+        value: the argument.
+        name: its name, for the error.
+
+    Raises:
+        InvalidParameter: it is something else, or has characters that cannot be printed.
+    """
     if not isinstance(value, (str, Path)):
         raise InvalidParameter(name, quoted(value), message("base.a_path", "a path"))
-    found = Path(value)
-    if not str(found).isprintable():
-        raise InvalidParameter(name, repr(str(found)), message("base.a_printable_path", "a path that can be printed"))
-    return found
+    path = Path(value)
+    if not str(path).isprintable():
+        raise InvalidParameter(name, repr(str(path)), message("base.a_printable_path", "a path that can be printed"))
+    return path
 
 
 def plain(value: Any) -> Any:
-    """Return a value with numpy's numbers and arrays as Python's own."""
+    """Convert NumPy's numbers and arrays in a value to Python's own numbers and lists.
+
+    Mappings and lists are converted at all levels. Keys of mappings become texts. Other objects stay as they are.
+    """
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
     if isinstance(value, Mapping):
         return {str(key): plain(part) for key, part in value.items()}
-    return [plain(part) for part in value] if isinstance(value, (list, tuple)) else value
+    if isinstance(value, (list, tuple)):
+        return [plain(part) for part in value]
+    return value

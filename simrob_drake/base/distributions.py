@@ -1,6 +1,6 @@
-"""Distributions over keys of a station, a gait or a program: uniform, normal, and choices.
+"""Distributions of the values of keys, in a station, a gait or a program: uniform, normal, and choices.
 
-Searches, proofs, sweeps and tasks read them alike::
+Searches, proofs, sweeps and learning tasks read distributions from their files::
 
     servo.kp: {low: 100, high: 20000, log: true}
     gait.steps: {low: 4, high: 12, integer: true}
@@ -8,13 +8,17 @@ Searches, proofs, sweeps and tasks read them alike::
     solver.kind: {values: [continuous, discrete]}
     solver.time_step: {low: 1.0e-3, high: 5.0e-3, when: {solver.kind: discrete}}
     gravity: uniform:1.6:9.8
+
+The last one is a *line of text*, a short form of a section. A *part* of a distribution is a share of all draws, from 0
+to 1: the part of a value is the share of the draws up to this value (the cumulative distribution function), and the
+quantile of a part is the value up to which this share of the draws lies (its inverse).
 """
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from math import floor, inf
 from statistics import NormalDist
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, NamedTuple, Self, TypeAlias
 
 import numpy as np
 from pydantic import (
@@ -36,13 +40,18 @@ from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Boolean, NotNegative, Number, Strict
 from simrob_drake.base.yaml_files import parse_yaml
 
-Values = dict[str, Any]  # of keys, by dotted paths
+Values: TypeAlias = dict[str, Any]
+"""Values of keys, by their dotted paths."""
+
 _MOST = 10_000
-_FAR = 1e-12  # a normal distribution is cut off where so small a part of all draws lies beyond
+"""Largest count of values of a choice or a grid."""
+
+_FAR = 1e-12
+"""A normal distribution is cut off at the values beyond which this share of all draws lies: its ends are infinite."""
 
 
 class Distribution(Strict, ABC):
-    """What values a key takes, and how often."""
+    """Values that a key takes, and how often it takes each of them."""
 
     when: Values = Field(default_factory=dict)
     """Values of keys before this one, one or a list for each; under others this key is left as it is."""
@@ -50,50 +59,81 @@ class Distribution(Strict, ABC):
 
     @model_serializer(mode="wrap")
     def _as_written(self, handler: SerializerFunctionWrapHandler) -> Any:
-        """Return the line of text that it was read from, or the keys that are not at their defaults."""
-        default = {key: field.get_default(call_default_factory=True) for key, field in type(self).model_fields.items()}
-        return self._text or {key: value for key, value in handler(self).items() if value != default[key]}
+        """Content for a file: the line of text from which it was read, or else the keys without default values.
+
+        Args:
+            handler: pydantic's function that gives all keys.
+        """
+        if self._text:
+            return self._text
+        content = {}
+        for key, value in handler(self).items():
+            default = type(self).model_fields[key].get_default(call_default_factory=True)
+            if value != default:
+                content[key] = value
+        return content
 
     @property
     def text(self) -> str:
-        """The line that it was read from; empty if it was none."""
+        """The line of text from which it was read; empty if it was read from a section."""
         return self._text
 
     @property
     @abstractmethod
     def first(self) -> Any:
-        """The value from which a search begins."""
+        """The value with which a search begins."""
 
     @abstractmethod
     def quantile(self, part: float) -> Any:
-        """Return the value up to which a part of all draws lies, 0 to 1."""
+        """Compute the value up to which a share of all draws lies, from 0 to 1."""
 
     @abstractmethod
     def part(self, value: Any) -> float:
-        """Return which part of all draws lies up to a value, the inverse of :meth:`quantile`."""
+        """Compute the share of all draws up to a value, from 0 to 1: the inverse of :meth:`quantile`."""
 
     @abstractmethod
     def holds(self, value: Any) -> bool:
-        """Whether something is a value that it has."""
+        """Whether the distribution has this value, which may be any object."""
 
     @abstractmethod
     def grid(self, count: int) -> list[Any]:
-        """Return values that are evenly spaced, so many unless there are fewer; a choice has as many as it has."""
+        """List evenly spaced values.
+
+        Args:
+            count: count of the values. There are fewer if the distribution has fewer; a choice has all of its values.
+        """
 
     def draw(self, source: np.random.Generator) -> Any:
-        """Return a value at random."""
+        """Draw a value at random."""
         return self.quantile(source.random())
 
     def applies(self, values: Values) -> bool:
-        """Whether the keys before it have the values under which this one is changed."""
-        return all(
-            key in values and values[key] in (needed if isinstance(needed, list) else [needed])
-            for key, needed in self.when.items()
-        )
+        """Whether the condition ``when`` is met, so that the key takes values of this distribution.
+
+        Args:
+            values: values of the keys before this one.
+        """
+        for key, needed in self.when.items():
+            choices = needed if isinstance(needed, list) else [needed]
+            if key not in values or values[key] not in choices:
+                return False
+        return True
+
+
+def _is_number(value: Any) -> bool:
+    """Whether a value is a number. Python counts True and False as numbers, but they are none here."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+class _Ends(NamedTuple):
+    """Two ends of a range, of values or of parts."""
+
+    low: float
+    high: float
 
 
 class Uniform(Distribution):
-    """Every value of a range as often as any other."""
+    """A range of values, each of which is drawn as often as any other."""
 
     low: Number
     high: Number
@@ -105,14 +145,16 @@ class Uniform(Distribution):
     """Whether it has whole numbers alone, `low` and `high` among them."""
 
     @model_validator(mode="after")
-    def _checked(self) -> Self:
+    def _check(self) -> Self:
+        """Check that the range contains numbers."""
         if not self.low < self.high:
             raise ValueError(message("base.low_not_below_high", "low must be below high"))
         if self.log and self.low <= 0:
             raise ValueError(message("base.low_not_positive", "low must be positive where it is logarithmic"))
         if self.start is not None and not self.low <= self.start <= self.high:
             raise ValueError(message("base.start_out_of_range", "start must lie between low and high"))
-        if self.integer and any(end is not None and end % 1 for end in (self.low, self.high, self.start)):
+        numbers = [end for end in (self.low, self.high, self.start) if end is not None]
+        if self.integer and any(number % 1 for number in numbers):
             raise ValueError(
                 message("base.range_not_whole", "low, high and start must be whole numbers where integer is true")
             )
@@ -120,39 +162,61 @@ class Uniform(Distribution):
 
     @property
     def first(self) -> float:
-        """The value from which a search begins."""
-        return self.quantile(0.5) if self.start is None else int(self.start) if self.integer else self.start
+        """The value with which a search begins: ``start``, or the middle."""
+        if self.start is None:
+            return self.quantile(0.5)
+        return int(self.start) if self.integer else self.start
 
     def quantile(self, part: float) -> float:
-        """Return the value up to which a part of all draws lies, 0 to 1."""
-        part, (low, high) = min(max(float(part), 0.0), 1.0), self._ends
+        """Compute the value up to which a share of all draws lies, from 0 to 1.
+
+        With the ends a and b and the share p, it is a + (b - a) p, or a (b / a)^p if the logarithm is uniform.
+        """
+        part = min(max(float(part), 0.0), 1.0)
+        low, high = self._ends
         value = low * (high / low) ** part if self.log else low + (high - low) * part
-        value = min(max(float(value), low), high)  # which rounding may pass
-        return int(min(max(floor(value + 0.5), self.low), self.high)) if self.integer else value
+        value = min(max(float(value), low), high)  # rounding may bring it beyond an end
+        if not self.integer:
+            return value
+        nearest = floor(value + 0.5)
+        return int(min(max(nearest, self.low), self.high))
 
     def part(self, value: Any) -> float:
-        """Return which part of all draws lies up to a value, the inverse of :meth:`quantile`."""
+        """Compute the share of all draws up to a value, from 0 to 1: the inverse of :meth:`quantile`."""
         low, high = self._ends
-        return float(np.log(value / low) / np.log(high / low)) if self.log else (value - low) / (high - low)
+        if self.log:
+            return float(np.log(value / low) / np.log(high / low))
+        return float((value - low) / (high - low))
 
     def holds(self, value: Any) -> bool:
-        """Whether something is a value that it has."""
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        return number and self.low <= value <= self.high and (not self.integer or value % 1 == 0)
+        """Whether a value is a number of the range."""
+        if not _is_number(value) or not self.low <= value <= self.high:
+            return False
+        return not self.integer or value % 1 == 0
 
     def grid(self, count: int) -> list[Any]:
-        """Return values that are evenly spaced, both ends among them."""
-        spaced = (np.geomspace if self.log else np.linspace)(self.low, self.high, count).tolist()
-        return list(dict.fromkeys(round(value) for value in spaced)) if self.integer else spaced
+        """List evenly spaced values, both ends among them."""
+        space = np.geomspace if self.log else np.linspace
+        values: list[Any] = space(self.low, self.high, count).tolist()
+        if not self.integer:
+            return values
+        # Close values have the same whole number.
+        return list(dict.fromkeys(round(value) for value in values))
 
     @property
-    def _ends(self) -> tuple[float, float]:
-        """The ends of what is rounded: each whole number gets its part of the range, the first and the last, too."""
-        return (self.low - 0.5, self.high + 0.5) if self.integer else (self.low, self.high)
+    def _ends(self) -> _Ends:
+        """Ends of the range of values before they are rounded.
+
+        The range of whole numbers is half a number longer at each end: without that, the first and the last number
+        would be drawn half as often as the others.
+        """
+        if self.integer:
+            return _Ends(self.low - 0.5, self.high + 0.5)
+        return _Ends(self.low, self.high)
 
 
 class Normal(Distribution):
-    """Values about a mean, perhaps between bounds."""
+    """A normal distribution, perhaps between bounds."""
 
     mean: Number
     deviation: NotNegative
@@ -161,82 +225,97 @@ class Normal(Distribution):
     high: Number | None = None
 
     @model_validator(mode="after")
-    def _checked(self) -> Self:
+    def _check(self) -> Self:
+        """Check that the mean is within the bounds."""
         if not self._low <= self.mean <= self._high:
             raise ValueError(message("base.mean_out_of_range", "mean must lie between low and high"))
         return self
 
     @property
     def first(self) -> float:
-        """The value from which a search begins: the mean."""
+        """The value with which a search begins: the mean."""
         return self.mean
 
     def quantile(self, part: float) -> float:
-        """Return the value up to which a part of all draws lies, 0 to 1."""
-        least, most = self._parts
-        within = min(max(least + float(part) * (most - least), _FAR), 1 - _FAR)
-        return min(max(self.mean + self.deviation * NormalDist().inv_cdf(within), self._low), self._high)
+        """Compute the value up to which a share of all draws lies, from 0 to 1."""
+        # Share of the draws of the distribution without bounds.
+        parts = self._parts
+        unbounded_part = parts.low + float(part) * (parts.high - parts.low)
+        unbounded_part = min(max(unbounded_part, _FAR), 1 - _FAR)
+        value = self.mean + self.deviation * NormalDist().inv_cdf(unbounded_part)
+        return min(max(value, self._low), self._high)
 
     def part(self, value: Any) -> float:
-        """Return which part of all draws lies up to a value, the inverse of :meth:`quantile`."""
-        (least, most), within = self._parts, self._below(value)
-        return (within - least) / (most - least) if most > least else 0.5
+        """Compute the share of all draws up to a value, from 0 to 1: the inverse of :meth:`quantile`.
+
+        It is 0.5 for a distribution with a single value.
+        """
+        parts = self._parts
+        if parts.high <= parts.low:
+            return 0.5
+        return (self._unbounded_part(value) - parts.low) / (parts.high - parts.low)
 
     def holds(self, value: Any) -> bool:
-        """Whether something is a value that it has."""
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        return number and self._low <= value <= self._high
+        """Whether a value is a number within the bounds."""
+        return _is_number(value) and self._low <= value <= self._high
 
     def grid(self, count: int) -> list[Any]:
-        """Return values between which equal parts of all draws lie."""
-        return [self.quantile((place + 0.5) / count) for place in range(count)]
+        """List the values in the middles of equal shares of all draws."""
+        return [self.quantile((index + 0.5) / count) for index in range(count)]
 
     def draw(self, source: np.random.Generator) -> float:
-        """Return a value at random."""
-        free = self.low is None and self.high is None
-        return source.normal(self.mean, self.deviation) if free else self.quantile(source.random())
+        """Draw a value at random."""
+        is_unbounded = self.low is None and self.high is None
+        # NumPy's own draws, without the cut at _FAR.
+        return source.normal(self.mean, self.deviation) if is_unbounded else self.quantile(source.random())
 
     @property
     def _low(self) -> float:
+        """Lower bound; minus infinity if there is none."""
         return -inf if self.low is None else self.low
 
     @property
     def _high(self) -> float:
+        """Upper bound; infinity if there is none."""
         return inf if self.high is None else self.high
 
     @property
-    def _parts(self) -> tuple[float, float]:
-        """Which parts of all values without bounds lie up to these."""
-        return self._below(self._low), self._below(self._high)
+    def _parts(self) -> _Ends:
+        """Shares of the draws of the distribution without bounds that lie up to the lower and the upper bound."""
+        return _Ends(self._unbounded_part(self._low), self._unbounded_part(self._high))
 
-    def _below(self, value: float) -> float:
-        return NormalDist().cdf((value - self.mean) / self.deviation) if self.deviation else float(value > self.mean)
+    def _unbounded_part(self, value: float) -> float:
+        """Share of the draws of the distribution without bounds that lie up to a value."""
+        if not self.deviation:  # all draws are the mean
+            return float(value > self.mean)
+        return NormalDist().cdf((value - self.mean) / self.deviation)
 
 
 class Choice(Distribution):
-    """One of some values, each as often as any other; a single one is a constant."""
+    """A list of values, each of which is drawn as often as any other. A single value is a constant."""
 
     values: list[Any] = Field(min_length=1, max_length=_MOST)
 
     @property
     def first(self) -> Any:
-        """The value from which a search begins: the first."""
+        """The value with which a search begins: the first of the list."""
         return self.values[0]
 
     def quantile(self, part: float) -> Any:
-        """Return the value up to which a part of all draws lies, 0 to 1, in the order in which they stand."""
-        return self.values[min(max(int(part * len(self.values)), 0), len(self.values) - 1)]
+        """Find the value up to which a share of all draws lies, from 0 to 1, in the order of the list."""
+        index = int(part * len(self.values))
+        return self.values[min(max(index, 0), len(self.values) - 1)]
 
     def part(self, value: Any) -> float:
-        """Return the middle of the part of all draws that a value has."""
+        """Compute the middle of the share of all draws that a value has, so that :meth:`quantile` gives it back."""
         return (self.values.index(value) + 0.5) / len(self.values)
 
     def holds(self, value: Any) -> bool:
-        """Whether something is a value that it has."""
+        """Whether a value is in the list."""
         return value in self.values
 
     def grid(self, count: int) -> list[Any]:
-        """Return all values."""
+        """List all values, whatever their count."""
         return list(self.values)
 
 
@@ -244,50 +323,99 @@ TEXTS = (
     "VALUE,VALUE..., lin:FIRST:LAST:COUNT, log:FIRST:LAST:COUNT, uniform:LOW:HIGH, loguniform:LOW:HIGH, "
     "integer:LOW:HIGH or normal:MEAN:DEVIATION"
 )
-"""What a distribution may be written as in one line."""
+"""Forms of a line of text, for messages."""
+
 _GRIDS: Mapping[str, Callable[[float, float, int], Vector]] = {"lin": np.linspace, "log": np.geomspace}
+"""Functions that make the values of a line ``KIND:FIRST:LAST:COUNT``, by the kind."""
+
 _DRAWN: Mapping[str, Callable[[float, float], Values]] = {
     "uniform": lambda low, high: {"low": low, "high": high},
     "loguniform": lambda low, high: {"low": low, "high": high, "log": True},
     "integer": lambda low, high: {"low": low, "high": high, "integer": True},
     "normal": lambda mean, deviation: {"mean": mean, "deviation": deviation},
 }
+"""Functions that make the section of a line ``KIND:NUMBER:NUMBER``, by the kind."""
 
 
 def _section(text: str) -> Values:
-    """Return the section that a line says; raises ValueError: anything else or an empty range, with what it must be."""
-    kind, *numbers = text.split(":")
+    """Convert a line of text to the section that means the same.
+
+    Raises:
+        ValueError: the line has none of the forms, or its range is empty. The message is what would be right.
+    """
+    kind, *parameters = text.split(":")
     if kind not in _GRIDS and kind not in _DRAWN:
-        return {"values": _listed(text)}
+        return {"values": _values_of_list(text)}
     try:
-        first, second, *count = (float(number) for number in numbers)
+        numbers = [float(parameter) for parameter in parameters]
     except ValueError as problem:
         raise ValueError(TEXTS) from problem
-    if not np.isfinite([first, second, *count]).all() or len(count) != (kind in _GRIDS):
+    expected_count = 3 if kind in _GRIDS else 2
+    if len(numbers) != expected_count or not np.isfinite(numbers).all():
         raise ValueError(TEXTS)
     if kind in _DRAWN:
-        if second < 0 if kind == "normal" else first >= second:
-            raise ValueError(message("base.a_range", "a range: LOW below HIGH, and a deviation that is not negative"))
-        if (kind == "loguniform" and first <= 0) or (kind == "integer" and (first % 1 or second % 1)):
-            raise ValueError(
-                message(
-                    "base.a_range_for_its_kind",
-                    "a range of positive numbers for loguniform, and of whole ones for integer",
-                )
+        return _section_of_range(kind, numbers[0], numbers[1])
+    return {"values": _values_of_grid(kind, numbers[0], numbers[1], numbers[2])}
+
+
+def _section_of_range(kind: str, first: float, second: float) -> Values:
+    """Make the section of a line ``KIND:NUMBER:NUMBER``.
+
+    Args:
+        kind: the kind of distribution, a key of ``_DRAWN``.
+        first: the lower end, or the mean of a normal distribution.
+        second: the upper end, or the deviation of a normal distribution.
+
+    Raises:
+        ValueError: the range is empty, or has numbers that the kind cannot have. The message is what would be right.
+    """
+    is_valid = second >= 0 if kind == "normal" else first < second
+    if not is_valid:
+        raise ValueError(message("base.a_range", "a range: LOW below HIGH, and a deviation that is not negative"))
+    is_not_positive = kind == "loguniform" and first <= 0
+    is_not_whole = kind == "integer" and bool(first % 1 or second % 1)
+    if is_not_positive or is_not_whole:
+        raise ValueError(
+            message(
+                "base.a_range_for_its_kind",
+                "a range of positive numbers for loguniform, and of whole ones for integer",
             )
-        return _DRAWN[kind](first, second)
-    if first == second or not 2 <= count[0] <= _MOST or count[0] % 1:
+        )
+    return _DRAWN[kind](first, second)
+
+
+def _values_of_grid(kind: str, first: float, last: float, count: float) -> list[float]:
+    """Compute the values of a line ``KIND:FIRST:LAST:COUNT``, both ends among them.
+
+    Args:
+        kind: ``lin`` for equal differences, ``log`` for equal factors.
+        first: first value.
+        last: last value.
+        count: count of the values.
+
+    Raises:
+        ValueError: the ends are equal or have no logarithm, or the count is not valid. The message is what would be
+            right.
+    """
+    is_count = 2 <= count <= _MOST and count % 1 == 0
+    if first == last or not is_count:
         raise ValueError(
             message(
                 "base.a_range_with_count", "a range of two ends that differ, and a count of 2 to {most}", most=_MOST
             )
         )
-    if kind == "log" and min(first, second) <= 0:
+    if kind == "log" and min(first, last) <= 0:
         raise ValueError(message("base.a_positive_range", "a range of positive numbers where it is logarithmic"))
-    return {"values": _GRIDS[kind](first, second, int(count[0])).tolist()}
+    values: list[float] = _GRIDS[kind](first, last, int(count)).tolist()
+    return values
 
 
-def _listed(text: str) -> list[Any]:
+def _values_of_list(text: str) -> list[Any]:
+    """Read the values of a line ``VALUE,VALUE...``. Each value is one of YAML: a number, a text, or a boolean.
+
+    Raises:
+        ValueError: a value cannot be read, or is missing. The message is what would be right.
+    """
     try:
         values: Any = parse_yaml(f"[{text}]", "values")
     except SimrobError as problem:
@@ -298,21 +426,36 @@ def _listed(text: str) -> list[Any]:
 
 
 def _read(content: Any, handler: ValidatorFunctionWrapHandler) -> Any:
-    """Return a distribution, from a line of text, too, which it keeps."""
+    """Make a distribution of a section or of a line of text, which the distribution keeps.
+
+    Args:
+        content: the section or the line.
+        handler: pydantic's function that makes a distribution of a section.
+
+    Raises:
+        ValueError: the line has none of the forms, or pydantic refuses the section.
+    """
     if not isinstance(content, str):
         return handler(content)
     try:
-        found = handler(_section(content))
+        distribution = handler(_section(content))
     except ValueError as problem:
         raise ValueError(message("base.must_be", "must be {problem}", problem=problem)) from problem
-    found._text = content  # its own
-    return found
+    distribution._text = content
+    return distribution
 
 
 def _kind(content: Any) -> str:
-    """Return which distribution a section is of, by its keys."""
-    keys = content if isinstance(content, Mapping) else getattr(content, "__dict__", {})
-    return "Choice" if "values" in keys else "Normal" if {"mean", "deviation"} & set(keys) else "Uniform"
+    """Name of the class of distribution that a section describes, by its keys.
+
+    Args:
+        content: the section, or a distribution.
+    """
+    keys = set(content) if isinstance(content, Mapping) else set(getattr(content, "__dict__", {}))
+    if "values" in keys:
+        return "Choice"
+    is_normal = bool(keys & {"mean", "deviation"})
+    return "Normal" if is_normal else "Uniform"
 
 
 AnyDistribution = Annotated[
@@ -323,11 +466,15 @@ AnyDistribution = Annotated[
 """A distribution in a file: a section, or a line of text."""
 
 
-def parsed(option: str, text: str) -> Distribution:
-    """Return the distribution that a line says: ``0.5,1,2``, ``log:10:1000:9``, ``uniform:0.5:2`` ... of :data:`TEXTS`.
+def parse_distribution(option: str, text: str) -> Distribution:
+    """Read a distribution from a line of text, such as ``0.5,1,2``, ``log:10:1000:9`` or ``uniform:0.5:2``.
 
-    Counts of ``lin`` and ``log`` include both ends. Raises InvalidParameter, which calls it ``option``: anything else,
-    an empty range, or ends that a logarithm does not take.
+    Args:
+        option: name of the option with the line, for the error.
+        text: the line, in one of the forms of `TEXTS`.
+
+    Raises:
+        InvalidParameter: the line has none of the forms, or its range is empty or cannot have a logarithm.
     """
     try:
         _section(text)

@@ -156,7 +156,7 @@ class InvalidConfig(SimrobError):
             problem: see the attribute.
         """
         self.key, self.problem = key, problem
-        super().__init__(_located(where, key, problem))
+        super().__init__(_join_location(where, key, problem))
 
 
 class InvalidModel(SimrobError):
@@ -175,7 +175,7 @@ class InvalidModel(SimrobError):
             element: the element of the file, such as ``link 'rod'``.
             problem: see the attribute.
         """
-        super().__init__(_located(where, element, problem))
+        super().__init__(_join_location(where, element, problem))
         self.element = element
         self.problem = problem
 
@@ -236,7 +236,7 @@ def nearest_name(name: object, known: Iterable[str]) -> str | None:
     return known_by_lower.get(close[0], close[0]) if close else None
 
 
-def _located(where: Path | str, what: str, problem: str) -> str:
+def _join_location(where: Path | str, what: str, problem: str) -> str:
     """Join the file, the key or element, and the problem, with colons.
 
     Empty parts are left out, and so is a key that the name of the override or option contains already.

@@ -177,7 +177,7 @@ class InstalledExtension(NamedTuple):
     extension: Extension | None
     problem: str
 
-    def left_out(self, problem: str) -> "InstalledExtension":
+    def with_problem(self, problem: str) -> "InstalledExtension":
         """Return this extension as one that is left out because of a problem."""
         return self._replace(extension=None, problem=problem)
 
@@ -608,11 +608,11 @@ def _load_extension(entry: EntryPoint) -> InstalledExtension:
     try:
         extension = entry.load()
     except (Exception, SystemExit) as error:  # a broken package of somebody else must not stop anything here
-        return found.left_out(_import_problem(entry, error))
+        return found.with_problem(_import_problem(entry, error))
     # The extensions of this package have its version, so there is nothing to compare.
     is_own = found.package == DISTRIBUTION
     problem = _problem_of(extension, entry.value, checks_version=not is_own)
-    return found.left_out(problem) if problem else found._replace(extension=extension)
+    return found.with_problem(problem) if problem else found._replace(extension=extension)
 
 
 def _import_problem(entry: EntryPoint, error: BaseException) -> str:
@@ -734,7 +734,7 @@ def _without_missing_needs(found: list[InstalledExtension]) -> list[InstalledExt
             else message("base.not_installed", "is not installed")
         )
         checked.append(
-            installed.left_out(
+            installed.with_problem(
                 message(
                     "base.needs_extension",
                     "it needs the extension {missing}, which {state}",
@@ -758,7 +758,7 @@ def _without_conflicts(found: list[InstalledExtension]) -> Iterator[InstalledExt
             yield installed
             continue
         if installed.name in packages:
-            yield installed.left_out(
+            yield installed.with_problem(
                 message(
                     "base.extension_name_taken",
                     "package {package} has an extension of this name, too",
@@ -770,7 +770,7 @@ def _without_conflicts(found: list[InstalledExtension]) -> Iterator[InstalledExt
         taken = sorted(own.keys() & owners.keys())
         if taken:
             point, name = taken[0]
-            yield installed.left_out(
+            yield installed.with_problem(
                 message(
                     "base.addition_name_taken",
                     "the {point} {name} is also one of {owner}",

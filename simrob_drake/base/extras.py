@@ -1,4 +1,4 @@
-"""Packages of the extras, which most users do without."""
+"""Packages of the extras: optional dependencies of this package, which most users do not need."""
 
 import re
 from collections.abc import Iterator
@@ -14,17 +14,34 @@ DISTRIBUTION = "simrob-drake"
 
 
 def install_line(extra: str) -> str:
-    """Return the command that installs what an extra brings, by the packages' names: it works for a checkout, too."""
+    """Command that installs the packages of an extra.
+
+    It names these packages, not the extra, so that it also works in a checkout. If this package is not installed, its
+    extras are not known, and the command names the extra.
+    """
     try:
-        lines = [line.partition(";") for line in requires(DISTRIBUTION) or ()]
+        requirements = requires(DISTRIBUTION) or ()
     except PackageNotFoundError:  # run from a folder that was not installed
-        lines = []
-    named = [name.strip() for name, _, where in lines if re.search(rf"extra == ['\"]{extra}['\"]", where)]
-    return " ".join(["pip install", *(f'"{name}"' for name in named or (f"{DISTRIBUTION}[{extra}]",))])
+        requirements = ()
+    packages = []
+    for requirement in requirements:
+        # Such as: mujoco>=3.1; extra == "mujoco"
+        package, _, marker = requirement.partition(";")
+        if re.search(rf"extra == ['\"]{extra}['\"]", marker):
+            packages.append(package.strip())
+    if not packages:
+        packages = [f"{DISTRIBUTION}[{extra}]"]
+    names = " ".join(f'"{package}"' for package in packages)
+    return f"pip install {names}"
 
 
 def lacking(what: str, extra: str) -> str:
-    """Return what is said where a package of an extra is not there that something needs."""
+    """Message that something needs an extra, with the command that installs it.
+
+    Args:
+        what: what needs the extra, such as "a video".
+        extra: name of the extra.
+    """
     return message(
         "base.needs_extra",
         "{what} needs the extra {extra}: {install_line}",
@@ -35,14 +52,31 @@ def lacking(what: str, extra: str) -> str:
 
 
 def require(what: str, package: str, extra: str) -> None:
-    """Check that a package of an extra is there, without importing it; raises SimrobError: it is not."""
+    """Check that a package of an extra is installed, without importing it.
+
+    Args:
+        what: what needs the package, for the error.
+        package: name under which it is imported.
+        extra: name of the extra.
+
+    Raises:
+        SimrobError: the package is not installed.
+    """
     if find_spec(package) is None:
         raise SimrobError(lacking(what, extra))
 
 
 @contextmanager
 def needed(what: str, extra: str) -> Iterator[None]:
-    """Tell of the ``extra`` that brings packages which ``what`` needs, where an import fails; raises SimrobError."""
+    """Context manager for imports of packages of an extra.
+
+    Args:
+        what: what needs the packages, for the error.
+        extra: name of the extra.
+
+    Raises:
+        SimrobError: an import in the body failed. The message names the extra.
+    """
     try:
         yield
     except ImportError as problem:

@@ -1,4 +1,10 @@
-"""The files that a user names, of a size that somebody may have meant, and their CSV; where those that ship are."""
+"""Files that a user names, with a limit of their size; tables in CSV; and the files that come with the package.
+
+Files may be named by anybody, for instance in a station that was downloaded. So devices and pipes are refused, which
+may have no end, and files that are much larger than such a file can be.
+
+*Models* are stations, robots and pieces. They come with the package, or with its extensions.
+"""
 
 import csv
 import io
@@ -10,6 +16,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,35 +26,48 @@ from simrob_drake.base.extension import addition_folders
 from simrob_drake.base.file_cache import file_state
 from simrob_drake.base.messages import Message, message
 
-LARGEST_TEXT = 1_000_000  # of files that are written by hand [bytes]: a station's has some thousand
+LARGEST_TEXT = 1_000_000
+"""Largest size of a file that is written by hand [bytes]. A station's file has some thousand."""
 
 
 class NotRead(OSError):
-    """A file that cannot or may not be read; the text says why, and is all that there is to say."""
+    """Raised when a file cannot or may not be read. Its text is the reason, without the name of the file."""
 
 
 class TooLarge(NotRead):
-    """A file with more bytes than are read."""
+    """Raised when a file has more bytes than are read."""
 
 
 def content_of(file: Path | str, largest: int = LARGEST_TEXT) -> bytes:
-    """Return the bytes of a file. Devices and pipes, which may have no end, are not waited for.
+    """Read the bytes of a file.
 
-    Raises NotRead: it is not there, is no regular file, or no file can have its name; TooLarge: it has more bytes than
-    ``largest``.
+    Args:
+        file: the file.
+        largest: largest size [bytes].
+
+    Raises:
+        NotRead: there is no such file, it is no regular file, or no file can have its name.
+        TooLarge: the file is larger.
     """
-    with opened(file) as content:
-        size = os.fstat(content.fileno()).st_size
-        found = b"" if size > largest else content.read(largest + 1) or b""  # None where reading would wait
-    if max(len(found), size) > largest:
+    with opened(file) as stream:
+        size = os.fstat(stream.fileno()).st_size
+        content = b""
+        if size <= largest:
+            # One byte more than allowed: the file may have grown. The result is None if reading would block.
+            content = stream.read(largest + 1) or b""
+    if max(len(content), size) > largest:
         raise TooLarge(message("base.larger_than", "it is larger than {largest:g} MB", largest=largest / 1e6))
-    return found
+    return content
 
 
 @contextmanager
 def opened(file: Path | str) -> Iterator[BufferedReader]:
-    """Open a file as :func:`content_of` reads it, for those that are read bit by bit; raises NotRead as that does."""
-    file_state(file)  # for the caches of values that are made from this file
+    """Open a regular file for reading bytes, for files that are not read as a whole.
+
+    Raises:
+        NotRead: there is no such file, it is no regular file, or no file can have its name.
+    """
+    file_state(file)  # caches record the file, if a value is made from it at this moment
     try:
         with _open(file) as content:
             yield content
@@ -58,30 +78,41 @@ def opened(file: Path | str) -> Iterator[BufferedReader]:
 
 
 def _open(file: Path | str) -> BufferedReader:
+    """Open a regular file. Raises NotRead if it is another kind of file, and OSError as Python's own open."""
     try:
-        return open(file, "rb", opener=_at_once)
-    except ValueError:  # of a surrogate, or the character 0
+        return open(file, "rb", opener=_open_without_waiting)
+    except ValueError:  # the name contains a surrogate, or the character 0
         raise NotRead(message("base.impossible_file_name", "no file can have this name")) from None
 
 
-def _at_once(file: str, flags: int) -> int:
-    """Open a regular file, and wait for no other."""
+def _open_without_waiting(file: str, flags: int) -> int:
+    """Open a regular file for Python's function open, and return its descriptor. Raises NotRead for others.
+
+    Opening a pipe would wait until another process writes to it, hence O_NONBLOCK.
+    """
     descriptor = os.open(file, flags | os.O_NONBLOCK)
-    kind = os.fstat(descriptor).st_mode
-    if stat.S_ISREG(kind):
+    mode = os.fstat(descriptor).st_mode
+    if stat.S_ISREG(mode):
         return descriptor
     os.close(descriptor)
-    raise NotRead(
-        message("base.is_a_folder", "it is a folder")
-        if stat.S_ISDIR(kind)
-        else message("base.no_regular_file", "it is no regular file")
-    )
+    if stat.S_ISDIR(mode):
+        raise NotRead(message("base.is_a_folder", "it is a folder"))
+    raise NotRead(message("base.no_regular_file", "it is no regular file"))
 
 
 def text_of(file: Path | str, largest: int = LARGEST_TEXT) -> str:
-    """Return a file's text in UTF-8, lines ended by line feeds, without byte order mark; raises NotRead: it is none."""
+    """Read a text file in UTF-8, without byte order mark. Lines of the result end with line feeds.
+
+    Args:
+        file: the file.
+        largest: largest size [bytes].
+
+    Raises:
+        NotRead: the file cannot be read, is too large, or contains no UTF-8.
+    """
     try:
-        return content_of(file, largest).decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+        text = content_of(file, largest).decode("utf-8-sig")
+        return text.replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as problem:
         raise NotRead(
             message(
@@ -93,78 +124,120 @@ def text_of(file: Path | str, largest: int = LARGEST_TEXT) -> str:
         ) from None
 
 
-LARGEST_TABLE = 100_000_000  # of a file [bytes]: a million rows of seven columns
-_LONGEST_LINE = 1_000_000  # letters
+LARGEST_TABLE = 100_000_000
+"""Largest size of a file with a table [bytes]: a million rows of seven columns."""
+
+_LONGEST_LINE = 1_000_000
+"""Largest length of a line of a table [characters]. A longer one is read in pieces."""
 
 
-def read_columns(file: Path, names: Sequence[str]) -> tuple[NDArray[np.float64], list[int]]:
-    """Return the columns of these names, which stand in the first line, in any order and among others.
+class Columns(NamedTuple):
+    """Columns of a table.
 
-    Empty lines do not count, nor does the mark that spreadsheets put before UTF-8.
+    Attributes:
+        values: the numbers, shape (m, k).
+        lines: number of the line of each row in the file, from 1, length m.
+    """
 
-    Returns:
-        the values, shape (m, len(names)), and the number of each row's line, of length m.
+    values: NDArray[np.float64]
+    lines: list[int]
+
+
+class _Row(NamedTuple):
+    """Row of a table.
+
+    Attributes:
+        line: number of its last line in the file, from 1. A cell in quotes may contain line feeds.
+        cells: texts of its cells.
+    """
+
+    line: int
+    cells: list[str]
+
+
+def read_columns(file: Path, names: Sequence[str]) -> Columns:
+    """Read columns of a table by the names in its first line, which may be in any order and among others.
+
+    Empty lines do not count.
+
+    Args:
+        file: the CSV file.
+        names: names of the k columns.
 
     Raises:
         InvalidConfig: the file cannot be read, lacks a column or has it twice, or a row is longer than the first line
-            or holds something that is no finite number.
+            or contains something that is no finite number.
     """
     rows = _rows(file)
-    first, header = _header(rows, file)
-    _check_header(header, names, file, first)
-    places = [header.index(name) for name in names]
-    values, lines = array("d"), array("q")  # a list of numbers takes five times as much
-    for line, row in rows:
-        if len(row) > len(header) and "".join(row[len(header) :]).strip():
+    header = _header(rows, file)
+    _check_header(header, names, file)
+    indices = [header.cells.index(name) for name in names]
+    # Arrays of Python's standard library: a list of numbers takes five times as much memory.
+    values = array("d")
+    lines = array("q")
+    for row in rows:
+        # Spreadsheets write empty cells beyond the last column.
+        further_cells = row.cells[len(header.cells) :]
+        if "".join(further_cells).strip():
             raise InvalidConfig(
                 file,
-                message("base.line", "line {line}", line=line),
+                message("base.line", "line {line}", line=row.line),
                 message(
                     "base.cells_and_columns",
                     "has {cells} cells, and the columns are {columns}",
-                    cells=len(row),
-                    columns=len(header),
+                    cells=len(row.cells),
+                    columns=len(header.cells),
                 ),
             )
-        values.extend(_numbers(row, places, file, line))
-        lines.append(line)
-    return np.array(values).reshape(-1, len(names)), lines.tolist()
+        values.extend(_numbers(row, indices, file))
+        lines.append(row.line)
+    return Columns(np.array(values).reshape(-1, len(names)), lines.tolist())
 
 
 def read_matrix(file: Path) -> NDArray[np.float64]:
-    """Return the numbers of a table without names, shape (lines, columns).
+    """Read a table without names, shape (lines, columns).
 
-    Raises InvalidConfig: the file cannot be read, holds no line, or one of another length than the first or with
-    something that is no finite number.
+    Raises:
+        InvalidConfig: the file cannot be read, has no line, or has a line with another count of cells than the first or
+            with something that is no finite number.
     """
-    rows = list[list[float]]()
-    for line, row in _rows(file):
-        rows.append(_numbers(row, list(range(len(row))), file, line))
-        if len(row) != len(rows[0]):
+    values = list[list[float]]()
+    for row in _rows(file):
+        values.append(_numbers(row, range(len(row.cells)), file))
+        if len(row.cells) != len(values[0]):
             raise InvalidConfig(
                 file,
-                message("base.line", "line {line}", line=line),
+                message("base.line", "line {line}", line=row.line),
                 message(
                     "base.cells_unlike_first_line",
                     "has {cells} cells, and the first line {first_cells}",
-                    cells=len(row),
-                    first_cells=len(rows[0]),
+                    cells=len(row.cells),
+                    first_cells=len(values[0]),
                 ),
             )
-    if not rows:
+    if not values:
         raise InvalidConfig(file, "", message("base.empty_table", "is empty; it must hold lines of numbers"))
-    return np.array(rows)
+    return np.array(values)
 
 
 def column_names(file: Path) -> list[str]:
-    """Return the names in the first line that is not empty; raises InvalidConfig: no file to read, or an empty one."""
-    return _header(_rows(file), file)[1]
+    """Read the names of a table's columns, in its first line that is not empty.
+
+    Raises:
+        InvalidConfig: the file cannot be read, or is empty.
+    """
+    return _header(_rows(file), file).cells
 
 
-def _header(rows: Iterator[tuple[int, list[str]]], file: Path) -> tuple[int, list[str]]:
-    """Return the number and the names of the first line."""
-    line, header = next(rows, (1, []))
-    if not header:
+def _header(rows: Iterator[_Row], file: Path) -> _Row:
+    """Take the first row, whose cells are the names of the columns. Raises InvalidConfig if there is none.
+
+    Args:
+        rows: rows of the table. Its first one is consumed.
+        file: the file, for the error.
+    """
+    header = next(rows, None)
+    if header is None:
         raise InvalidConfig(
             file,
             "",
@@ -172,93 +245,134 @@ def _header(rows: Iterator[tuple[int, list[str]]], file: Path) -> tuple[int, lis
                 "base.empty_table_with_names", "is empty; it must hold a line of names, and lines of numbers below"
             ),
         )
-    return line, [name.strip() for name in header]
+    return header._replace(cells=[name.strip() for name in header.cells])
 
 
-def _rows(file: Path) -> Iterator[tuple[int, list[str]]]:
-    """Yield the rows that are not empty, each with the number of its last line."""
+def _rows(file: Path) -> Iterator[_Row]:
+    """Yield the rows of a table that are not empty.
+
+    Cells are separated by commas, or by semicolons if the first line has semicolons but no comma, as spreadsheets write
+    tables in languages with decimal commas.
+
+    Raises:
+        InvalidConfig: the file cannot be read.
+    """
     try:
         text = text_of(file, LARGEST_TABLE)
-        first, lines = text.lstrip().partition("\n")[0], io.StringIO(text)
-        separator = ";" if ";" in first and "," not in first else ","
-        reader = csv.reader(iter(lambda: lines.readline(_LONGEST_LINE), ""), delimiter=separator)
-        for row in reader:
-            if "".join(row).strip():
-                yield reader.line_num, [cell.replace(",", ".") for cell in row] if separator == ";" else row
+        first_line = text.lstrip().partition("\n")[0]
+        has_semicolons = ";" in first_line and "," not in first_line
+        # Each call of readline gives a line, or an empty text at the end of the file. A file in which no line ends is
+        # read in pieces, since the reader refuses a cell of such a length.
+        stream = io.StringIO(text)
+        lines = iter(lambda: stream.readline(_LONGEST_LINE), "")
+        reader = csv.reader(lines, delimiter=";" if has_semicolons else ",")
+        for cells in reader:
+            if not "".join(cells).strip():
+                continue
+            # Tables with semicolons have decimal commas.
+            numbers = [cell.replace(",", ".") for cell in cells] if has_semicolons else cells
+            yield _Row(reader.line_num, numbers)
     except (NotRead, csv.Error) as problem:
         raise InvalidConfig(
             file, "", message("base.cannot_be_read", "cannot be read ({problem})", problem=problem)
         ) from None
 
 
-def _check_header(header: list[str], names: Sequence[str], file: Path, line: int) -> None:
-    missing = [name for name in names if name not in header]
+def _check_header(header: _Row, names: Sequence[str], file: Path) -> None:
+    """Check that a table has each of some columns once.
+
+    Args:
+        header: the names of its columns.
+        names: names of the needed columns.
+        file: the file, for the error.
+
+    Raises:
+        InvalidConfig: a column is missing, or is there twice.
+    """
+    line = message("base.line", "line {line}", line=header.line)
+    missing = [name for name in names if name not in header.cells]
     if missing:
-        other = next((mark for mark in (";", "\t") if any(mark in name for name in header)), None)
-        hint = (
-            message(
-                "base.other_separator",
-                "; it is separated by {other}, and must be by commas, with decimal points",
-                other=repr(other),
-            )
-            if other
-            else ""
-        )
         lacking = message(
             "base.lacks_columns",
             "lacks the columns {missing}; needed: {names}{hint}",
             missing=", ".join(missing),
             names=", ".join(names),
-            hint=hint,
+            hint=_separator_hint(header.cells),
         )
-        raise InvalidConfig(file, message("base.line", "line {line}", line=line), lacking)
-    twice = next((name for name in names if header.count(name) > 1), None)
+        raise InvalidConfig(file, line, lacking)
+    twice = next((name for name in names if header.cells.count(name) > 1), None)
     if twice is not None:
-        raise InvalidConfig(
-            file,
-            message("base.line", "line {line}", line=line),
-            message("base.column_twice", "names the column {twice} twice", twice=twice),
-        )
+        raise InvalidConfig(file, line, message("base.column_twice", "names the column {twice} twice", twice=twice))
 
 
-def _numbers(row: list[str], places: list[int], file: Path, line: int) -> list[float]:
+def _separator_hint(names: Sequence[str]) -> str:
+    """Hint that a table has another separator than a comma, to be appended to a message. Empty if it has not.
+
+    Args:
+        names: names of the columns. Wrong separators are parts of a name.
+    """
+    for separator in (";", "\t"):
+        if any(separator in name for name in names):
+            return message(
+                "base.other_separator",
+                "; it is separated by {other}, and must be by commas, with decimal points",
+                other=repr(separator),
+            )
+    return ""
+
+
+def _numbers(row: _Row, indices: Sequence[int], file: Path) -> list[float]:
+    """Read the numbers in some cells of a row.
+
+    Args:
+        row: the row.
+        indices: indices of the cells.
+        file: the file, for the error.
+
+    Raises:
+        InvalidConfig: there is no such cell, or it contains no finite number.
+    """
     try:
-        values = [float(row[place]) for place in places]
+        values = [float(row.cells[index]) for index in indices]
     except (ValueError, IndexError):
         values = [math.nan]
     if not all(map(math.isfinite, values)):
-        found = shortened(",".join(row))
+        found = shortened(",".join(row.cells))
         raise InvalidConfig(
             file,
-            message("base.line", "line {line}", line=line),
+            message("base.line", "line {line}", line=row.line),
             message("base.no_number_in_table", "holds something that is no number: {found}", found=found),
         )
     return values
 
 
-ROBOT_FILE, PIECE_FILE, EXERCISE_FILE = "robot.yaml", "piece.yaml", "exercise.yaml"
-"""What the files are called that describe a robot, a piece and an exercise of the course."""
+# Names of the files that describe a robot, a piece and an exercise of the course.
+ROBOT_FILE = "robot.yaml"
+PIECE_FILE = "piece.yaml"
+EXERCISE_FILE = "exercise.yaml"
+
 _PACKAGE = Path(__file__).resolve().parents[1]
+"""Folder of the Python package."""
 
 
 def data_root() -> Path:
-    """Return the folder with ``models``, ``diagrams`` and ``course``: inside the wheel, or the top of a checkout."""
+    """Folder with ``models``, ``diagrams`` and ``course``: inside the wheel, or the top of a checkout."""
     installed = _PACKAGE / "data"
     return installed if installed.is_dir() else _PACKAGE.parent
 
 
 def models_root() -> Path:
-    """Return the folder with one folder a robot, and ``pieces``."""
+    """Folder with one folder for each robot, and the folder ``pieces``."""
     return data_root() / "models"
 
 
 def diagrams_root() -> Path:
-    """Return the folder with one YAML file a station."""
+    """Folder with one YAML file for each station."""
     return data_root() / "diagrams"
 
 
 def description_message(kind: str, name: str, description: str) -> Message:
-    """Make a message of the description of a station, robot or piece of the package, which other languages have.
+    """Make a message of the description of a model of the package, for which other languages have a text.
 
     Args:
         kind: ``station``, ``robot`` or ``piece``.
@@ -271,24 +385,28 @@ def description_message(kind: str, name: str, description: str) -> Message:
 
 
 def station_files() -> dict[str, Path]:
-    """Return the files of the stations that come with the package and with extensions, by name."""
+    """Files of the stations that come with the package and with extensions, by name."""
     return _model_files("stations")
 
 
 def robot_files() -> dict[str, Path]:
-    """Return the files of the robots that come with the package and with extensions, by name."""
+    """Files of the robots that come with the package and with extensions, by name."""
     return _model_files("robots")
 
 
 def piece_files() -> dict[str, Path]:
-    """Return the files of the pieces that come with the package and with extensions, by name."""
+    """Files of the pieces that come with the package and with extensions, by name."""
     return _model_files("pieces")
 
 
 def model_file(point: str, name: str) -> Path | None:
-    """Find the file of one station, robot or piece by its name; None if there is none of that name.
+    """Find the file of one model by its name. Returns None if no model has this name.
 
-    It is quicker than a look at all files: extensions, which take a while to find, are asked for unknown names only.
+    This is quicker than listing all files: extensions, which take long to find, are searched for unknown names only.
+
+    Args:
+        point: extension point: ``stations``, ``robots`` or ``pieces``.
+        name: name of the model.
     """
     own = _files_by_name(point, _own_folder(point)).get(name)
     return own if own is not None else _model_files(point).get(name)
@@ -321,8 +439,9 @@ def _model_files(point: str) -> dict[str, Path]:
 
 
 def _own_folder(point: str) -> Path:
-    """Return this package's own folder of stations, robots or pieces."""
-    return {"stations": diagrams_root(), "robots": models_root(), "pieces": models_root() / "pieces"}[point]
+    """This package's own folder of stations, robots or pieces."""
+    folders = {"stations": diagrams_root(), "robots": models_root(), "pieces": models_root() / "pieces"}
+    return folders[point]
 
 
 def _files_by_name(point: str, folder: Path) -> dict[str, Path]:
@@ -337,5 +456,5 @@ def _files_by_name(point: str, folder: Path) -> dict[str, Path]:
 
 
 def exercise_files() -> list[Path]:
-    """Return the files of the exercises of the course that come with the package."""
+    """Files of the exercises of the course that come with the package."""
     return sorted(data_root().glob(f"course/*/{EXERCISE_FILE}"))

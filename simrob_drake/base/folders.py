@@ -1,4 +1,9 @@
-"""Output folders and files: checked before the work, and whole or not there; and the entries of our caches."""
+"""Output files and folders that appear complete or not at all, and the folders of this package's caches.
+
+Work is done in a hidden *workshop*, a folder next to the target. The result is moved to its place when it is complete.
+A folder of results contains a *marker*, a file that each result of its kind has, such as ``summary.json``. Only folders
+with their marker are ever replaced, so that a wrong path on a command line deletes nothing of the user's.
+"""
 
 import ctypes
 import fcntl
@@ -16,44 +21,65 @@ from simrob_drake.base.errors import InvalidParameter, OutputError
 from simrob_drake.base.messages import join_texts, message
 
 CACHE_VARIABLE = "XDG_CACHE_HOME"
-"""The environment variable that says where caches lie; without it that is ``~/.cache``."""
-_KEPT = 90 * 24 * 3600.0  # s
-_WORKSHOP = ".simrob-part"  # how the hidden folders end in which work grows until it is whole
-_YOUNG = 60.0  # s in which such a folder may not be locked yet
-_BEFORE = "before"  # what stands there is a user's
+"""Environment variable with the folder of all programs' caches. If it is not set, that is ``~/.cache``."""
+
+_LIFE_OF_ENTRIES = 90 * 24 * 3600.0
+"""Time after which an unused entry of a cache is deleted [s]."""
+
+_WORKSHOP = ".simrob-part"
+"""End of the names of workshops."""
+
+_LOCKING_TIME = 60.0
+"""Age below which a workshop without a lock is not deleted [s]: its process may not have locked it yet."""
+
+_BEFORE = "before"
+"""Name of the former result in a workshop, while a new one takes its place. It belongs to the user: a workshop with it
+is never deleted."""
 
 
 def cache_root() -> Path:
-    """Return the folder of our caches: imported robots, and the meshes of pieces."""
-    return Path(os.environ.get(CACHE_VARIABLE) or Path.home() / ".cache") / "simrob_drake"
+    """Folder of this package's caches: of imported robots, and of the meshes of pieces."""
+    caches = os.environ.get(CACHE_VARIABLE) or Path.home() / ".cache"
+    return Path(caches) / "simrob_drake"
 
 
 def cache_entry(kind: str, *, made_of: Iterable[bytes], made_by: Iterable[Path]) -> Path:
-    """Return the folder of an entry of a ``kind`` of cache; whether it is there yet is for the caller to see.
+    """Path of an entry of a cache, which may not exist yet. Entries that were not used for ninety days are deleted.
 
-    Its name follows from what it is made of, and from the code, files and folders, that makes it, so that a correction
-    of our code makes it anew. Entries that nobody asked for in ninety days are deleted.
+    The name of an entry is a digest of its sources and of the code that makes it, so that a correction of the code
+    makes a new entry.
+
+    Args:
+        kind: name of the cache.
+        made_of: contents of the sources.
+        made_by: modules that make the entry, or folders with these modules.
     """
-    modules = [file for place in made_by for file in sorted(place.rglob("*.py") if place.is_dir() else [place])]
+    modules: list[Path] = []
+    for place in made_by:
+        modules += sorted(place.rglob("*.py")) if place.is_dir() else [place]
+    contents = [*made_of, *(module.read_bytes() for module in modules)]
     digest = hashlib.sha256()
-    for content in (*made_of, *(module.read_bytes() for module in modules)):
+    for content in contents:
+        # Digests of equal length, so that the borders between the contents count.
         digest.update(hashlib.sha256(content).digest())
     entry = cache_root() / kind / digest.hexdigest()[:32]
-    with suppress(OSError):  # it is not there yet, or on a disk that is only read
-        os.utime(entry)
-    _delete_forgotten(entry.parent)
+    with suppress(OSError):  # the entry does not exist yet, or the disk is read-only
+        os.utime(entry)  # it was used now
+    _delete_unused(entry.parent)
     return entry
 
 
 def is_cached(file: Path) -> bool:
-    """Whether a file is in the cache, whose files users do not edit."""
+    """Whether a file is in a cache of this package, so that the user does not edit it."""
     return file.resolve().is_relative_to(cache_root().resolve())
 
 
-def _delete_forgotten(cache: Path) -> None:
+def _delete_unused(cache: Path) -> None:
+    """Delete the entries of a cache that were not used for a long time."""
     for entry in cache.glob("*"):
-        with suppress(OSError):  # another process was quicker
-            if time.time() - entry.stat().st_mtime > _KEPT:
+        with suppress(OSError):  # another process has deleted it
+            unused_time = time.time() - entry.stat().st_mtime
+            if unused_time > _LIFE_OF_ENTRIES:
                 shutil.rmtree(entry, ignore_errors=True)
 
 
@@ -108,12 +134,19 @@ def check_new_file(file: Path, *, force: bool) -> None:
 def check_folder(folder: Path, *, marker: str, force: bool) -> None:
     """Check, before any work, that results can be written to a folder.
 
-    Only a folder that holds a file called ``marker``, as each of its kind does, is ever replaced, and with ``force``.
-    Raises OutputError: it exists and is not to be replaced, is none of ours, or cannot be made.
+    Args:
+        folder: the folder.
+        marker: name of the file that each result of this kind has.
+        force: whether a former result in the folder may be replaced.
+
+    Raises:
+        OutputError: the folder exists and may not be replaced, contains something else than a former result, or cannot
+            be made.
     """
-    if os.path.exists(folder):  # which is false for names that no folder can have: writing tells the reason
-        ours = folder.is_dir() and ((folder / marker).is_file() or not any(folder.iterdir()))
-        if force and not ours:
+    # os.path.exists is false for names that no folder can have. These are refused with their reason below.
+    if os.path.exists(folder):
+        is_replaceable = folder.is_dir() and ((folder / marker).is_file() or not any(folder.iterdir()))
+        if force and not is_replaceable:
             raise OutputError(
                 message(
                     "base.no_result_folder",
@@ -129,8 +162,9 @@ def check_folder(folder: Path, *, marker: str, force: bool) -> None:
                     folder=folder,
                 )
             )
+    # Permissions do not tell whether a disk is full or read-only, so that a workshop is made on trial.
     with writing(folder), _workshop(_nearest_parent(folder), folder.name):
-        pass  # trying tells more than asking for permissions
+        pass
 
 
 @contextmanager
@@ -147,41 +181,56 @@ def writing(target: Path) -> Iterator[None]:
 
 @contextmanager
 def filled_at_once(folder: Path, *, marker: str, force: bool = False) -> Iterator[Path]:
-    """Give a temporary folder that takes the name of ``folder``, and its place, once it is filled.
+    """Context manager with a temporary folder, which gets the name of the target when its body is done.
 
-    What stands there is checked by :func:`check_folder` before and after, as it may have come meanwhile. Raises
-    OutputError: it is not to be replaced, or the disk does not take it; nothing is left behind.
+    If the body fails, nothing is left behind, and a former result stays.
+
+    Args:
+        folder: the target.
+        marker: name of the file that each result of this kind has.
+        force: whether a former result in the target is replaced.
+
+    Raises:
+        OutputError: the target may not be replaced, see :func:`check_folder`, or cannot be written.
     """
     check_folder(folder, marker=marker, force=force)
-    with writing(folder), _workshop(_nearest_parent(folder), folder.name) as place:
-        work = place / folder.name
-        work.mkdir()  # with the permissions that the user wants, which the folder around it has not
+    with writing(folder), _workshop(_nearest_parent(folder), folder.name) as workshop:
+        work = workshop / folder.name
+        # A folder inside of the workshop: it has the user's usual permissions, and the workshop has stricter ones.
+        work.mkdir()
         with _errors_with_target(work, folder):
             yield work
-        check_folder(folder, marker=marker, force=force)
+        check_folder(folder, marker=marker, force=force)  # again, since the body may take long
         folder.parent.mkdir(parents=True, exist_ok=True)
         if not folder.exists():
-            work.rename(folder)  # fails where a folder with something in it came this moment
+            work.rename(folder)  # fails if another process has made the folder and filled it at this moment
         elif not _swap_at_once(folder, work):
-            _exchange(folder, work, aside=place / _BEFORE)
+            _exchange(folder, work, aside=workshop / _BEFORE)
 
 
 @contextmanager
 def replaced_at_once(file: Path) -> Iterator[Path]:
-    """Give a temporary file that takes the place of ``file`` once it is whole; a link goes on pointing at it.
+    """Context manager with a temporary file, which replaces the target when its body is done.
 
-    Raises OutputError: the disk does not take it; what was there stays as it was.
+    If the target is a symbolic link, the file that it points to is replaced. If the body fails, the former file stays.
+
+    Raises:
+        OutputError: the target cannot be written.
     """
     target = Path(os.path.realpath(file))
-    with writing(file), _workshop(target.parent, target.name) as place:
-        work = place / target.name
+    with writing(file), _workshop(target.parent, target.name) as workshop:
+        work = workshop / target.name
         with _errors_with_target(work, file):
             yield work
         work.replace(target)
 
 
 def written_at_once(file: Path, text: str) -> None:
-    """Write a text file, all of it or nothing, and the folders to it; raises OutputError: the disk does not take it."""
+    """Write a text file, all of it or nothing. Missing folders are made.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
     with writing(file):
         file.parent.mkdir(parents=True, exist_ok=True)
     with replaced_at_once(file) as work:
@@ -190,7 +239,11 @@ def written_at_once(file: Path, text: str) -> None:
 
 @contextmanager
 def alone_in(folder: Path) -> Iterator[None]:
-    """Work in a folder that is there, and let no other process; raises OutputError: another one does."""
+    """Context manager that locks a folder against other processes that lock it, too.
+
+    Raises:
+        OutputError: another process has locked the folder, or there is no such folder.
+    """
     with writing(folder):
         lock = os.open(folder, os.O_RDONLY)
     try:
@@ -215,48 +268,64 @@ def _errors_with_target(work: Path, target: Path) -> Iterator[None]:
 
 @contextmanager
 def _workshop(folder: Path, name: str) -> Iterator[Path]:
-    """Give a hidden folder until the work is done; what killed processes left of theirs is deleted.
+    """Context manager with a new workshop, which is deleted at the end. Abandoned workshops are deleted before.
 
-    A lock, which goes with its process, tells which are still used.
+    The workshop is locked while its process lives, so that other processes see that it is in use.
+
+    Args:
+        folder: the folder in which the workshop is made.
+        name: name of the target, with which the name of the workshop begins.
     """
-    _tidy(folder)
+    _delete_abandoned_workshops(folder)
     prefix = f".{name[:100]}-"
-    with tempfile.TemporaryDirectory(_WORKSHOP, prefix, folder, ignore_cleanup_errors=True) as place:
-        lock = os.open(place, os.O_RDONLY)
+    with tempfile.TemporaryDirectory(_WORKSHOP, prefix, folder, ignore_cleanup_errors=True) as workshop:
+        lock = os.open(workshop, os.O_RDONLY)
         try:
-            with suppress(OSError):  # a disk without locks: then nothing there is deleted, either
+            with suppress(OSError):  # on a disk without locks no workshop is ever deleted by another process
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            yield Path(place)
+            yield Path(workshop)
         finally:
             os.close(lock)
 
 
-def _tidy(folder: Path) -> None:
-    for left in folder.glob(f".*{_WORKSHOP}"):
-        with suppress(OSError):  # it is used, or another process was quicker
-            if time.time() - left.stat().st_mtime < _YOUNG or (left / _BEFORE).exists():
+def _delete_abandoned_workshops(folder: Path) -> None:
+    """Delete the workshops in a folder whose processes were killed. A process that ends releases its locks."""
+    for workshop in folder.glob(f".*{_WORKSHOP}"):
+        with suppress(OSError):  # it is locked, or another process has deleted it
+            age = time.time() - workshop.stat().st_mtime
+            has_former_result = (workshop / _BEFORE).exists()
+            if age < _LOCKING_TIME or has_former_result:
                 continue
-            lock = os.open(left, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+            lock = os.open(workshop, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                shutil.rmtree(left, ignore_errors=True)
+                shutil.rmtree(workshop, ignore_errors=True)
             finally:
                 os.close(lock)
 
 
 def _swap_at_once(folder: Path, work: Path) -> bool:
     """Exchange two folders in one step. Returns False if the system or the disk cannot do that."""
-    system, first, second = ctypes.CDLL(None), os.fsencode(folder), os.fsencode(work)
+    c_library = ctypes.CDLL(None)
+    first = os.fsencode(folder)
+    second = os.fsencode(work)
+    # The constants of the C library: RENAME_SWAP is 2, AT_FDCWD is -100, and RENAME_EXCHANGE is 2.
     try:
         if sys.platform == "darwin":
-            return int(system.renamex_np(first, second, 2)) == 0  # RENAME_SWAP
-        return int(system.renameat2(-100, first, -100, second, 2)) == 0  # AT_FDCWD, RENAME_EXCHANGE
+            return int(c_library.renamex_np(first, second, 2)) == 0
+        return int(c_library.renameat2(-100, first, -100, second, 2)) == 0
     except AttributeError:  # a C library without it
         return False
 
 
 def _exchange(folder: Path, work: Path, *, aside: Path) -> None:
-    """Put a folder in another's place, and that aside; at any time one of them is whole."""
+    """Replace a folder by another one in two steps. At any time one of them is complete.
+
+    Args:
+        folder: the folder that is replaced.
+        work: the folder that takes its name.
+        aside: path to which the former folder is moved.
+    """
     folder.rename(aside)
     try:
         work.rename(folder)
@@ -266,4 +335,5 @@ def _exchange(folder: Path, work: Path, *, aside: Path) -> None:
 
 
 def _nearest_parent(folder: Path) -> Path:
+    """Nearest folder above a folder that exists already: the workshop must be on the same disk."""
     return next(parent for parent in folder.absolute().parents if parent.exists())

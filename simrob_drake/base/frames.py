@@ -1,8 +1,8 @@
-"""Poses in every form that users write, one or many: vectors, matrices, the quaternion form of the ports; their errors.
+"""Poses in all forms that users write, conversions between these forms, and errors of poses.
 
-Inside the package a pose is a :class:`pydrake.math.RigidTransform`, a batch of them an array of homogeneous matrices of
-shape (k, 4, 4). The pose vector [x y z Rz Ry Rx] is the convention
-of SimRob: metres and radians, with the rotation R = Rz(rz) Ry(ry) Rx(rx).
+Inside the package, a pose is a :class:`pydrake.math.RigidTransform`, and k poses are homogeneous matrices, shape
+(k, 4, 4). Users may also write *pose vectors* [x y z Rz Ry Rx], the convention of SimRob: metres and radians, with the
+rotation R = Rz(rz) Ry(ry) Rx(rx). Ports and recorded signals have the form [x y z qw qx qy qz], with a unit quaternion.
 """
 
 import math
@@ -19,8 +19,13 @@ from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.messages import message
 
 POSE_SIZE = 6
+"""Count of the numbers of a pose vector."""
+
 XYZ_QUATERNION_NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz")
+"""Names of the components of a pose in ports and signals."""
+
 VELOCITY_NAMES = ("vx", "vy", "vz", "wx", "wy", "wz")
+"""Names of the components of a spatial velocity in ports and signals [m/s, rad/s]."""
 
 Vector = np.ndarray[Any, np.dtype[np.float64]]
 """An array of floats of any shape; the shape is in the docstrings."""
@@ -35,8 +40,11 @@ Indices = np.ndarray[Any, np.dtype[np.intp]]
 PoseLike: TypeAlias = RigidTransform | npt.ArrayLike
 """A pose in any form: a RigidTransform, a pose vector (6,), or a homogeneous matrix (4, 4)."""
 
-_RIGID = 1e-6  # by how much a matrix may miss a rotation: printed figures pass, a scaled matrix does not
-_APART = 1e-9  # points nearer to each other, or to a line through others, define no frame [m]
+_RIGID = 1e-6
+"""Tolerance for the entries of R R^T - I of a rotation matrix R: rounded numbers pass, a scaled matrix does not."""
+
+_APART = 1e-9
+"""Points that are closer to each other, or to a line through others, define no frame [m]."""
 
 
 def as_transform(pose: PoseLike) -> RigidTransform:
@@ -53,56 +61,80 @@ def as_transform(pose: PoseLike) -> RigidTransform:
     matrix = numbers(pose)
     if matrix.shape != (4, 4):
         return transform_from_pose(pose)
-    turn = matrix[:3, :3]
-    rigid = np.isfinite(matrix).all() and (matrix[3] == [0, 0, 0, 1]).all()
-    if not rigid or np.abs(turn @ turn.T - np.eye(3)).max() > _RIGID or np.linalg.det(turn) < 0:
-        raise InvalidParameter(
-            "pose", matrix.tolist(), message("base.a_transform_matrix", "a rotation, a place, and a last row 0 0 0 1")
-        )
-    return RigidTransform(RotationMatrix.ProjectToRotationMatrix(turn), matrix[:3, 3])
+    if not np.isfinite(matrix).all() or not _are_rigid(matrix[np.newaxis])[0]:
+        raise InvalidParameter("pose", matrix.tolist(), _A_TRANSFORM)
+    # Drake asserts that rotations are exact, which rounded ones are not.
+    rotation = RotationMatrix.ProjectToRotationMatrix(matrix[:3, :3])
+    return RigidTransform(rotation, matrix[:3, 3])
+
+
+_A_TRANSFORM = message("base.a_transform_matrix", "a rotation, a place, and a last row 0 0 0 1")
+"""Expected form of a matrix, for errors."""
+
+
+def _are_rigid(matrices: Vector) -> Flags:
+    """Whether finite matrices (k, 4, 4) are rigid motions: an orthogonal matrix R with det R > 0, last row 0 0 0 1."""
+    rotations = matrices[:, :3, :3]
+    deviations = np.abs(rotations @ rotations.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+    is_right_handed = np.linalg.det(rotations) > 0
+    has_last_row = (matrices[:, 3] == [0, 0, 0, 1]).all(axis=1)
+    return np.asarray((deviations < _RIGID) & is_right_handed & has_last_row)
 
 
 def three_point_frame(x1: npt.ArrayLike, x2: npt.ArrayLike, y1: npt.ArrayLike) -> RigidTransform:
-    r"""Return the frame of three points, as robot controllers teach it: x from x1 to x2, y towards y1.
+    r"""Compute the frame of three points, as robot controllers teach it: x from x1 to x2, y towards y1.
 
     The origin is the foot of the perpendicular from y1 to the line through x1 and x2:
     :math:`p_0 = x_1 + \frac{(y_1 - x_1)\cdot d}{d \cdot d} d` with :math:`d = x_2 - x_1`. (SimRob's
-    ``Prod(x1, x2, y1)`` searches for the same point.) The x axis points from there to x2, y to y1, z is their product.
+    ``Prod(x1, x2, y1)`` searches for the same point.) The x axis points from there to x2, the y axis to y1.
 
     Args:
-        x1: on the x axis, shape (3,) [m].
-        x2: further on the x axis, beyond the origin, shape (3,) [m].
-        y1: on the y axis, shape (3,) [m].
+        x1: a point on the x axis, shape (3,) [m].
+        x2: a second point on the x axis, beyond the origin, shape (3,) [m].
+        y1: a point on the y axis, shape (3,) [m].
 
     Raises:
-        InvalidParameter: points that lie on one line, or x2 at the origin of the frame.
+        InvalidParameter: the points are on one line, or x2 is the origin of the frame.
     """
-    first, second, third = (point(values, name) for values, name in ((x1, "x1"), (x2, "x2"), (y1, "y1")))
-    along = second - first
+    first = point(x1, "x1")
+    second = point(x2, "x2")
+    third = point(y1, "y1")
+    along = second - first  # d in the equation above
     if np.linalg.norm(along) < _APART:
         raise InvalidParameter(
             "x2", second.tolist(), message("base.other_point_than_x1", "another point than x1 {x1}", x1=first.tolist())
         )
     origin = first + (third - first) @ along / (along @ along) * along
-    n, o = second - origin, third - origin
-    if np.linalg.norm(o) < _APART:
+    to_x2 = second - origin
+    to_y1 = third - origin
+    if np.linalg.norm(to_y1) < _APART:
         raise InvalidParameter(
             "y1",
             third.tolist(),
             message("base.off_the_line", "off the line through x1 and x2: three collinear points fix no frame"),
         )
-    if np.linalg.norm(n) < _APART:
+    if np.linalg.norm(to_x2) < _APART:
         raise InvalidParameter(
             "x2",
             second.tolist(),
             message("base.away_from_foot", "away from the foot of the perpendicular from y1, the origin"),
         )
-    n, o = n / np.linalg.norm(n), o / np.linalg.norm(o)
-    return RigidTransform(RotationMatrix(np.column_stack([n, o, np.cross(n, o)])), origin)
+    x_axis = to_x2 / np.linalg.norm(to_x2)
+    y_axis = to_y1 / np.linalg.norm(to_y1)
+    z_axis = np.cross(x_axis, y_axis)
+    return RigidTransform(RotationMatrix(np.column_stack([x_axis, y_axis, z_axis])), origin)
 
 
 def point(values: npt.ArrayLike, name: str = "point") -> Vector:
-    """Return three finite numbers as an array (3,) [m]; raises InvalidParameter: anything else, called ``name``."""
+    """Convert a point to an array (3,) [m].
+
+    Args:
+        values: the coordinates.
+        name: name of the parameter, for the error.
+
+    Raises:
+        InvalidParameter: they are not three finite numbers.
+    """
     place = finite(values)
     if place.shape != (3,):
         raise InvalidParameter(name, values, message("base.a_place", "three finite numbers [x y z] in m"))
@@ -110,48 +142,67 @@ def point(values: npt.ArrayLike, name: str = "point") -> Vector:
 
 
 def transform_from_pose(pose: npt.ArrayLike) -> RigidTransform:
-    """Turn a pose [x y z Rz Ry Rx], shape (6,) [m, rad], into a transform; raises InvalidParameter: not six numbers."""
+    """Convert a pose vector [x y z Rz Ry Rx], shape (6,) [m, rad], to a transform.
+
+    Raises:
+        InvalidParameter: it has not six finite numbers.
+    """
     values = finite(pose)
     if values.shape != (POSE_SIZE,):
         raise InvalidParameter("pose", pose, message("base.a_pose", "six finite numbers [x y z Rz Ry Rx] in m and rad"))
-    return RigidTransform(RollPitchYaw(values[:2:-1]), values[:3])
+    # Drake's RollPitchYaw takes the same angles in the other order: Rx, Ry, Rz.
+    roll_pitch_yaw = values[:2:-1]
+    return RigidTransform(RollPitchYaw(roll_pitch_yaw), values[:3])
 
 
 def pose_from_transform(transform: RigidTransform) -> Vector:
-    """Turn a transform into a pose vector [x y z Rz Ry Rx], shape (6,) [m, rad]; Ry is within ±π/2.
+    """Convert a transform to a pose vector [x y z Rz Ry Rx], shape (6,) [m, rad], with Ry within ±π/2.
 
-    Where x points along ±z, Rz and Rx turn about the same axis, and only together they mean something: Rx is what Rz
-    leaves over, so that the pose vector gives the same rotation back to rounding even there.
+    If the x axis points along ±z (Ry = ±π/2), Rz and Rx are rotations about the same axis, and only their sum or
+    difference is defined. Rz is then computed from rounding errors, and Rx so that the pose vector gives the same
+    rotation, up to rounding.
     """
     return poses_from_matrices(transform.GetAsMatrix4())
 
 
 def poses_from_matrices(matrices: Vector) -> Vector:
-    """Turn homogeneous matrices (..., 4, 4) into pose vectors (..., 6), as :func:`pose_from_transform` does."""
-    turn = matrices[..., :3, :3]
-    about_z = np.arctan2(turn[..., 1, 0], turn[..., 0, 0])
-    cosine, sine = np.cos(about_z), np.sin(about_z)
-    about_y = np.arctan2(-turn[..., 2, 0], np.hypot(turn[..., 0, 0], turn[..., 1, 0]))
-    about_x = np.arctan2(
-        sine * turn[..., 0, 2] - cosine * turn[..., 1, 2], cosine * turn[..., 1, 1] - sine * turn[..., 0, 1]
-    )
-    return np.concatenate([matrices[..., :3, 3], np.stack([about_z, about_y, about_x], axis=-1)], axis=-1)
+    """Convert homogeneous matrices (..., 4, 4) to pose vectors (..., 6), as :func:`pose_from_transform` does."""
+    rotations = matrices[..., :3, :3]
+    x_axes = rotations[..., 0]
+    y_axes = rotations[..., 1]
+    z_axes = rotations[..., 2]
+
+    # R = Rz Ry Rx has the x axis (cz cy, sz cy, -sy), with c and s for the cosines and sines of the angles.
+    rz = np.arctan2(x_axes[..., 1], x_axes[..., 0])
+    ry = np.arctan2(-x_axes[..., 2], np.hypot(x_axes[..., 0], x_axes[..., 1]))
+
+    # Rz^T R = Ry Rx has the second row (0, cx, -sx): it defines Rx even if the x axis points along z.
+    cosine = np.cos(rz)
+    sine = np.sin(rz)
+    sine_x = sine * z_axes[..., 0] - cosine * z_axes[..., 1]
+    cosine_x = cosine * y_axes[..., 1] - sine * y_axes[..., 0]
+    rx = np.arctan2(sine_x, cosine_x)
+    angles = np.stack([rz, ry, rx], axis=-1)
+    return np.concatenate([matrices[..., :3, 3], angles], axis=-1)
 
 
 def xyz_quaternion_from_transform(transform: RigidTransform) -> Vector:
-    """Turn a transform into [x y z qw qx qy qz], shape (7,), the form of the pose ports; qw is not negative."""
+    """Convert a transform to [x y z qw qx qy qz], shape (7,), the form of the pose ports, with qw not negative."""
     wxyz = transform.rotation().ToQuaternion().wxyz()
-    return np.concatenate([transform.translation(), wxyz if wxyz[0] >= 0 else -wxyz])
+    if wxyz[0] < 0:  # q and -q are the same rotation
+        wxyz = -wxyz
+    return np.concatenate([transform.translation(), wxyz])
 
 
 def transform_from_xyz_quaternion(values: npt.ArrayLike) -> RigidTransform:
-    """Turn [x y z qw qx qy qz], shape (7,), into a transform; the quaternion need not be normalised.
+    """Convert [x y z qw qx qy qz], shape (7,), to a transform. The quaternion may have any length but zero.
 
     Raises:
-        InvalidParameter: not seven finite numbers, or no quaternion.
+        InvalidParameter: it has not seven finite numbers, or the quaternion is zero.
     """
     xyz_wxyz = finite(values)
-    if xyz_wxyz.shape != (len(XYZ_QUATERNION_NAMES),) or not xyz_wxyz[3:].any():
+    has_size = xyz_wxyz.shape == (len(XYZ_QUATERNION_NAMES),)
+    if not has_size or not xyz_wxyz[3:].any():
         raise InvalidParameter(
             "pose",
             values,
@@ -170,44 +221,77 @@ def has_wrong_norm(quaternion: Vector) -> bool:
 
 
 def rotation_of(quaternion: Vector) -> RotationMatrix:
-    """Return the rotation of a quaternion (4,) qw qx qy qz that may have any length."""
+    """Convert a quaternion (4,) qw qx qy qz to a rotation. It may have any length but zero."""
     return RotationMatrix(Quaternion(quaternion / np.linalg.norm(quaternion)))
 
 
 def matrices_from_xyz_quaternions(values: Vector) -> Vector:
-    """Turn [x y z qw qx qy qz] with unit quaternions, shape (..., 7), into homogeneous matrices (..., 4, 4)."""
-    crossed = np.swapaxes(np.cross(values[..., np.newaxis, 4:], np.eye(3)), -1, -2)  # of (qx qy qz), as a matrix
+    """Convert [x y z qw qx qy qz] with unit quaternions, shape (..., 7), to homogeneous matrices (..., 4, 4)."""
+    # With the quaternion (w, u) and the matrix C of the cross product, C v = u x v: R = I + 2 (w C + C C).
+    scalar = values[..., 3, np.newaxis, np.newaxis]
+    columns = np.cross(values[..., np.newaxis, 4:], np.eye(3))
+    cross_matrix = np.swapaxes(columns, -1, -2)
+    rotations = np.eye(3) + 2 * (scalar * cross_matrix + cross_matrix @ cross_matrix)
     matrices = np.zeros((*values.shape[:-1], 4, 4))
-    matrices[..., :3, :3] = np.eye(3) + 2 * (values[..., 3, np.newaxis, np.newaxis] * crossed + crossed @ crossed)
-    matrices[..., :3, 3], matrices[..., 3, 3] = values[..., :3], 1.0
+    matrices[..., :3, :3] = rotations
+    matrices[..., :3, 3] = values[..., :3]
+    matrices[..., 3, 3] = 1.0
     return matrices
 
 
 def numbers(values: Any) -> Vector:
-    """Return values as an array of floats, NaN where a masked array hides one; an empty array if they are none."""
+    """Convert values to an array of floats. Returns an empty array if they are no real numbers.
+
+    Entries that a masked array hides become NaN.
+    """
     try:
         if isinstance(values, np.ma.MaskedArray):
             values = np.ma.filled(values.astype(float), np.nan)
+        # NumPy would drop the imaginary parts with a warning only.
         return np.zeros(0) if np.iscomplexobj(values) else np.asarray(values, dtype=float)
     except (TypeError, ValueError, OverflowError):
         return np.zeros(0)
 
 
 def finite(values: Any) -> Vector:
-    """Return values as an array of floats if all of them are finite; an empty array if they are anything else."""
+    """Convert values to an array of floats. Returns an empty array if they are not all finite numbers."""
     found = numbers(values)
     return found if np.isfinite(found).all() else np.zeros(0)
 
 
 def vertical(qw: float, qx: float, qy: float, qz: float) -> tuple[float, float, float]:
-    """Return the world's upward direction in the axes of a body of an orientation, of plain numbers."""
-    return 2 * (qx * qz - qw * qy), 2 * (qy * qz + qw * qx), 1 - 2 * (qx * qx + qy * qy)
+    """Compute the world's upward direction in the axes of a body: the last row of its rotation matrix.
+
+    The result has plain numbers, since this is called at each step of a run, where small arrays are slow.
+
+    Args:
+        qw: scalar part of the unit quaternion of the body's orientation.
+        qx: x entry of the vector part.
+        qy: y entry of the vector part.
+        qz: z entry of the vector part.
+    """
+    x = 2 * (qx * qz - qw * qy)
+    y = 2 * (qy * qz + qw * qx)
+    z = 1 - 2 * (qx * qx + qy * qy)
+    return x, y, z
 
 
 def lean(up: list[float], qw: float, qx: float, qy: float, qz: float) -> float:
-    """Return the angle [rad] from a body's ``up`` (3,) to the world's, in plain numbers: each step and sample asks."""
-    upward = sum(map(operator.mul, vertical(qw, qx, qy, qz), up))
-    return math.acos(min(max(upward, -1.0), 1.0)) if math.isfinite(upward) else upward
+    """Compute the angle between a direction of a body and the world's upward direction [rad].
+
+    It has plain numbers, as :func:`vertical`. Returns NaN or infinity if the orientation has such entries.
+
+    Args:
+        up: unit vector in the axes of the body, shape (3,): its upward direction when it stands upright.
+        qw: scalar part of the unit quaternion of the body's orientation.
+        qx: x entry of the vector part.
+        qy: y entry of the vector part.
+        qz: z entry of the vector part.
+    """
+    cosine: float = sum(map(operator.mul, vertical(qw, qx, qy, qz), up))
+    if not math.isfinite(cosine):
+        return cosine
+    return math.acos(min(max(cosine, -1.0), 1.0))  # rounding may bring it beyond 1
 
 
 Targets: TypeAlias = npt.ArrayLike | RigidTransform | Sequence[RigidTransform]
@@ -216,17 +300,30 @@ Targets: TypeAlias = npt.ArrayLike | RigidTransform | Sequence[RigidTransform]
 _EXPECTED = message(
     "base.poses", "pose vectors [x y z Rz Ry Rx] (6,) or (k, 6), matrices (4, 4) or (k, 4, 4), or RigidTransforms"
 )
-_HALF_TURN = -0.99  # cosine below which the antisymmetric part of a rotation tells the axis too roughly
-_SINE_AND_TRACE = np.zeros((9, 4))  # of a rotation matrix row by row: sine times axis, and trace
+"""Expected forms of poses, for errors."""
+
+_HALF_TURN = -0.99
+"""Cosine of the angle of a rotation below which the difference R - R^T is too small to give the axis accurately."""
+
+# A matrix S so that r S = (a sin(angle), trace R), for the entries r of a rotation matrix R, row by row, with axis a.
+# The entries of a sin(angle) are half the differences R[2, 1] - R[1, 2], R[0, 2] - R[2, 0] and R[1, 0] - R[0, 1].
+_SINE_AND_TRACE = np.zeros((9, 4))
 _SINE_AND_TRACE[[7, 5, 2, 6, 3, 1], [0, 0, 1, 1, 2, 2]] = [0.5, -0.5, 0.5, -0.5, 0.5, -0.5]
 _SINE_AND_TRACE[[0, 4, 8], 3] = 1.0
 
+_SMALLEST_SINE = 1e-12
+"""Sine of an angle below which sine and angle are equal to rounding."""
+
 
 def pose_matrices(targets: Targets, name: str = "targets") -> Vector:
-    """Turn one pose or many, in any form of :data:`Targets`, into matrices, shape (k, 4, 4); one pose gives k = 1.
+    """Convert one pose or several to homogeneous matrices, shape (k, 4, 4), with k = 1 for one pose.
 
-    Raises InvalidParameter, which calls them ``name``: another shape, numbers that are not finite, or a matrix that is
-    no rigid motion.
+    Args:
+        targets: the poses.
+        name: name of the parameter, for the error.
+
+    Raises:
+        InvalidParameter: they have another shape, numbers that are not finite, or a matrix that is no rigid motion.
     """
     if isinstance(targets, RigidTransform):
         return np.array([targets.GetAsMatrix4()])
@@ -240,18 +337,19 @@ def pose_matrices(targets: Targets, name: str = "targets") -> Vector:
     if not values.size:
         raise InvalidParameter(name, targets, _EXPECTED)
     if not np.isfinite(values).all():
-        index = np.argwhere(~np.isfinite(values))[0].tolist()
+        index = np.argwhere(~np.isfinite(values))[0].tolist()  # of the first bad entry
+        value = values[tuple(index)]
         raise InvalidParameter(
             name,
-            message(
-                "base.array_with_value", "an array with {value} at {index}", value=values[tuple(index)], index=index
-            ),
+            message("base.array_with_value", "an array with {value} at {index}", value=value, index=index),
             message("base.finite_numbers", "finite numbers"),
         )
     if values.ndim in (1, 2) and values.shape[-1] == POSE_SIZE:
         return _matrices_from_vectors(np.atleast_2d(values))
     if values.ndim in (2, 3) and values.shape[-2:] == (4, 4):
-        return _checked_matrices(values.reshape(-1, 4, 4), name)
+        matrices = values.reshape(-1, 4, 4)
+        _check_matrices(matrices, name)
+        return matrices
     raise InvalidParameter(
         name, message("base.array_of_shape", "an array of shape {shape}", shape=values.shape), _EXPECTED
     )
@@ -274,18 +372,20 @@ def one_pose(target: Targets, name: str) -> Vector:
 
 
 def rotation_vectors(turns: Vector) -> Vector:
-    """Return the rotation vectors (axis times angle, at most π) of rotation matrices (k, 3, 3), shape (k, 3) [rad]."""
-    parts = turns.reshape(-1, 9) @ _SINE_AND_TRACE
-    sine = np.sqrt((parts[:, :3] * parts[:, :3]).sum(axis=1))
-    cosine = 0.5 * (parts[:, 3] - 1.0)
+    """Compute the rotation vectors (axis times angle, at most π) of rotation matrices (k, 3, 3), shape (k, 3) [rad]."""
+    sines_and_traces = turns.reshape(-1, 9) @ _SINE_AND_TRACE
+    axes_times_sine = sines_and_traces[:, :3]
+    sine = np.sqrt((axes_times_sine * axes_times_sine).sum(axis=1))
+    cosine = 0.5 * (sines_and_traces[:, 3] - 1.0)  # trace R = 1 + 2 cos(angle)
     angle = np.arctan2(sine, cosine)
-    scale = np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 1.0)
-    vectors = scale[:, np.newaxis] * parts[:, :3]
-    if (cosine < _HALF_TURN).any():
-        from scipy.spatial.transform import Rotation  # which takes its time to load
+    # The quotient is 1 in the limit of small angles, where the division would fail.
+    scale = np.where(sine > _SMALLEST_SINE, angle / np.maximum(sine, _SMALLEST_SINE), 1.0)
+    vectors = scale[:, np.newaxis] * axes_times_sine
+    is_half_turn = cosine < _HALF_TURN
+    if is_half_turn.any():
+        from scipy.spatial.transform import Rotation  # imported here, since it takes long to load
 
-        rows = cosine < _HALF_TURN
-        vectors[rows] = Rotation.from_matrix(turns[rows]).as_rotvec()
+        vectors[is_half_turn] = Rotation.from_matrix(turns[is_half_turn]).as_rotvec()
     return vectors
 
 
@@ -300,11 +400,13 @@ def pose_errors(targets: Vector, actual: Vector) -> Vector:
         the difference of the positions [m], then the rotation vector from the actual to the desired pose [rad], shape
         (k, 6).
     """
+    # R_error = R_target R_actual^T
     turns = targets[:, :3, :3] @ actual[:, :3, :3].transpose(0, 2, 1)
-    return np.concatenate([targets[:, :3, 3] - actual[:, :3, 3], rotation_vectors(turns)], axis=1)
+    distances = targets[:, :3, 3] - actual[:, :3, 3]
+    return np.concatenate([distances, rotation_vectors(turns)], axis=1)
 
 
-def within(errors: Vector, weights: Vector, tolerance: Vector) -> np.ndarray[Any, np.dtype[np.bool_]]:
+def within(errors: Vector, weights: Vector, tolerance: Vector) -> Flags:
     """Whether errors are within a tolerance.
 
     Args:
@@ -315,40 +417,50 @@ def within(errors: Vector, weights: Vector, tolerance: Vector) -> np.ndarray[Any
     Returns:
         a boolean for each pose, shape (k,).
     """
+    # Squares are compared, which saves the roots.
     squares = errors * errors * (weights > 0)
-    near: np.ndarray[Any, np.dtype[np.bool_]] = squares[:, :3].sum(axis=1) <= tolerance[0] ** 2
-    near &= squares[:, 3:].sum(axis=1) <= tolerance[1] ** 2
-    return near
+    is_near = squares[:, :3].sum(axis=1) <= tolerance[0] ** 2
+    is_aligned = squares[:, 3:].sum(axis=1) <= tolerance[1] ** 2
+    return np.asarray(is_near & is_aligned)
 
 
 def _matrices_from_vectors(vectors: Vector) -> Vector:
     """Convert pose vectors [x y z Rz Ry Rx], shape (k, 6), to matrices (k, 4, 4): R = Rz(z) Ry(y) Rx(x)."""
+    # Cosines and sines of the angles about z, y and x.
     cz, cy, cx = np.cos(vectors[:, 3:].T)
     sz, sy, sx = np.sin(vectors[:, 3:].T)
     matrices = np.zeros((len(vectors), 4, 4))
-    matrices[:, 0, :3] = np.stack([cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx], axis=1)
-    matrices[:, 1, :3] = np.stack([sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx], axis=1)
-    matrices[:, 2, :3] = np.stack([-sy, cy * sx, cy * cx], axis=1)
+    matrices[:, 0, 0] = cz * cy
+    matrices[:, 0, 1] = cz * sy * sx - sz * cx
+    matrices[:, 0, 2] = cz * sy * cx + sz * sx
+    matrices[:, 1, 0] = sz * cy
+    matrices[:, 1, 1] = sz * sy * sx + cz * cx
+    matrices[:, 1, 2] = sz * sy * cx - cz * sx
+    matrices[:, 2, 0] = -sy
+    matrices[:, 2, 1] = cy * sx
+    matrices[:, 2, 2] = cy * cx
     matrices[:, :3, 3] = vectors[:, :3]
     matrices[:, 3, 3] = 1.0
     return matrices
 
 
-def _checked_matrices(matrices: Vector, name: str) -> Vector:
-    turns = matrices[:, :3, :3]
-    square = np.abs(turns @ turns.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2)) < _RIGID
-    rigid = square & (np.linalg.det(turns) > 0) & (matrices[:, 3] == [0, 0, 0, 1]).all(axis=1)
-    if not rigid.all():
-        bad = int(np.argmin(rigid))
-        raise InvalidParameter(
-            f"{name}[{bad}]",
-            matrices[bad].tolist(),
-            message("base.a_transform_matrix", "a rotation, a place, and a last row 0 0 0 1"),
-        )
-    return matrices
+def _check_matrices(matrices: Vector, name: str) -> None:
+    """Check homogeneous matrices.
+
+    Args:
+        matrices: finite matrices, shape (k, 4, 4).
+        name: name of the parameter, for the error.
+
+    Raises:
+        InvalidParameter: a matrix is no rigid motion. The error names the first such matrix.
+    """
+    is_rigid = _are_rigid(matrices)
+    if not is_rigid.all():
+        bad = int(np.argmin(is_rigid))
+        raise InvalidParameter(f"{name}[{bad}]", matrices[bad].tolist(), _A_TRANSFORM)
 
 
-def rotated(quaternions: Vector, vectors: Vector, sense: float = 1.0) -> Vector:
+def rotate_vectors(quaternions: Vector, vectors: Vector, sense: float = 1.0) -> Vector:
     r"""Rotate m vectors by unit quaternions: :math:`v + 2 w (u \times v) + 2 u \times (u \times v)`.
 
     Args:

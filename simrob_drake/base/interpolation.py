@@ -1,6 +1,7 @@
-"""Between poses: straight lines, arcs through two points, turns about one axis, whole poses.
+"""Interpolation between points, orientations and poses: lines, arcs, and rotations about one axis.
 
-Every function takes the part of the way, 0 at the start and 1 at the end, as a number or as an array of k of them.
+Every function takes the *part* of the motion at which it is evaluated, 0 at the start and 1 at the end, as a number or
+as an array of k numbers. Results have k rows in both cases.
 """
 
 from dataclasses import dataclass
@@ -13,52 +14,102 @@ from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import PoseLike, Vector, as_transform, point
 from simrob_drake.base.messages import message
 
-_STRAIGHT = 1e-6  # sine of the angle between two chords below which three points count as collinear
-_APART = 1e-6  # points of an arc nearer to each other count as one [m]
+_STRAIGHT = 1e-6
+"""Sine of the angle between two chords below which three points count as collinear."""
+
+_APART = 1e-6
+"""Points of an arc that are closer together than this count as equal [m]."""
 
 
 def line(start: npt.ArrayLike, end: npt.ArrayLike, part: npt.ArrayLike) -> Vector:
-    """Return the points (k, 3) [m] at the parts (k,) of the straight line between two points (3,)."""
-    first, last = point(start, "start"), point(end, "end")
-    return first + np.atleast_1d(np.asarray(part, dtype=float))[:, np.newaxis] * (last - first)
+    """Points on the straight line between two points.
+
+    Args:
+        start: first point, shape (3,) [m].
+        end: last point, shape (3,) [m].
+        part: parts of the line, shape (k,).
+
+    Returns:
+        the points, shape (k, 3) [m].
+    """
+    first = point(start, "start")
+    last = point(end, "end")
+    parts = _parts(part)
+    return first + parts[:, np.newaxis] * (last - first)
 
 
 def turn(start: npt.ArrayLike, end: npt.ArrayLike, part: npt.ArrayLike) -> Vector:
-    """Return rotation matrices (k, 3, 3) between two of them (3, 3): at even speed about one fixed axis (slerp)."""
+    """Rotation matrices between two orientations: a rotation about one fixed axis at constant speed (slerp).
+
+    Args:
+        start: first rotation matrix, shape (3, 3).
+        end: last rotation matrix, shape (3, 3).
+        part: parts of the rotation, shape (k,).
+
+    Returns:
+        the rotation matrices, shape (k, 3, 3).
+    """
     first = Rotation.from_matrix(np.asarray(start, dtype=float))
-    way = (first.inv() * Rotation.from_matrix(np.asarray(end, dtype=float))).as_rotvec()
-    parts = np.atleast_1d(np.asarray(part, dtype=float))
-    return np.asarray((first * Rotation.from_rotvec(np.outer(parts, way))).as_matrix())
+    last = Rotation.from_matrix(np.asarray(end, dtype=float))
+    # Rotation vector of the whole rotation, in the axes of the first orientation [rad].
+    whole = (first.inv() * last).as_rotvec()
+    rotations = first * Rotation.from_rotvec(np.outer(_parts(part), whole))
+    return np.asarray(rotations.as_matrix())
+
+
+def _parts(part: npt.ArrayLike) -> Vector:
+    """Convert a number or an array to an array of parts, shape (k,)."""
+    return np.atleast_1d(np.asarray(part, dtype=float))
 
 
 def turned_by(start: npt.ArrayLike, end: npt.ArrayLike) -> float:
-    """Return the angle between two rotation matrices (3, 3) [rad]."""
+    """Angle between two rotation matrices (3, 3) [rad]."""
     between = np.asarray(start, dtype=float).T @ np.asarray(end, dtype=float)
     return float(Rotation.from_matrix(between).magnitude())
 
 
 def poses(start: PoseLike, end: PoseLike, part: npt.ArrayLike) -> Vector:
-    """Return the poses (k, 4, 4) between two: straight in position, about one axis in orientation."""
-    first, last = as_transform(start), as_transform(end)
-    places = line(first.translation(), last.translation(), part)
-    return stacked(places, turn(first.rotation().matrix(), last.rotation().matrix(), part))
+    """Poses between two poses: on a straight line in position, about one axis in orientation.
+
+    Args:
+        start: first pose.
+        end: last pose.
+        part: parts of the motion, shape (k,).
+
+    Returns:
+        the poses, shape (k, 4, 4).
+    """
+    first = as_transform(start)
+    last = as_transform(end)
+    positions = line(first.translation(), last.translation(), part)
+    return stacked(positions, turn(first.rotation().matrix(), last.rotation().matrix(), part))
 
 
 def stacked(places: Vector, turns: Vector) -> Vector:
-    """Put points (k, 3) and rotation matrices (k, 3, 3) together into homogeneous matrices (k, 4, 4)."""
+    """Combine positions (k, 3) and rotation matrices (k, 3, 3) to homogeneous matrices (k, 4, 4)."""
     matrices = np.zeros((len(places), 4, 4))
-    matrices[:, :3, :3], matrices[:, :3, 3], matrices[:, 3, 3] = turns, places, 1.0
+    matrices[:, :3, :3] = turns
+    matrices[:, :3, 3] = places
+    matrices[:, 3, 3] = 1.0
     return matrices
 
 
 @dataclass(frozen=True)
 class Arc:
-    """A part of a circle, from a first point through a second one to a third."""
+    r"""Arc of a circle. Its point at the angle :math:`\varphi` is :math:`c + a \cos\varphi + b \sin\varphi`.
 
-    centre: Vector  # of the circle, shape (3,) [m]
-    first: Vector  # from the centre to the first point, shape (3,) [m]
-    across: Vector  # at a right angle to it in the plane of the circle, towards the motion, as long, shape (3,) [m]
-    angle: float  # of the whole arc, more than 0 and less than 2π [rad]
+    Attributes:
+        centre: centre c of the circle, shape (3,) [m].
+        first: vector a from the centre to the first point, shape (3,) [m].
+        across: vector b in the plane of the circle, at a right angle to a, as long as a, in the direction of the
+            motion, shape (3,) [m].
+        angle: angle of the whole arc, more than 0 and less than 2 pi [rad].
+    """
+
+    centre: Vector
+    first: Vector
+    across: Vector
+    angle: float
 
     @classmethod
     def through(
@@ -68,37 +119,62 @@ class Arc:
         end: npt.ArrayLike,
         name: str = message("base.the_arc", "the arc"),
     ) -> "Arc":
-        """Return the arc through three points (3,) [m]; raises InvalidParameter, with ``name``: on one line."""
-        a, b, c = point(start, "start"), point(middle, "middle"), point(end, "end")
-        to_b, to_c = b - a, c - a
-        normal = np.cross(to_b, to_c)
-        sides = [float(np.linalg.norm(side)) for side in (to_b, to_c, c - b)]
-        if min(sides) < _APART or np.linalg.norm(normal) < _STRAIGHT * sides[0] * sides[1]:
-            found = ", ".join("[" + ", ".join(f"{value:.4g}" for value in place) + "]" for place in (a, b, c))
+        r"""Compute the arc through three points.
+
+        With the points p, q and r, let :math:`u = q - p`, :math:`v = r - p` and :math:`n = u \times v`. The centre is
+
+        .. math:: c = p - a, \quad a = \frac{(|v|^2 u - |u|^2 v) \times n}{2 |n|^2}.
+
+        Args:
+            start: first point p, shape (3,) [m].
+            middle: a point q between the others, shape (3,) [m].
+            end: last point r, shape (3,) [m].
+            name: name of the arc, for the error.
+
+        Raises:
+            InvalidParameter: the points are collinear, or two of them are equal.
+        """
+        p = point(start, "start")
+        q = point(middle, "middle")
+        r = point(end, "end")
+        u = q - p
+        v = r - p
+        normal = np.cross(u, v)
+        sides = [float(np.linalg.norm(side)) for side in (u, v, r - q)]
+        is_straight = bool(np.linalg.norm(normal) < _STRAIGHT * sides[0] * sides[1])  # |n| = |u| |v| sin(angle)
+        if min(sides) < _APART or is_straight:
+            points = ", ".join(_short_point(place) for place in (p, q, r))
             expected = message(
                 "base.three_points_off_a_line",
                 "through three points that are not on one line, unlike {found} m",
-                found=found,
+                found=points,
             )
             raise InvalidParameter(name, "straight", expected)
-        first = np.cross((to_c @ to_c) * to_b - (to_b @ to_b) * to_c, normal) / (2 * normal @ normal)
-        centre, axis = a - first, normal / np.linalg.norm(normal)
+        first = np.cross((v @ v) * u - (u @ u) * v, normal) / (2 * normal @ normal)
+        centre = p - first
+        axis = normal / np.linalg.norm(normal)
         across = np.cross(axis, first)
-        last = c - centre
+        # Angle of the last point in the basis (a, b), from 0 to 2 pi: the arc may be longer than half a circle.
+        last = r - centre
         angle = np.arctan2(last @ across, last @ first) % (2 * np.pi)
         return cls(centre, first, across, float(angle))
 
     @property
     def radius(self) -> float:
-        """Of the circle [m]."""
+        """Radius of the circle [m]."""
         return float(np.linalg.norm(self.first))
 
     @property
     def length(self) -> float:
-        """Of the arc [m]."""
+        """Length of the arc [m]."""
         return self.radius * self.angle
 
     def points(self, part: npt.ArrayLike) -> Vector:
-        """Return the points (k, 3) [m] at the parts (k,) of the arc."""
-        angles = self.angle * np.atleast_1d(np.asarray(part, dtype=float))[:, np.newaxis]
+        """Points of the arc (k, 3) [m] at parts (k,) of it."""
+        angles = self.angle * _parts(part)[:, np.newaxis]
         return self.centre + np.cos(angles) * self.first + np.sin(angles) * self.across
+
+
+def _short_point(place: Vector) -> str:
+    """Format a point with four significant digits, such as ``[0.1, 0, 1.25]``."""
+    return "[" + ", ".join(f"{value:.4g}" for value in place) + "]"

@@ -1,4 +1,4 @@
-"""Ctrl-C while a library works that would swallow it."""
+"""Interrupts by the user (Ctrl-C) while a library works that would swallow them."""
 
 import signal
 from collections.abc import Iterator
@@ -9,20 +9,21 @@ from typing import Any
 
 @contextmanager
 def heard_afterwards() -> Iterator[None]:
-    """Let an interrupt by the user wait until short work of a library is done that takes any exception for its own.
+    """Context manager that handles an interrupt only after its body, which should be short.
 
-    trimesh goes on after ``except BaseException``, also while it loads what it might need, and an interrupt in the
-    loading of compiled modules may come as any error.
+    It is for libraries that take an interrupt for an error of their own: trimesh catches every exception while it loads
+    optional packages and continues, and an interrupt while compiled modules are loaded may arrive as any error.
     """
-    hear: Any = signal.getsignal(signal.SIGINT)
-    if current_thread() is not main_thread() or not callable(hear):  # nobody interrupts threads, or it is ignored
+    handler: Any = signal.getsignal(signal.SIGINT)
+    # Python delivers interrupts to the main thread. The handler is no function if interrupts are ignored.
+    if current_thread() is not main_thread() or not callable(handler):
         yield
         return
-    pressed: list[tuple[Any, ...]] = []
-    signal.signal(signal.SIGINT, lambda *arguments: pressed.append(arguments))
+    interrupts: list[tuple[Any, ...]] = []  # arguments of the handler for each interrupt
+    signal.signal(signal.SIGINT, lambda *arguments: interrupts.append(arguments))
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, hear)
-        if pressed:
-            hear(*pressed[0])
+        signal.signal(signal.SIGINT, handler)
+        if interrupts:
+            handler(*interrupts[0])

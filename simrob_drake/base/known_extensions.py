@@ -1,6 +1,6 @@
-"""Names that extensions of this project add, for messages where such an extension is missing.
+"""Names that extensions of this project add, for messages about a missing extension.
 
-The core imports no extension. This table only lets it say which one a file needs: it decides nothing.
+The core imports no extension. The table of names only serves for messages, such as that a file needs an extension.
 """
 
 from simrob_drake.base.extension import additions, needed_extension

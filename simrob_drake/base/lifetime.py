@@ -1,15 +1,18 @@
-"""How long diagrams live: until nobody holds them, though some of their blocks are written in Python.
+"""Release of diagrams that are no longer used, although some of their blocks are written in Python.
 
-Drake's diagrams hold their Python blocks in C++, where Python's garbage collector does not see it. What a block holds
-in turn can therefore keep its diagram for ever, in three ways, and each has its remedy here or in the block:
+An object *holds* another one if it has a reference to it. Drake's diagrams hold their Python blocks in C++, where
+Python's garbage collector does not see the reference. If a block in turn holds its diagram, neither is ever deleted.
+There are three such cases, and each has its remedy here or in the block:
 
 * Drake for Python 3.11 lets each block hold its builder, which holds the diagram: :func:`release`.
 * A callback of an output port is held in C++, and with it its block: :func:`weakly`.
-* A block that keeps its plant, or one of its frames, bodies and joints, keeps the plant's diagram: blocks keep indices,
-  and the plant by ``weakref.proxy``. The diagram keeps the plant; one that is in no diagram is its owner's to keep.
+* A block that holds its plant, or one of its frames, bodies and joints, holds the plant's diagram. So blocks keep
+  indices of these, and a ``weakref.proxy`` of the plant. The diagram holds the plant; if the plant is in no diagram,
+  its owner must hold it.
 
-Drake for Python 3.11 also hides from the collector what an object of a Python class derived from one of its own holds:
-a block must be emptied to go, and a diagram of such a class, as a station in a box is, stays.
+Drake for Python 3.11 also hides references from the collector that objects of Python subclasses of Drake's classes
+hold. There, a block's references must be removed before it can be deleted. A diagram whose class is such a subclass, as
+a station in a box, is never deleted.
 """
 
 import gc
@@ -26,22 +29,30 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _PEERS = "_pydrake_internal_ref_cycle_peers"
-"""Where Drake keeps what must live as long as an object: ports, callbacks of events, builders."""
+"""Attribute in which Drake stores objects that must live as long as another one: ports, callbacks, builders."""
 
-_FEW = 4  # diagrams that may wait to be collected, of about 2 MB each
+_MOST_WAITING = 4
+"""Count of unused diagrams that may wait for the garbage collector. Each has about 2 MB."""
+
 _PAUSE = 4
-"""Times as long as a collection took the next one waits: it is quick in a small process, and slow in a large one."""
+"""Least time between two collections, as a multiple of the time that one takes: long in a large process, short in a
+small one."""
 
 
 def release(builder: DiagramBuilder, diagram: Diagram) -> None:
-    """Let a diagram go once nobody holds it, and what its Python blocks remember with it.
+    """Make sure that a diagram is deleted when nothing holds it, together with the objects that its blocks hold.
 
-    To be called once, right after it was built. Nothing changes while something holds the diagram, its builder, or one
-    of its plants or other C++ blocks; a Python block alone no longer keeps it.
+    It is called once, right after the diagram was built. As long as something holds the diagram, its builder, or one of
+    its plants or other C++ blocks, nothing is deleted. A Python block alone no longer holds its diagram.
+
+    Args:
+        builder: the builder of the diagram.
+        diagram: the diagram.
     """
     _COLLECTOR.watch(diagram)
     if not KEEPS_PYTHON_BLOCKS:
         return
+    # Blocks of classes in Python; the others are Drake's own.
     blocks = [block for block in diagram.GetSystems() if not type(block).__module__.startswith("pydrake.")]
     for block in blocks:
         vars(block).get(_PEERS, set()).discard(builder)
@@ -49,62 +60,82 @@ def release(builder: DiagramBuilder, diagram: Diagram) -> None:
 
 
 def release_with(owner: object, block: System) -> None:
-    """Let a Python block that stands in no diagram go with its owner, such as the plant that it looks at."""
+    """Make sure that a Python block that is in no diagram is deleted with its owner.
+
+    Args:
+        owner: the owner, such as the plant that the block evaluates.
+        block: the block.
+    """
     if KEEPS_PYTHON_BLOCKS:
         weakref.finalize(owner, _empty, [block]).atexit = False
 
 
 def built(builder: DiagramBuilder) -> Diagram:
-    """Return the diagram of a builder; it goes when nobody holds it any more, see :func:`release`."""
+    """Build a diagram that is deleted when nothing holds it any more, see :func:`release`."""
     diagram = builder.Build()
     release(builder, diagram)
     return diagram
 
 
 def weakly(method: Callable[P, R]) -> Callable[P, R]:
-    """Return a method of a block as a callback that does not keep the block; it is called while the block lives."""
+    """Make a callback of a block's method that does not hold the block. It can be called while the block exists."""
     reference = weakref.WeakMethod(method)
 
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
-        alive = reference()
-        assert alive is not None  # a block's ports are evaluated by its diagram, which holds it
-        return alive(*args, **kwargs)
+        bound_method = reference()
+        assert bound_method is not None  # a block's ports are evaluated by its diagram, which holds the block
+        return bound_method(*args, **kwargs)
 
     return call
 
 
 class _Collector:
-    """Have unheld diagrams collected: Python counts the objects that it made, not the megabytes behind them."""
+    """Starts Python's garbage collector when there are several unused diagrams.
+
+    The collector starts by itself only after many new Python objects. A diagram is a single one, with megabytes in C++.
+    """
 
     def __init__(self) -> None:
-        self._living: weakref.WeakSet[Diagram] = weakref.WeakSet()
-        self._bound = _FEW
-        self._not_before = 0.0
+        """Begin with no diagram."""
+        self._living: weakref.WeakSet[Diagram] = weakref.WeakSet()  # diagrams that were not deleted yet
+        self._bound = _MOST_WAITING  # count of living diagrams above which a collection starts
+        self._not_before = 0.0  # time before which no collection starts, of the monotonic clock [s]
 
     def watch(self, diagram: Diagram) -> None:
-        """Count a diagram, and collect once there are a few more than the last collection left."""
+        """Count a diagram, and start a collection if there are several more than after the last collection."""
         self._living.add(diagram)
         began = monotonic()
         if len(self._living) > self._bound and began >= self._not_before and gc.isenabled():
             gc.collect()
             ended = monotonic()
             self._not_before = ended + _PAUSE * (ended - began)
-            self._bound = len(self._living) + _FEW
+            self._bound = len(self._living) + _MOST_WAITING  # those that are left are in use
 
 
 _COLLECTOR = _Collector()
 
 
 def _empty(blocks: Iterable[System]) -> None:
-    """Take from blocks whose diagram is gone what leads back to them: ports, and callbacks of events."""
+    """Remove the references of blocks that lead back to them: ports, and callbacks of events.
+
+    Args:
+        blocks: blocks whose diagram was deleted.
+    """
     for block in blocks:
-        ports = [name for name, value in vars(block).items() if _is_of_ports(value)]
+        ports = [name for name, value in vars(block).items() if _has_ports(value)]
         for name in (_PEERS, *ports):
             vars(block).pop(name, None)
 
 
-def _is_of_ports(value: Any) -> bool:
-    """Tell whether a value is a port, or holds some, by its type: a proxy of what is gone answers nothing else."""
+def _has_ports(value: Any) -> bool:
+    """Whether a value is a port, or a dict or list with ports.
+
+    Only its type is examined: any use of a weak proxy whose object was deleted raises an error.
+    """
     kind = type(value)
-    held = value.values() if kind is dict else value if kind is list else [value]
-    return any(issubclass(type(each), InputPort | OutputPort) for each in held)
+    content = [value]
+    if kind is dict:
+        content = list(value.values())
+    elif kind is list:
+        content = value
+    return any(issubclass(type(entry), InputPort | OutputPort) for entry in content)

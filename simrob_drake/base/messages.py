@@ -194,7 +194,7 @@ def number_in_language(digits: str, language: str) -> str:
 
 
 def in_language(text: str, language: str) -> str:
-    """Render a message in a language. A text that is no :class:`Message` is returned as it is.
+    """Render a message in a language. A text that is no :class:`Message` is returned unchanged.
 
     Args:
         text: the message, or another text such as a name.
@@ -232,7 +232,7 @@ def as_data(text: str) -> Any:
 
 
 def from_data(data: Any) -> Any:
-    """Return the message that :func:`as_data` converted. Other data, such as texts and numbers, stay as they are.
+    """Restore a message that :func:`as_data` has converted. Other data, such as texts and numbers, are unchanged.
 
     Raises:
         ValueError: the template is not one that a message may have, such as one that would make a text of a gigabyte,
@@ -271,7 +271,7 @@ _SPECIFICATION = re.compile(r"[+z]?,?(\.\d{1,2})?[a-z%]?")
 
 
 def catalogue(package: str, language: str) -> Mapping[str, str]:
-    """Templates of a package in a language, by the ids of the messages. Empty if there are none.
+    """Templates of a package in a language, by the ids of the messages. Empty for a language without templates.
 
     Args:
         package: first word of the ids.

@@ -1,10 +1,12 @@
-"""Packages of files that belong together, and the border of what a file may name.
+"""Packages of files that belong together, and the files that another file may name.
 
-A file that somebody else may have written may name files of its own package, and files in the folders that the user
-allows: with ``--mesh-path``, with the argument ``mesh_path`` of a function, or with the environment variable
-:data:`MESH_PATH_VARIABLE` for everything that is started with it. A station that ``simrob station`` wrote for a robot
-may read the package of that robot, as long as the station stays where it is: see :func:`remember_grants`. The file
-itself allows nothing.
+A *package* is a folder with a robot's URDF, its meshes and often a manifest ``package.xml``, as ROS has it. The
+*border* of a file are the folders in which the files may be that it names. A file may have been written by somebody
+else, so it may not name any file of the user's: only files of its own package, of packages that it names and that are
+found at the usual places, and files in folders that the user allows. The user allows folders with ``--mesh-path``,
+with the argument ``mesh_path`` of a function, or with the environment variable :data:`MESH_PATH_VARIABLE`. A station
+that ``simrob station`` has written for a robot may read the package of that robot, as long as the station stays at its
+path: see :func:`remember_grants`. The content of a file never allows anything.
 """
 
 import json
@@ -14,7 +16,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from itertools import chain
-from os.path import exists, isdir, isfile  # which are false for names that no file can have
+from os.path import exists, isdir, isfile  # False for names that no file can have, where a Path's methods raise
 from pathlib import Path
 
 from simrob_drake.base.errors import InvalidConfig, OutputError, shortened
@@ -23,109 +25,160 @@ from simrob_drake.base.folders import cache_root, written_at_once
 from simrob_drake.base.messages import compound, message
 
 MANIFEST = "package.xml"
-MODEL_MANIFEST = "model.config"  # of a model of Gazebo
-REPOSITORY = ".git"  # a folder, or a file in the worktree of a repository
-_PACKAGES = "ROS_PACKAGE_PATH", "GZ_SIM_RESOURCE_PATH", "GAZEBO_MODEL_PATH"
-"""Environment variables with folders below which ROS 1 looks for packages, and Gazebo for models."""
-_PREFIXES = "AMENT_PREFIX_PATH"  # the one with folders in which ROS 2 installs packages, as ``share/NAME``
+"""File with the name of a package of ROS."""
+
+MODEL_MANIFEST = "model.config"
+"""File that makes a folder a model of Gazebo."""
+
+REPOSITORY = ".git"
+"""Folder, or in a worktree a file, that makes a folder a repository of git."""
+
+_PACKAGES = ("ROS_PACKAGE_PATH", "GZ_SIM_RESOURCE_PATH", "GAZEBO_MODEL_PATH")
+"""Environment variables with the folders below which ROS 1 looks for packages, and Gazebo for models."""
+
+_PREFIXES = "AMENT_PREFIX_PATH"
+"""Environment variable with the folders in which ROS 2 installs packages, as ``share/NAME``."""
+
 DESCRIPTIONS_VARIABLE = "ROBOT_DESCRIPTIONS_CACHE"
-"""The environment variable that says where ``robot_descriptions`` keeps what it downloaded."""
-_LEVELS = 4  # how far up from a URDF the manifest of its package is looked for, and from a package others are
+"""Environment variable with the folder in which ``robot_descriptions`` stores what it downloads."""
+
+_LEVELS = 4
+"""Count of levels above a URDF at which its package is looked for, and above a package at which others are."""
+
 _INNER = ("urdf", "urdfs", "xacro", "mjcf", "sdf", "xml", "robot", "robots", "description", "model", "models")
-"""Names of folders that lie inside a package and hold its URDF."""
-_DEPTH = 3  # how far down below a folder of ``--mesh-path``
-_FOLDERS = 5000  # how many folders are looked into at most, so that ``--mesh-path /`` ends
+"""Names of folders inside of a package that contain its URDF."""
+
+_DEPTH = 3
+"""Count of levels below a folder of ``--mesh-path`` at which packages are looked for."""
+
+_FOLDERS = 5000
+"""Largest count of folders that are searched, so that the search of ``--mesh-path /`` ends."""
 
 
 def package_root(source: Path) -> Path:
-    """Return the folder of a URDF's own package.
+    """Find the folder of the package to which a file belongs, such as a URDF.
 
-    It is the nearest one with a ``package.xml``, or the repository that the URDF lies in. Without any it is the URDF's
-    folder, or the one above where the folder's name says that it is only a part of the package.
+    It is the nearest folder above the file with a ``package.xml``, or that is a repository. If there is none, it is the
+    folder of the file, or the one above it if the folder has a name that parts of packages usually have.
     """
     folder = source.parent
     for candidate in [folder, *folder.parents][: _LEVELS + 1]:
         if isfile(candidate / MANIFEST) or _is_repository(candidate):
             return candidate
-    inner = folder.name.lower() in _INNER and folder.parent != Path(folder.anchor)
-    return folder.parent if inner else folder
+    is_part = folder.name.lower() in _INNER
+    is_below_root = folder.parent == Path(folder.anchor)  # the whole disk is no package
+    return folder.parent if is_part and not is_below_root else folder
 
 
 def find_package(name: str, *, root: Path, mesh_path: Iterable[Path]) -> Path | None:
-    """Return the folder of the package ``name``, as in ``package://name/...``; None if there is none that may be read.
+    """Find the folder of a package that another package may read.
 
-    ``root`` is the folder of the package that asks. It is looked for around that and in it, in the folders that are
-    allowed, where ROS and Gazebo look, and in the cache of ``robot_descriptions``.
+    It is looked for near this other package and in it, in the folders that the user allows, where ROS and Gazebo look,
+    and in the cache of ``robot_descriptions``, in this order.
+
+    Args:
+        name: name of the package, as in ``package://name/...``.
+        root: folder of the other package.
+        mesh_path: folders that the user allows.
+
+    Returns:
+        the folder, or None if no such package is found.
     """
-    if not re.fullmatch(r"\w[\w.-]*", name):  # no way up, no hidden folder
+    is_plain_name = re.fullmatch(r"\w[\w.-]*", name)  # no "..", and no hidden folder
+    if not is_plain_name:
         return None
+    # The package and the folders above it, then the neighbours of the package and of its parent folder.
     around = [root, *root.parents][:_LEVELS]
     for folder in chain(around, *map(_folders_in, around[1:3])):
-        if _may_be(folder, name, workspace=root.parent):
+        if _is_package(folder, name, workspace=root.parent):
             return folder
+    # A repository, or a collection of models of Gazebo, may contain several packages.
     inside = (folder for folder in _below(root) if _is_repository(root) or isfile(folder / MODEL_MANIFEST))
     tops = [*mesh_path, *_ros_folders(name), descriptions_cache()]
-    below = chain(inside, *map(_below, tops))
-    return next((folder for folder in below if folder.name == name or manifest_name(folder) == name), None)
+    for folder in chain(inside, *map(_below, tops)):
+        if folder.name == name or manifest_name(folder) == name:
+            return folder
+    return None
 
 
 def descriptions_cache() -> Path:
-    """Return the folder in which ``robot_descriptions`` keeps the repositories that it downloaded."""
+    """Folder in which ``robot_descriptions`` stores the repositories that it downloads."""
     return Path(os.environ.get(DESCRIPTIONS_VARIABLE) or "~/.cache/robot_descriptions").expanduser()
 
 
 def _is_repository(folder: Path) -> bool:
-    owner = folder in (Path.home(), Path(folder.anchor))  # dotfiles make a repository of many a home
-    return exists(folder / REPOSITORY) and not owner
+    """Whether a folder is a repository of git. The user's home counts as none, though it is one for some users."""
+    is_home_or_root = folder in (Path.home(), Path(folder.anchor))
+    return exists(folder / REPOSITORY) and not is_home_or_root
 
 
 def _ros_folders(name: str) -> Iterator[Path]:
     """Yield the folders in which, or below which, ROS or Gazebo would look for a package."""
     for variable in _PACKAGES:
-        yield from (Path(folder) for folder in os.environ.get(variable, "").split(os.pathsep) if folder)
-    yield from (Path(folder) / "share" / name for folder in os.environ.get(_PREFIXES, "").split(os.pathsep) if folder)
+        yield from _folders_of_variable(variable)
+    for folder in _folders_of_variable(_PREFIXES):
+        yield folder / "share" / name
 
 
-def _may_be(folder: Path, name: str, *, workspace: Path) -> bool:
-    """Return whether a folder is that package by its manifest, or by its name at a place where packages lie."""
+def _folders_of_variable(variable: str) -> list[Path]:
+    """Folders in an environment variable, which are separated by colons. Empty if it is not set."""
+    return [Path(folder) for folder in os.environ.get(variable, "").split(os.pathsep) if folder]
+
+
+def _is_package(folder: Path, name: str, *, workspace: Path) -> bool:
+    """Whether a folder is a package of a name: by its manifest, or by its own name at a place where packages are.
+
+    Args:
+        folder: the folder.
+        name: name of the package.
+        workspace: folder that contains the package from which the name was read.
+    """
     if manifest_name(folder) == name:
         return True
-    private = folder == Path.home() or folder.parent == Path(folder.anchor)  # neither /etc nor a home is a package
-    return (
-        folder.name == name
-        and not private
-        and (isfile(folder / MANIFEST) or folder.parent == workspace or workspace.is_relative_to(folder))
-    )
+    is_home = folder == Path.home()
+    is_below_root = folder.parent == Path(folder.anchor)  # such as /etc
+    if folder.name != name or is_home or is_below_root:
+        return False
+    is_neighbour = folder.parent == workspace
+    is_above = workspace.is_relative_to(folder)
+    return isfile(folder / MANIFEST) or is_neighbour or is_above
 
 
 def manifest_name(folder: Path) -> str:
-    """Return the name in a folder's ``package.xml``; empty without one. Read as text: no parser, no entities."""
+    """Name in the ``package.xml`` of a folder. Empty if the folder has no such file.
+
+    The file is searched as text: an XML parser would expand entities, which a hostile file can make arbitrarily long.
+    """
     try:
         with opened(folder / MANIFEST) as file:
-            found = re.search(r"<name>\s*([^<]*?)\s*</name>", file.read(100_000).decode("utf-8", "replace"))
+            text = file.read(100_000).decode("utf-8", "replace")
     except NotRead:
         return ""
+    found = re.search(r"<name>\s*([^<]*?)\s*</name>", text)
     return found.group(1) if found else ""
 
 
 def _below(top: Path) -> Iterator[Path]:
-    """Yield a folder and those below it, the near ones first."""
-    level, seen = [top], 0
+    """Yield a folder and the folders below it, level by level, so that the nearest come first."""
+    level = [top]
+    count = 0
     for _ in range(_DEPTH + 1):
         yield from level
-        seen += len(level)
-        if seen > _FOLDERS:
+        count += len(level)
+        if count > _FOLDERS:
             return
         level = [child for folder in level for child in _folders_in(folder)]
 
 
 def _folders_in(folder: Path) -> list[Path]:
+    """Folders in a folder, sorted, without hidden ones."""
     names = [name for name in sorted_entries(folder) if not name.startswith(".")]
-    return [path for path in (folder / name for name in names[:_FOLDERS]) if isdir(path)]
+    paths = [folder / name for name in names[:_FOLDERS]]
+    return [path for path in paths if isdir(path)]
 
 
 def sorted_entries(folder: Path) -> list[str]:
-    """Return the names in a folder, in order; none if it cannot be read."""
+    """Names of the files and folders in a folder, sorted. Empty if the folder cannot be read."""
     try:
         return sorted(os.listdir(folder))
     except (OSError, ValueError):
@@ -137,29 +190,37 @@ PACKAGE_URI = "package://"
 
 
 MESH_PATH_VARIABLE = "SIMROB_MESH_PATH"
-"""The environment variable with folders that may be read, with colons between them."""
+"""Environment variable with folders that may be read, separated by colons."""
 
 
 class OutsideBorder(Exception):
-    """A file that may not be read; the text says where it may lie, and how the user allows it."""
+    """Raised when a file may not be read. Its text names the allowed folders, and how the user allows others."""
 
 
 @dataclass
 class Border:
-    """What may be read for one file."""
+    """The folders that may be read for one file.
 
-    source: Path  # the file
-    mesh_path: tuple[Path, ...] = ()  # folders that the user allows, beside those of the environment
-    named_packages: Mapping[str, Path] = field(default_factory=dict)  # folders of packages that the user names
-    _packages: dict[str, Path | None] = field(default_factory=dict, init=False)
+    Attributes:
+        source: the file.
+        mesh_path: folders that the user allows. Those of the environment and the remembered ones are added.
+        named_packages: folders of packages that the user names, by the name of the package.
+        root: folder of the package of the file.
+    """
+
+    source: Path
+    mesh_path: tuple[Path, ...] = ()
+    named_packages: Mapping[str, Path] = field(default_factory=dict)
+    _packages: dict[str, Path | None] = field(default_factory=dict, init=False)  # folders of packages found so far
 
     def __post_init__(self) -> None:
-        self.root = package_root(self.source)  # the folder of its package
-        allowed = (*self.mesh_path, *granted(), *remembered_grants(self.source))
+        """Find the package of the file, and the folders that the user allows."""
+        self.root = package_root(self.source)
+        allowed = (*self.mesh_path, *granted_folders(), *remembered_grants(self.source))
         self.mesh_path = tuple(dict.fromkeys(resolved(folder) for folder in allowed))
 
     def package(self, name: str) -> Path | None:
-        """Return the folder of a package by its name; None if there is none that may be read."""
+        """Find the folder of a package by its name. Returns None if there is no such package that may be read."""
         if name in self.named_packages:
             return resolved(self.named_packages[name])
         if name not in self._packages:
@@ -167,9 +228,17 @@ class Border:
         return self._packages[name]
 
     def readable(self, path: Path) -> Path:
-        """Return a path without symbolic links, if it may be read; raises OutsideBorder: it may not."""
+        """Check that a path may be read.
+
+        Returns:
+            the path without symbolic links.
+
+        Raises:
+            OutsideBorder: the path may not be read.
+        """
         found = resolved(path)
-        self.package(manifest_name(package_root(found)))  # what its package's name may be used for, its path may, too
+        # A file that may be named by its package may be named by its path, too: the package is added to those found.
+        self.package(manifest_name(package_root(found)))
         packages = [folder for folder in self._packages.values() if folder is not None]
         packages += self.named_packages.values()
         allowed = [resolved(folder) for folder in (self.root, *packages, *self.mesh_path)]
@@ -187,9 +256,17 @@ class Border:
         )
 
     def check(self, path: Path, key: str) -> None:
-        """Check that a path under a key may be read, as ours may; raises InvalidConfig: what would allow it."""
-        own = (models_root(), diagrams_root(), cache_root())
-        if any(resolved(path).is_relative_to(resolved(folder)) for folder in own):
+        """Check that a path under a key of a station may be read. Files of this package always may.
+
+        Args:
+            path: the path.
+            key: the dotted key, for the error.
+
+        Raises:
+            InvalidConfig: the path may not be read. The message says how the user allows it.
+        """
+        own_folders = (models_root(), diagrams_root(), cache_root())
+        if any(resolved(path).is_relative_to(resolved(folder)) for folder in own_folders):
             return
         try:
             self.readable(path)
@@ -223,8 +300,11 @@ def package_path(uri: str, border: Border) -> Path:
     return folder / path
 
 
-_MOST_REMEMBERED = 1000  # stations; the oldest are forgotten
-_LARGEST_MEMORY = 10_000_000  # size of the file of grants that is read at most [bytes]
+_MOST_REMEMBERED = 1000
+"""Largest count of stations whose grants are remembered. The oldest are forgotten."""
+
+_LARGEST_MEMORY = 10_000_000
+"""Largest size of the file of grants [bytes]."""
 
 
 def _grants_file() -> Path:
@@ -264,43 +344,45 @@ def remembered_grants(source: Path) -> list[Path]:
 
 
 def _read_grants() -> dict[str, list[str]]:
-    """Read the remembered folders, by the path of the file that may read them. Empty if there are none."""
+    """Read the remembered folders, by the path of the file that may read them."""
     try:
         with opened(_grants_file()) as file:
             content = json.loads(file.read(_LARGEST_MEMORY))
     except (NotRead, ValueError):  # nothing is remembered, or the file is damaged
         return {}
-    is_mapping = isinstance(content, dict)
-    return {name: found for name, found in content.items() if isinstance(found, list)} if is_mapping else {}
+    if not isinstance(content, dict):
+        return {}
+    return {name: folders for name, folders in content.items() if isinstance(folders, list)}
 
 
-def granted() -> list[Path]:
-    """Return the folders that the environment allows."""
-    return [Path(folder) for folder in os.environ.get(MESH_PATH_VARIABLE, "").split(os.pathsep) if folder]
+def granted_folders() -> list[Path]:
+    """Folders that the environment variable allows."""
+    return _folders_of_variable(MESH_PATH_VARIABLE)
 
 
 @contextmanager
 def granting(folders: Iterable[Path]) -> Iterator[None]:
-    """Allow folders for a while, to this process and to those that it starts meanwhile."""
+    """Context manager that allows folders to this process, and to processes that it starts in the body."""
     added = [resolved(folder) for folder in folders]
-    _grant([*granted(), *added])
+    _set_granted([*granted_folders(), *added])
     try:
         yield
     finally:
-        left = granted()
+        remaining = granted_folders()
         for folder in added:
-            with suppress(ValueError):  # somebody else took it back
-                left.remove(folder)
-        _grant(left)
+            with suppress(ValueError):  # other code has removed it
+                remaining.remove(folder)
+        _set_granted(remaining)
 
 
-def _grant(folders: Iterable[Path]) -> None:
+def _set_granted(folders: Iterable[Path]) -> None:
+    """Set the environment variable with the allowed folders."""
     os.environ[MESH_PATH_VARIABLE] = os.pathsep.join(map(str, folders))
 
 
 def resolved(path: Path) -> Path:
-    """Return a path without symbolic links; as it is where no file can have that name."""
+    """Path without symbolic links. If it cannot be resolved, it only becomes absolute."""
     try:
         return path.resolve()
-    except (OSError, RuntimeError, ValueError):  # links that go in a circle, the character 0
+    except (OSError, RuntimeError, ValueError):  # links in a circle, or the character 0 in the name
         return path.absolute()

@@ -1,4 +1,7 @@
-"""What long work says of itself, on the error stream and only where somebody watches: a bar, and notes."""
+"""Progress bars and notes about long work, on the error stream.
+
+A terminal shows a bar. Other streams, such as a log file, get a line with the last remark now and then.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -6,54 +9,70 @@ from time import monotonic
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
-    from rich.console import Console  # it is loaded where something is said
+    from rich.console import Console  # otherwise imported where it is needed, since it takes long to load
 
-REFRESH = 0.1  # time between two movements of a bar [s]
-SELDOM = 60.0  # time between two remarks where there is no bar, as in a log [s]
+REFRESH = 0.1
+"""Least time between two changes of a bar [s]."""
+
+SELDOM = 60.0
+"""Least time between two lines of a log [s]."""
 
 
 def note(text: str, *, shown: bool) -> None:
-    """Say something in a line, where somebody watches; ``shown`` False keeps silent."""
-    if shown and (console := _console()).is_terminal:
+    """Write a line on the terminal. Nothing is written if the error stream is no terminal.
+
+    Args:
+        text: the line.
+        shown: whether to write at all.
+    """
+    if not shown:
+        return
+    console = _console()
+    if console.is_terminal:
         console.print(text, soft_wrap=True)
 
 
 def _console() -> "Console":
+    """Console of the error stream. It writes texts without markup and colours."""
     from rich.console import Console
 
     return Console(stderr=True, markup=False, emoji=False, highlight=False)
 
 
 class Advance(Protocol):
-    """What moves a bar."""
+    """Function that moves a progress bar."""
 
     def __call__(self, done: float, remark: str = "", /) -> None:
-        """Move the bar to a value, and put a remark on the work beside it."""
+        """Move the bar to a value, and show a remark about the work next to it. An empty remark shows none."""
 
 
 @contextmanager
 def progress_bar(text: str, total: float, *, shown: bool) -> Iterator[Advance | None]:
-    """Show a bar up to ``total`` and give what moves it, None unless ``shown``; off a terminal, tell remarks."""
+    """Context manager that shows a progress bar, or writes remarks to a log, until its body is done.
+
+    Args:
+        text: name of the work.
+        total: value at which the work is done.
+        shown: whether anything is shown.
+
+    Yields:
+        the function that moves the bar; None if ``shown`` is False.
+    """
     if not shown:
         yield None
         return
     console = _console()
-    if not console.is_terminal:
-        said, unsaid = monotonic(), ""
+    if console.is_terminal:
+        with _bar_on_terminal(text, total, console) as advance:
+            yield advance
+    else:
+        with _lines_of_log(text, console) as advance:
+            yield advance
 
-        def remark_seldom(_: float, remark: str = "") -> None:
-            nonlocal said, unsaid
-            unsaid = remark
-            if remark and monotonic() - said >= SELDOM:
-                said, unsaid = monotonic(), ""
-                console.print(f"{text}: {remark}", soft_wrap=True)
 
-        try:
-            yield remark_seldom
-        finally:
-            if unsaid:
-                console.print(f"{text}: {unsaid}", soft_wrap=True)
-        return
+@contextmanager
+def _bar_on_terminal(text: str, total: float, console: "Console") -> Iterator[Advance]:
+    """Context manager that shows a bar on a terminal. Yields the function that moves it."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (
@@ -64,12 +83,39 @@ def progress_bar(text: str, total: float, *, shown: bool) -> Iterator[Advance | 
     )
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(text, total=total)
-        last = 0.0
+        last_change = 0.0  # of the monotonic clock [s]
 
         def move(done: float, remark: str = "") -> None:
-            nonlocal last
-            if monotonic() - last > REFRESH:
-                last = monotonic()
-                bar.update(task, completed=done, description=f"{text}: {remark}" if remark else text)
+            """Move the bar, unless it was moved a moment ago."""
+            nonlocal last_change
+            if monotonic() - last_change > REFRESH:
+                last_change = monotonic()
+                description = f"{text}: {remark}" if remark else text
+                bar.update(task, completed=done, description=description)
 
         yield move
+
+
+@contextmanager
+def _lines_of_log(text: str, console: "Console") -> Iterator[Advance]:
+    """Context manager that writes remarks to a log now and then. Yields the function that takes them.
+
+    At the end of the body, the last remark is written if it was not written before.
+    """
+    last_line = monotonic()  # time of the last line [s]
+    waiting_remark = ""  # the last remark, if it was not written yet
+
+    def take(_: float, remark: str = "") -> None:
+        """Write a remark, unless a line was written a short time ago."""
+        nonlocal last_line, waiting_remark
+        waiting_remark = remark
+        if remark and monotonic() - last_line >= SELDOM:
+            last_line = monotonic()
+            waiting_remark = ""
+            console.print(f"{text}: {remark}", soft_wrap=True)
+
+    try:
+        yield take
+    finally:
+        if waiting_remark:
+            console.print(f"{text}: {waiting_remark}", soft_wrap=True)

@@ -30,7 +30,7 @@ SEVERITIES: tuple[Severity, ...] = ("success", "note", "warning", "failure")
 
 @dataclass(frozen=True)
 class Remedy:
-    """What most likely removes the cause of a remark.
+    """A change that most likely removes the cause of a remark.
 
     Attributes:
         text: the remedy as a sentence, without a full stop.
@@ -88,6 +88,6 @@ class Remark:
 
 
 def worst_severity(remarks: list[Remark]) -> Severity:
-    """Worst severity of the remarks, or ``success`` if there are none."""
+    """Worst severity of the remarks, or ``success`` for an empty list."""
     ranks = [SEVERITIES.index(remark.severity) for remark in remarks]
     return SEVERITIES[max(ranks, default=0)]

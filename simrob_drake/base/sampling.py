@@ -1,10 +1,13 @@
-"""Cases drawn of distributions over keys: independently, evenly over all at once, or on a grid; and seeds."""
+"""Cases: values of several keys, drawn from distributions or taken from a grid; and the seeds of random parts.
+
+A case is a mapping of values by the dotted paths of keys. A *space* is a mapping of distributions by these paths.
+"""
 
 import json
 from collections.abc import Mapping, Sequence
 from itertools import product
 from math import prod
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeAlias, TypeVar
 
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
@@ -15,15 +18,31 @@ from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Integer, Strict
 
 Sampling = Literal["sobol", "latin", "random", "grid"]
-"""Sobol's sequence, scrambled; a Latin hypercube; independent draws; or all combinations of even spacings."""
-COUNT = 16  # how many cases, unless told
+"""Ways to choose cases: the scrambled sequence of Sobol, a Latin hypercube, independent draws, or all combinations of
+evenly spaced values."""
+
+COUNT = 16
+"""Count of cases by default."""
+
+_MOST = 10_000
+"""Largest count of cases that are drawn."""
+
+_MOST_CASES = 100_000
+"""Largest count of cases of a grid."""
+
 _Case = TypeVar("_Case")
-_MOST, _MOST_CASES = 10_000, 100_000
+"""A case, or another object that JSON can write."""
 
 
-def _in_order(space: dict[str, AnyDistribution]) -> dict[str, AnyDistribution]:
-    for place, (key, one) in enumerate(space.items()):
-        for other in one.when.keys() - list(space)[:place]:
+def _check_order(space: dict[str, AnyDistribution]) -> dict[str, AnyDistribution]:
+    """Check that the condition ``when`` of each key names keys before it only, and return the space.
+
+    Raises:
+        ValueError: a condition names another key.
+    """
+    before = set[str]()
+    for key, distribution in space.items():
+        for other in distribution.when.keys() - before:
             raise ValueError(
                 message(
                     "base.when_key_later",
@@ -32,38 +51,61 @@ def _in_order(space: dict[str, AnyDistribution]) -> dict[str, AnyDistribution]:
                     other=other,
                 )
             )
+        before.add(key)
     return space
 
 
-Space = Annotated[dict[str, AnyDistribution], AfterValidator(_in_order)]  # distributions by the dotted paths of keys
+Space: TypeAlias = Annotated[dict[str, AnyDistribution], AfterValidator(_check_order)]
+"""Distributions by the dotted paths of keys."""
 
 
 def applying(space: Mapping[str, Distribution], values: Sequence[Any]) -> Values:
-    """Return the values of keys, those left out under whose conditions they are."""
-    found: Values = {}
-    for (key, one), value in zip(space.items(), values, strict=True):
-        if one.applies(found):
-            found[key] = value
-    return found
+    """Make a case. Keys whose condition ``when`` is not met are left out.
+
+    Args:
+        space: distributions by key.
+        values: one value for each key, in their order.
+    """
+    case: Values = {}
+    for (key, distribution), value in zip(space.items(), values, strict=True):
+        if distribution.applies(case):
+            case[key] = value
+    return case
 
 
 def at(space: Mapping[str, Distribution], parts: Sequence[float] | Vector) -> Values:
-    """Return the values at parts of their draws, shape (n,)."""
-    return applying(space, [one.quantile(part) for one, part in zip(space.values(), parts, strict=True)])
+    """Compute the case at a point of the space.
+
+    Args:
+        space: distributions by key.
+        parts: shares of the draws of each key, from 0 to 1, shape (n,).
+    """
+    values = [distribution.quantile(part) for distribution, part in zip(space.values(), parts, strict=True)]
+    return applying(space, values)
 
 
 def drawn(space: Mapping[str, Distribution], source: np.random.Generator) -> Values:
-    """Return values at random; the same number of them is drawn whatever applies."""
-    return applying(space, [one.draw(source) for one in space.values()])
+    """Draw a case at random."""
+    # Values of keys that will be left out are drawn, too, so that the following cases do not depend on the conditions.
+    values = [distribution.draw(source) for distribution in space.values()]
+    return applying(space, values)
 
 
 def distinct(cases: Sequence[_Case]) -> list[_Case]:
-    """Return cases in their order, each once."""
-    return list({json.dumps(one, sort_keys=True, default=str): one for one in reversed(cases)}.values())[::-1]
+    """Keep only one of several equal cases, at the place of the last of them.
+
+    Cases are equal if JSON writes them equally.
+    """
+    kept: dict[str, _Case] = {}
+    for case in cases:
+        key = json.dumps(case, sort_keys=True, default=str)
+        first = kept.pop(key, case)
+        kept[key] = first  # a new entry is the last one
+    return list(kept.values())
 
 
 class Draws(Strict):
-    """Distributions over keys, and so many cases of them."""
+    """Distributions over keys, and how cases are chosen from them."""
 
     vary: Space = Field(default_factory=dict)
     """Of each key, by its dotted path."""
@@ -75,52 +117,82 @@ class Draws(Strict):
     """Of the draws."""
 
     @model_validator(mode="after")
-    def _few_enough(self) -> "Draws":
+    def _check_size(self) -> "Draws":
+        """Check that a grid has not too many cases."""
         if self.size > _MOST_CASES:
             raise ValueError(message("base.too_many_cases", "a grid has at most {most} cases", most=_MOST_CASES))
         return self
 
     @property
     def size(self) -> int:
-        """How many cases there are at most."""
+        """Largest count of cases. There are fewer if some of a grid are equal."""
         if self.sampling == "grid" or not self.vary:
-            return prod(len(one.grid(self.count)) for one in self.vary.values())
+            return prod(len(distribution.grid(self.count)) for distribution in self.vary.values())
         return self.count
 
     def draws(self) -> list[Values]:
-        """Return the cases, the same for the same seed; one without any key where nothing varies."""
+        """Choose the cases; they are the same for the same seed. Without keys there is one case, which is empty."""
         if not self.vary:
             return [{}]
         if self.sampling == "grid":
-            combined = product(*(one.grid(self.count) for one in self.vary.values()))
-            return distinct([applying(self.vary, values) for values in combined])
-        return [at(self.vary, parts) for parts in _points(self.sampling, len(self.vary), self.count, self.seed)]
+            combinations = product(*(distribution.grid(self.count) for distribution in self.vary.values()))
+            # Combinations are equal if they differ in keys that are left out.
+            return distinct([applying(self.vary, values) for values in combinations])
+        points = _points(self.sampling, len(self.vary), self.count, self.seed)
+        return [at(self.vary, parts) for parts in points]
 
 
 def _points(sampling: Sampling, keys: int, count: int, seed: int) -> Vector:
-    """Return parts of draws, 0 to 1, shape (count, keys)."""
+    """Choose points of the unit cube: shares of the draws of each key, shape (count, keys).
+
+    Args:
+        sampling: how the points are chosen: all but ``grid``.
+        keys: count of the keys.
+        count: count of the points.
+        seed: seed of the random numbers.
+    """
     source = np.random.default_rng(seed)
     if sampling == "random":
         return source.random((count, keys))
-    from scipy.stats import qmc  # which loads for long
+    from scipy.stats import qmc  # imported here, since it takes long to load
 
     if sampling == "latin":
         return np.asarray(qmc.LatinHypercube(keys, rng=source).random(count))
-    powers = (count - 1).bit_length()  # Sobol's sequence is even in powers of two: the first of one
-    return np.asarray(qmc.Sobol(keys, rng=source).random_base2(powers)[:count])
+    # Sobol's sequence is balanced for powers of two: the smallest one that is not below the count.
+    exponent = (count - 1).bit_length()
+    return np.asarray(qmc.Sobol(keys, rng=source).random_base2(exponent)[:count])
 
 
 MOST_SEEDS = 1000
+"""Distance between the seeds of two random parts of a station: so many runs with consecutive seeds share no stream."""
 
 
 def seeded(content: Mapping[str, Any], seed: int, changes: Mapping[str, Any]) -> dict[str, int]:
-    """Return the seeds of all random parts of a station, each of a stream of its own but those in ``changes``."""
-    own = seed_keys(changes)
-    return {key: seed + MOST_SEEDS * place for place, key in enumerate(seed_keys(content)) if key not in own}
+    """Choose seeds for the random parts of a station, each with a stream of random numbers of its own.
+
+    Args:
+        content: content of the station's file.
+        seed: seed of the run.
+        changes: changes of the content, by dotted paths of keys. Seeds among them stay as they are.
+
+    Returns:
+        the seeds by the dotted paths of their keys.
+    """
+    fixed = seed_keys(changes)
+    seeds = {}
+    for index, key in enumerate(seed_keys(content)):
+        if key not in fixed:
+            seeds[key] = seed + MOST_SEEDS * index
+    return seeds
 
 
 def seed_keys(content: Mapping[str, Any], above: str = "") -> list[str]:
-    """Return the dotted paths of all keys ``seed`` in a station's sections: of noise, terrain and biases."""
+    """List the dotted paths of all keys ``seed`` in a station's sections: of noise, terrain and biases.
+
+    Args:
+        content: content of the station's file, or of a section of it.
+        above: path of this section, with a dot at its end; empty for the whole file.
+    """
     found = []
     for key, value in content.items():
         path = f"{above}{key}"

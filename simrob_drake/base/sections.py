@@ -1,6 +1,9 @@
-"""Sections of files: their base, the types of their values in SI units, and pydantic's findings in one line.
+"""Sections of YAML files as pydantic models: their base class, types of values in SI units, and errors in one line.
 
-A finding names file, key, and what would be right.
+A *section* is a mapping in a file, such as ``servo``. It is described by a class, whose fields are the keys. Pydantic
+reports several *findings* for wrong content; the most useful one becomes the error, which names the file and the key,
+and says what would be right. Known keys and kinds for the error are read from the class's JSON Schema: a *node* of the
+schema describes one value, and its *branches* are the alternatives that the value may have.
 """
 
 import ast
@@ -13,7 +16,7 @@ from functools import lru_cache
 from itertools import pairwise
 from math import inf, pi
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, Self, TypeVar, dataclass_transform
 
 from pydantic import (
     AfterValidator,
@@ -38,23 +41,37 @@ else:
     ModelMetaclass = type(BaseModel)  # which has no public name
 
 Model = TypeVar("Model", bound=BaseModel)
-Number = Annotated[float, Field(strict=True)]  # a number, and no text or truth value that could pass for one
+
+# Strict types: pydantic would otherwise accept the text "1" and the boolean true for numbers, too.
+Number = Annotated[float, Field(strict=True)]
 Integer = Annotated[int, Field(strict=True)]
 Boolean = Annotated[bool, Field(strict=True)]
-_DEEPEST = 60  # levels that are checked. Files have no more, but a mapping of a Python program may contain itself
-_SMALLEST, _LARGEST = 1e-100, 1e15
-"""Of figures but zero, in SI units or degrees: the modulus of steel is some 2e11 Pa, and all have a reciprocal."""
-_LONGEST_NAME = 200  # bytes; file systems take 255, and results put date and time behind a name
-_LONGEST_PART = 100  # letters of a name that stands beside others in one of a file
+
+_DEEPEST = 60
+"""Count of levels that are checked. Files have no more, but a mapping of a Python program may contain itself."""
+
+# Bounds of the size of numbers other than zero, in SI units or degrees. The modulus of steel is 2e11 Pa. Reciprocals of
+# numbers within the bounds are finite.
+_SMALLEST = 1e-100
+_LARGEST = 1e15
+
+_LONGEST_NAME = 200
+"""Largest length of a file's name [bytes]. File systems allow 255, and results append date and time to a name."""
+
+_LONGEST_PART = 100
+"""Largest length of a name that is joined with others to the name of a file [characters]."""
 
 
 def is_file_name(name: str) -> bool:
-    """Whether a file or a folder could have this name, in whatever folder it stands."""
-    plain = name.isprintable() and not set(name) & set("/\\") and name.strip(". ")
-    return bool(plain) and len(name.encode()) <= _LONGEST_NAME
+    """Whether a file or a folder could have this name on the usual systems."""
+    has_separator = "/" in name or "\\" in name
+    is_dots_only = not name.strip(". ")  # also an empty name
+    is_plain = name.isprintable() and not has_separator and not is_dots_only
+    return is_plain and len(name.encode()) <= _LONGEST_NAME
 
 
-def _file_name(name: str) -> str:
+def _check_file_name(name: str) -> str:
+    """Check that a folder could have a name, and return it. Raises ValueError if none could."""
     if not is_file_name(name):
         raise ValueError(
             message(
@@ -65,7 +82,11 @@ def _file_name(name: str) -> str:
 
 
 def check_plain(name: str) -> None:
-    """Check a name that becomes one of ports, columns and files; raises ValueError: other letters, or too many."""
+    """Check a name that becomes a part of the names of ports, columns and files.
+
+    Raises:
+        ValueError: the name has other characters than letters, digits and underscores, or too many.
+    """
     if not name.isidentifier() or len(name) > _LONGEST_PART:
         rule = message(
             "base.rule_of_plain_names", "at most {most} letters, digits and _, no digit first", most=_LONGEST_PART
@@ -76,27 +97,30 @@ def check_plain(name: str) -> None:
 
 
 def plain_name(text: str) -> str:
-    """Make a name that :func:`check_plain` accepts from a text such as ``robot0:left_finger``, whose signs become _."""
+    """Make a name that :func:`check_plain` accepts. Other characters, as in ``robot0:finger``, become underscores."""
     name = re.sub(r"\W", "_", text)[:_LONGEST_PART]
     return name if name.isidentifier() else f"_{name}"[:_LONGEST_PART]
 
 
-FileName = Annotated[str, AfterValidator(_file_name)]  # a name that folders may be called by: one segment of a path
-
+FileName = Annotated[str, AfterValidator(_check_file_name)]
+"""A name that a folder could have: one segment of a path."""
 
 _QUOTED = re.compile(r"'([^']+)'")
+"""A name in quotes in pydantic's list of allowed names."""
+
 _UNION_BRANCH = re.compile(r"^(float|int|bool|str|constrained-\w+)$|^(list|dict|tuple|constrained)\b.*\[")
+"""Name of a type in the location of a finding, such as ``list[float]``. Pydantic puts the types of a union there."""
 
 
 # Type checkers do not inherit this mark from pydantic's metaclass. With it they know the keywords of each class.
 @dataclass_transform(kw_only_default=True, field_specifiers=(Field,))
 class _CheckedModel(ModelMetaclass):
-    """Makes the classes whose objects, made in Python, are told of as the content of a file is."""
+    """Metaclass of sections. Sections that a Python program makes have the same errors as those of a file."""
 
     if not TYPE_CHECKING:  # type checkers take the keywords of a class from its fields, which this would hide
 
-        def __call__(cls, /, *positional: Any, **content: Any) -> Any:  # noqa: N805  # of a class of classes
-            """Make an object; raises InvalidConfig: a keyword or a value is wrong."""
+        def __call__(cls, /, *positional: Any, **content: Any) -> Any:  # noqa: N805  # the first argument is a class
+            """Make a section. Raises InvalidConfig if a keyword or a value is wrong."""
             if not cls.of_any_size:
                 _check_sizes(content, cls.__name__)
             try:
@@ -106,21 +130,23 @@ class _CheckedModel(ModelMetaclass):
 
 
 class Strict(BaseModel, metaclass=_CheckedModel):
-    """Base of everything read from YAML: unknown keys are errors, and nothing changes after reading."""
+    """Base class of sections: unknown keys are errors, and a section cannot be changed."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
-    of_any_size: ClassVar[bool] = False  # whether its figures may be of any size, as measured ones may
+    of_any_size: ClassVar[bool] = False
+    """Whether numbers may have any size, as computed and measured ones."""
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Return a copy with other values of some fields; what was worked out of the fields before is not copied."""
+        """Copy the section, with other values of some fields, which are not checked."""
         copy = super().model_copy(update=update, deep=deep)
+        # Cached properties were computed from the former values.
         for name in copy.__dict__.keys() - type(self).model_fields:
             del copy.__dict__[name]
         return copy
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        """Return the JSON Schema, which says of a key what the text below its field says."""
+        """Make the JSON Schema, with the docstring below each field as the description of its key."""
         schema = handler(core)
         properties = handler.resolve_ref_schema(schema)["properties"]
         texts = field_texts(cls)
@@ -131,49 +157,64 @@ class Strict(BaseModel, metaclass=_CheckedModel):
         return schema
 
     def __repr_args__(self) -> Any:
-        """Show what was given, and no defaults."""
+        """Fields for ``repr``: those that were set, without defaults."""
         return [(name, value) for name, value in super().__repr_args__() if name in self.model_fields_set]
 
 
 def default_of(model: type[Model], **values: Any) -> Model:
-    """Return a section as the default of a key, without its checks, which take long to build: most files need few."""
+    """Make a section as the default of a key, without checks.
+
+    Pydantic builds the checks of a class when they are first used, which takes long. A file needs those of few classes.
+
+    Args:
+        model: class of the section.
+        **values: values of its fields.
+    """
     return model.model_construct(**values)
 
 
 def field_texts(model: type[Strict]) -> dict[str, str]:
-    """Return the texts below the fields of a class of sections, and of those that it stems from, by field."""
-    return {name: text for kind in reversed(model.__mro__) if kind is not Strict for name, text in _texts_of(kind)}
+    """Docstrings below the fields of a class of sections and of its base classes, by the name of the field."""
+    texts: dict[str, str] = {}
+    for kind in reversed(model.__mro__):  # a class replaces the docstrings of its base classes
+        if kind is not Strict:
+            texts |= _texts_of(kind)
+    return texts
 
 
 @lru_cache(maxsize=1024)
-def _texts_of(kind: type[Any]) -> tuple[tuple[str, str], ...]:
-    """Return the fields of a class of sections with the texts below them.
+def _texts_of(kind: type[Any]) -> Mapping[str, str]:
+    """Docstrings below the fields of one class, by the name of the field. Empty for other classes than sections.
 
-    Pydantic would read the sources of all classes as they are made, which takes a third of the time to import them.
+    They are read from the source code. Pydantic could do that, too, but for all classes when they are made, which would
+    take a third of the time of importing them.
     """
     if not issubclass(kind, Strict):
-        return ()
+        return {}
     try:
         source = inspect.getsource(kind)
-    except OSError:  # of a class that was made by a call
-        return ()
-    statements = next(node.body for node in ast.parse(textwrap.dedent(source)).body if isinstance(node, ast.ClassDef))
-    found = []
-    for field, text in pairwise(statements):
-        match field, text:
-            case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(said))):
-                found.append((name, inspect.cleandoc(said)))
-    return tuple(found)
+    except OSError:  # the class was made by a function call
+        return {}
+    module = ast.parse(textwrap.dedent(source))
+    statements = next(node.body for node in module.body if isinstance(node, ast.ClassDef))
+    texts = {}
+    for statement, following in pairwise(statements):
+        match statement, following:
+            case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(docstring))):
+                texts[name] = inspect.cleandoc(docstring)
+    return texts
 
 
 class Renamed(Strict):
-    """A section that tells of its keys that were given another place or name."""
+    """A section with former keys. Each of them is an error that names the present key."""
 
     renamed: ClassVar[Mapping[str, str]] = {}
+    """Present key, or a sentence about it, by former key."""
 
     @model_validator(mode="before")
     @classmethod
-    def _under_new_names(cls, content: Any) -> Any:
+    def _check_former_keys(cls, content: Any) -> Any:
+        """Check that a content has no former key, and return it. Raises ValueError if it has one."""
         for key, now in cls.renamed.items():
             if isinstance(content, dict) and key in content:
                 raise ValueError(message("base.key_is_now", "{key} is now {now}", key=key, now=now))
@@ -181,7 +222,16 @@ class Renamed(Strict):
 
 
 def validated(model: type[Model], content: dict[str, Any], where: Path | str) -> Model:
-    """Return ``content`` as a ``model``; raises InvalidConfig: ``where``, the first wrong key, what would be right."""
+    """Make a section from the content of a file.
+
+    Args:
+        model: class of the section.
+        content: the content.
+        where: name of the file, for the error.
+
+    Raises:
+        InvalidConfig: the content is wrong. The error names the most relevant wrong key, and says what would be right.
+    """
     if not getattr(model, "of_any_size", False):
         _check_sizes(content, where)
     try:
@@ -238,36 +288,68 @@ def _check_sizes(content: object, where: Path | str) -> None:
 
 
 def file_schema(model: type[BaseModel], *, from_place: tuple[str, ...] = ()) -> dict[str, Any]:
-    """Return the JSON Schema of a file that holds a model; fields that follow ``from_place`` need not stand in it."""
+    """Make the JSON Schema of a file with a section.
+
+    Args:
+        model: class of the section.
+        from_place: keys that a file may lack, because they follow from its path.
+    """
     schema = model.model_json_schema()
     schema["required"] = [key for key in schema.get("required", []) if key not in from_place]
     return schema
 
 
 def write_schema(file: Path, schema: dict[str, Any]) -> Path:
-    """Write a schema, for editors that complete and check YAML, and return its file."""
+    """Write a schema to a file, for editors that complete and check YAML. Returns the file."""
     file.write_text(json.dumps(schema, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     return file
 
 
 @lru_cache(maxsize=64)
 def _schema_of(model: type[BaseModel]) -> dict[str, Any]:
-    """Return the JSON Schema of a model to be read: it takes half a second to make one of a station."""
+    """JSON Schema of a section, for reading only. It is kept, since making that of a station takes half a second."""
     return model.model_json_schema()
 
 
 def _first_finding(problem: ValidationError, model: type[BaseModel], where: Path | str) -> InvalidConfig:
-    """Return the finding that tells most: an unknown key, else the deepest, which is of the right branch of a union."""
+    """Make the error of the most relevant finding about a content.
+
+    This is an unknown key, if there is one. Otherwise it is the finding that is deepest in the content: in a union, the
+    alternative that the user meant goes deepest.
+
+    Args:
+        problem: pydantic's error.
+        model: class of the section.
+        where: name of the file.
+    """
     findings = problem.errors()
-    finding = next((f for f in findings if f["type"] == "extra_forbidden"), max(findings, key=lambda f: len(f["loc"])))
-    path, known, nodes = _walk(model, finding["loc"])
-    key = ".".join(path)
-    context, found = finding.get("ctx", {}), finding["input"]
+    unknown_keys = [finding for finding in findings if finding["type"] == "extra_forbidden"]
+    deepest = max(findings, key=lambda finding: len(finding["loc"]))
+    finding: Mapping[str, Any] = unknown_keys[0] if unknown_keys else deepest
+    location = _walk(model, finding["loc"])
+    key = ".".join(location.path)
+    if finding["type"] in ("union_tag_not_found", "union_tag_invalid"):
+        key = f"{key}.kind"
+    return InvalidConfig(where, key, _text_of_finding(finding, location, key))
+
+
+def _text_of_finding(finding: Mapping[str, Any], location: "_Location", key: str) -> str:
+    """Describe what is wrong at a location, and what would be right.
+
+    Args:
+        finding: pydantic's finding.
+        location: its location.
+        key: dotted key of the location; empty for the whole file.
+    """
+    context = finding.get("ctx", {})
+    found = finding["input"]
+    nodes = location.nodes
     text: str
     match finding["type"]:
         case "extra_forbidden":
-            text = message("base.unknown_key", "unknown key{suggestion}", suggestion=nearest(path[-1], known))
-        case "missing" if isinstance(finding["loc"][-1], int):
+            suggestion = nearest(location.path[-1], location.known)
+            text = message("base.unknown_key", "unknown key{suggestion}", suggestion=suggestion)
+        case "missing" if isinstance(finding["loc"][-1], int):  # a list that is too short
             sizes = [node["maxItems"] for node in nodes if "maxItems" in node]
             text = message(
                 "base.needs_values",
@@ -278,34 +360,45 @@ def _first_finding(problem: ValidationError, model: type[BaseModel], where: Path
         case "missing":
             text = message("base.key_needed", "this key is needed")
         case "union_tag_not_found":
-            kinds = [kind for node in nodes if (kind := section_kind(node)) is not None]
-            key, text = (
-                f"{key}.kind",
-                message("base.key_needed_known", "this key is needed; known: {kinds}", kinds=", ".join(kinds)),
-            )
+            kinds = [kind for kind in map(section_kind, nodes) if kind is not None]
+            text = message("base.key_needed_known", "this key is needed; known: {kinds}", kinds=", ".join(kinds))
         case "union_tag_invalid":
-            key, text = f"{key}.kind", _no_such(str(context["tag"]), context["expected_tags"])
+            text = _no_such(str(context["tag"]), context["expected_tags"])
         case "literal_error":
             text = _no_such(str(found), context["expected"])
         case "model_type" | "model_attributes_type" | "dict_type":
-            keys = dict.fromkeys(key for node in nodes for key in node.get("properties", {}))
-            section = (
-                message("base.section_with_keys", "a section with keys of: {keys}", keys=", ".join(keys))
-                if keys
-                else message("base.section_of_names", "a section of names and their entries")
-            )
             text = message(
-                "base.must_be_section", "must be {section} (it is {found})", section=section, found=quoted(found)
+                "base.must_be_section",
+                "must be {section} (it is {found})",
+                section=_section_in_words(nodes),
+                found=quoted(found),
             )
         case _:
             text = value_problem(finding)
-            if key:  # otherwise the value is the whole file
+            if key:  # otherwise the value is the whole file, which would be too long to show
                 text = message("base.problem_of_value", "{problem} (it is {value})", problem=text, value=quoted(found))
-    return InvalidConfig(where, key, text)
+    return text
+
+
+def _section_in_words(nodes: list[dict[str, Any]]) -> str:
+    """Describe the section that a location must have, with its known keys.
+
+    Args:
+        nodes: nodes of the JSON Schema that describe the section.
+    """
+    keys = dict.fromkeys(key for node in nodes for key in node.get("properties", {}))
+    if not keys:
+        return message("base.section_of_names", "a section of names and their entries")
+    return message("base.section_with_keys", "a section with keys of: {keys}", keys=", ".join(keys))
 
 
 def _no_such(name: str, expected: str) -> str:
-    """Say that a value is none of those that pydantic expected, listed in quotes."""
+    """Message that a name is not known.
+
+    Args:
+        name: the name.
+        expected: the known names in quotes, as pydantic lists them.
+    """
     return message(
         "base.there_is_no",
         "there is no '{name}'{suggestion}",
@@ -314,10 +407,29 @@ def _no_such(name: str, expected: str) -> str:
     )
 
 
-def _walk(model: type[BaseModel], location: tuple[int | str, ...]) -> tuple[list[str], set[str], list[dict[str, Any]]]:
-    """Follow a location through the JSON Schema: the keys a user wrote, the keys known beside the last one, its nodes.
+class _Location(NamedTuple):
+    """Location of a finding in the content of a file.
 
-    Pydantic puts the branches of unions that it tried into a location; these are no keys and are left out.
+    Attributes:
+        path: the keys from the outermost section to the location, as the user has written them. A list's entry is
+            written behind its key: ``points[2]``.
+        known: known keys of the section with the last key.
+        nodes: nodes of the JSON Schema that describe the value at the location.
+    """
+
+    path: list[str]
+    known: set[str]
+    nodes: list[dict[str, Any]]
+
+
+def _walk(model: type[BaseModel], location: tuple[int | str, ...]) -> _Location:
+    """Follow the location of a finding through the content and the JSON Schema.
+
+    Pydantic puts the alternatives of unions that it tried into a location. These are no keys, and are left out.
+
+    Args:
+        model: class of the section.
+        location: keys, indices of lists, and names of alternatives.
     """
     schema = _schema_of(model)
     nodes = schema_branches(schema, schema)
@@ -326,69 +438,113 @@ def _walk(model: type[BaseModel], location: tuple[int | str, ...]) -> tuple[list
     for depth, part in enumerate(location):
         alternatives = nodes if len(nodes) > 1 else []
         tagged = [node for node in alternatives if part in (section_kind(node), node.get("title"))]
-        if tagged or _UNION_BRANCH.match(str(part)):
+        if tagged or _UNION_BRANCH.match(str(part)):  # the name of an alternative
             nodes = tagged or nodes
-            continue
-        if isinstance(part, int):  # a place in a list; what is missing at the end of one is told of the list
-            items = [node["items"] for node in nodes if isinstance(node.get("items"), dict)]
-            below = [branch for item in items for branch in schema_branches(item, schema)]
-            if below and (depth < len(location) - 1 or any("properties" in branch for branch in below)):
-                nodes, path[-1:] = below, [f"{path[-1]}[{part}]"]
-            continue
-        children: list[dict[str, Any]] = []
-        for node in nodes:
-            child = node.get("properties", {}).get(part) or node.get("additionalProperties")
-            if isinstance(child, dict):
-                children += schema_branches(child, schema)
-        known = {key for node in nodes for key in node.get("properties", {})}
-        path.append(str(part))
-        nodes = children
-    return path, known, nodes
+        elif isinstance(part, int):
+            entries = _entries_of_lists(nodes, schema)
+            # What is missing at the end of a list of numbers is reported for the list.
+            is_last = depth == len(location) - 1
+            has_keys = any("properties" in entry for entry in entries)
+            if entries and (has_keys or not is_last):
+                nodes = entries
+                path[-1] = f"{path[-1]}[{part}]"
+        else:
+            known = {key for node in nodes for key in node.get("properties", {})}
+            nodes = _values_of_key(part, nodes, schema)
+            path.append(part)
+    return _Location(path, known, nodes)
+
+
+def _entries_of_lists(nodes: list[dict[str, Any]], schema: dict[str, Any]) -> list[dict[str, Any]]:
+    """Nodes of the entries of the lists among some nodes of a JSON Schema."""
+    items = [node["items"] for node in nodes if isinstance(node.get("items"), dict)]
+    return [branch for item in items for branch in schema_branches(item, schema)]
+
+
+def _values_of_key(key: str, nodes: list[dict[str, Any]], schema: dict[str, Any]) -> list[dict[str, Any]]:
+    """Nodes of the values of a key in the mappings among some nodes of a JSON Schema."""
+    values: list[dict[str, Any]] = []
+    for node in nodes:
+        # Mappings of any names have one node for all values.
+        value = node.get("properties", {}).get(key) or node.get("additionalProperties")
+        if isinstance(value, dict):
+            values += schema_branches(value, schema)
+    return values
 
 
 def section_kind(node: dict[str, Any]) -> str | None:
-    """Return the kind of section that a schema node stands for; None if it is of none, such as null."""
+    """Value of the key ``kind`` in the sections that a node describes. Returns None if it is not fixed."""
     kind: str | None = node.get("properties", {}).get("kind", {}).get("const")
     return kind
 
 
 def schema_branches(node: dict[str, Any], schema: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return the alternatives that a schema node allows, references followed but for those to other files' schemas."""
-    if node.get("$ref", "").startswith("#"):
-        return schema_branches(schema["$defs"][node["$ref"].rsplit("/", 1)[-1]], schema)
+    """List the alternatives of a node. References are followed, except those to other files.
+
+    Args:
+        node: the node.
+        schema: the whole JSON Schema.
+    """
+    reference = node.get("$ref", "")
+    if reference.startswith("#"):
+        name = reference.rsplit("/", 1)[-1]
+        return schema_branches(schema["$defs"][name], schema)
     alternatives = node.get("anyOf") or node.get("oneOf")
-    return [branch for one in alternatives for branch in schema_branches(one, schema)] if alternatives else [node]
+    if not alternatives:
+        return [node]
+    return [branch for alternative in alternatives for branch in schema_branches(alternative, schema)]
 
 
-FASTEST_RATE = 1e4  # largest rate at which signals are sampled [Hz]: ten samples in a step of 1 ms
+FASTEST_RATE = 1e4
+"""Largest rate at which signals are sampled [Hz]: ten samples in a step of 1 ms."""
 
 Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]
-Length = Annotated[Positive, Field(le=100)]  # of a robot, or of what it does [m]
-Speed = Annotated[NotNegative, Field(le=100)]  # of a robot over the ground [m/s]: 360 km/h
+
+Length = Annotated[Positive, Field(le=100)]
+"""A length of a robot, or of its motion [m]."""
+
+Speed = Annotated[NotNegative, Field(le=100)]
+"""Speed of a robot over the ground [m/s], up to 360 km/h."""
+
 Frequency = Annotated[Number, Field(gt=0, le=FASTEST_RATE)]
-"""Of something that swings [Hz]: no faster than signals can show."""
+"""Frequency of an oscillation [Hz]: no faster than signals can show."""
+
 Fraction = Annotated[Number, Field(ge=0, le=1)]
 Triple = tuple[Number, Number, Number]
-FARTHEST, MOST_TURN = 30.0, 2.01 * pi  # what is told in other units than m and rad lies beyond that
+
+FARTHEST = 30.0
+"""Largest coordinate of a point on a body [m]. A larger one is most likely in millimetres."""
+
+MOST_TURN = 2.01 * pi
+"""Largest angle of a pose [rad]. A larger one is most likely in degrees."""
 
 
-def _in_metres(place: Any) -> Any:
-    if (most := max(map(abs, place))) > FARTHEST:
+def _check_metres(place: Any) -> Any:
+    """Check that coordinates can be metres, and return them. Raises ValueError if one is too large."""
+    most = max(map(abs, place))
+    if most > FARTHEST:
         raise ValueError(
             message("base.too_far", "{most:g} m is too far; were these millimetres? lengths are in metres", most=most)
         )
     return place
 
 
-Place = Annotated[Triple, AfterValidator(_in_metres)]  # [x y z] on a body [m]
-Pose = tuple[Number, Number, Number, Number, Number, Number]  # [x y z Rz Ry Rx], R = Rz·Ry·Rx [m, rad]
-Colour = tuple[Fraction, Fraction, Fraction, Fraction]  # red, green, blue, opacity
+Place = Annotated[Triple, AfterValidator(_check_metres)]
+"""A point [x y z] on a body [m]."""
+
+Pose = tuple[Number, Number, Number, Number, Number, Number]
+"""A pose vector [x y z Rz Ry Rx], R = Rz Ry Rx [m, rad]."""
+
+Colour = tuple[Fraction, Fraction, Fraction, Fraction]
+"""Red, green, blue, and opacity."""
+
 ORIGIN: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""The pose of a frame in itself."""
 
 
-def _time(time: float) -> float:
-    """Check that a time is neither too short nor too long for one."""
+def _check_time(time: float) -> float:
+    """Check that a time is zero or within the times of a station, and return it. Raises ValueError if it is not."""
     if time and not SHORTEST <= time <= LONGEST:
         raise ValueError(
             message("base.no_time", "a time is of {shortest:g} to {longest:g} s", shortest=SHORTEST, longest=LONGEST)
@@ -396,13 +552,21 @@ def _time(time: float) -> float:
     return time
 
 
-Duration = Annotated[Number, Field(gt=0), AfterValidator(_time)]  # a time that something takes [s]
-Instant = Annotated[Number, Field(ge=0), AfterValidator(_time)]  # when something begins, from the start of the run [s]
+Duration = Annotated[Number, Field(gt=0), AfterValidator(_check_time)]
+"""Time that something takes [s]."""
+
+Instant = Annotated[Number, Field(ge=0), AfterValidator(_check_time)]
+"""Time at which something begins, since the start of the run [s]."""
 
 
-def _possible(inertia: tuple[float, ...]) -> tuple[float, ...]:
-    """Check that there is a body with these moments, and products where they are given."""
-    from pydrake.multibody.tree import RotationalInertia  # loaded where it is needed: commands read files without
+def _check_inertia(inertia: tuple[float, ...]) -> tuple[float, ...]:
+    """Check that a body can have these moments and products of inertia, and return them.
+
+    Raises:
+        ValueError: there are not three moments, or six numbers; or no body has them.
+    """
+    # Imported here, since Drake takes long to load, and most commands read no inertia.
+    from pydrake.multibody.tree import RotationalInertia
 
     if len(inertia) not in (3, 6):
         raise ValueError(
@@ -421,5 +585,5 @@ def _possible(inertia: tuple[float, ...]) -> tuple[float, ...]:
     return inertia
 
 
-Inertia = Annotated[tuple[Number, ...], AfterValidator(_possible)]
+Inertia = Annotated[tuple[Number, ...], AfterValidator(_check_inertia)]
 """Moments Ixx Iyy Izz about the centre of mass [kg m²], and the products Ixy Ixz Iyz where they are not zero."""

@@ -1,6 +1,7 @@
-"""What the outputs of a station are: columns with units and roles, and the plots that show them.
+"""Declarations of the recorded signals of a station: columns with units and roles, and the plots that show them.
 
-Whoever makes an output declares it once; tables, plots, block pictures and summaries only read the declarations.
+A *signal* is one or more columns of a result, such as the three components of a force. The part of a station that makes
+an output declares its signal once. Tables, plots, block pictures and summaries read the declarations.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,7 +14,8 @@ from simrob_drake.base.messages import message
 Role = Literal[
     "reference", "motion", "effort", "pose", "force", "moment", "applied", "estimate", "distance", "inertial", "own"
 ]
-"""What a signal is: what a robot is asked, how it moves, what drives it, where it is, what is felt or applied."""
+"""Role of a signal: a desired or an actual motion, the effort of a motor, a pose, a measured force or moment, a force
+that is applied from outside, an estimate, a distance, a value of an inertial sensor, or a signal of a user's block."""
 
 QUANTITY_WORDS: dict[str, str] = {
     "position": message("base.position", "position"),
@@ -30,26 +32,35 @@ QUANTITY_WORDS: dict[str, str] = {
 }
 """Words for quantities in plots, by the name of the quantity in ports and columns."""
 
-POSE = XYZ_QUATERNION_NAMES, ("m",) * 3 + ("1",) * 4, QUANTITY_WORDS["position"]
-VELOCITY = VELOCITY_NAMES, ("m/s",) * 3 + ("rad/s",) * 3, QUANTITY_WORDS["velocity"]
-"""Names of the columns of poses and velocities, their units, and the quantity of the first three in a plot."""
+# Of poses and spatial velocities: names of the components, their units, and the quantity of the first three in a plot.
+POSE = (XYZ_QUATERNION_NAMES, ("m",) * 3 + ("1",) * 4, QUANTITY_WORDS["position"])
+VELOCITY = (VELOCITY_NAMES, ("m/s",) * 3 + ("rad/s",) * 3, QUANTITY_WORDS["velocity"])
 
 
 @dataclass(frozen=True)
 class Panel:
-    """What one plot panel of declared signals shows."""
+    """A panel of a figure: one plot with one or more curves.
 
-    figure: str  # the file it belongs to, without suffix: ``sensors``, ``piece_ball``
-    heading: str  # of the figure
-    title: str  # of the panel
-    # quantity on its upright axis: a message without the unit, which is added; or a plain text such as "force [N]"
+    Attributes:
+        figure: name of the file of the figure, without suffix, such as ``sensors`` or ``piece_ball``.
+        heading: heading of the figure.
+        title: title of the panel.
+        label: quantity of the vertical axis: a message, to which the unit is added, or a plain text with a unit, such
+            as "force [N]".
+        columns: columns of the result, one for each curve.
+        components: names of the curves. If it is empty, they are the ends of the columns' names.
+    """
+
+    figure: str
+    heading: str
+    title: str
     label: str
-    columns: tuple[str, ...]  # of the result
-    components: tuple[str, ...] = ()  # what the curves are called; as the columns end unless given
+    columns: tuple[str, ...]
+    components: tuple[str, ...] = ()
 
 
 class Recorded(Protocol):
-    """A run that is over, as parts look at it: its recorded states, and any port evaluated at them."""
+    """A run that is over, for parts of its station that compute signals from it: ports at any time of the run."""
 
     @property
     def step_times(self) -> Vector:
@@ -57,30 +68,48 @@ class Recorded(Protocol):
 
     @property
     def memo(self) -> dict[Any, Any]:
-        """What parts worked out of this run, for each other."""
+        """Results that parts have computed from this run and keep for other parts, by any keys."""
 
     def sample(self, ports: Sequence[Any], times: Vector) -> list[Any]:
-        """Return the values of ports at times (k,) [s]: arrays (k, size), or lists of abstract values."""
+        """Evaluate ports at times (k,) [s] of the run.
+
+        Returns:
+            for each port an array (k, size), or a list of k abstract values.
+        """
 
 
 Compute: TypeAlias = Callable[[Recorded, Vector], Vector]
-"""Gives columns of a run that is over at times (m,) [s], shape (m, k)."""
+"""Function that computes columns (m, k) of a run at times (m,) [s]."""
+
+Adjust: TypeAlias = Callable[[Recorded, Vector, Vector], Vector]
+"""Function that changes columns (m, k) of a run, which a port has given, at times (m,) [s]. Arguments: the run, the
+times, and the columns."""
 
 
 @dataclass(frozen=True)
 class Signal:
-    """Columns of a result."""
+    """Declaration of k columns of a result.
 
-    names: tuple[str, ...]  # of the k columns
-    units: tuple[str, ...]  # of each of them, shape (k,): ``rad``, ``N·m``, ``1``
-    role: Role  # what they are
-    output: str = ""  # the station's output port that gives them; empty where they are computed
-    entries: tuple[int, ...] | None = None  # which of the output's values they are; all of them unless given
-    compute: Compute | None = None  # gives them of a run at times (m,), shape (m, k), where no port does
-    # changes what the port gave, of a run at times (m,), shape (m, k) to (m, k)
-    adjust: Callable[[Recorded, Vector, Vector], Vector] | None = None
-    part: str = ""  # the sensor, piece or block that declares them; empty for the robots' own
-    # title and label of their own plot panel, with figure and heading; None where plots of robots show them
+    Attributes:
+        names: names of the columns.
+        units: units of the columns, such as ``rad``, ``N·m`` or ``1``.
+        role: role of the signal.
+        output: name of the station's output port whose values the columns are; empty if they are computed.
+        entries: indices of the port's values that are the columns. If it is None, they are all values.
+        compute: computes the columns. It is None if they are values of a port.
+        adjust: changes the values of the port. If it is None, they stay as they are.
+        part: name of the sensor, piece or block that declares the signal; empty for the signals of robots.
+        panel: panel that shows the columns. If it is None, the plots of robots show them.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    role: Role
+    output: str = ""
+    entries: tuple[int, ...] | None = None
+    compute: Compute | None = None
+    adjust: Adjust | None = None
+    part: str = ""
     panel: Panel | None = None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -102,7 +131,14 @@ def sensor_panel(title: str, quantity: str, names: Sequence[str], units: Sequenc
 
 
 def applied_signal(output: str, unit: str, title: str, *, part: str = "") -> Signal:
-    """Return what an output (3) is that gives a force [N] or a torque [N·m] from outside, with its panel."""
+    """Declare the columns of a force or a torque that is applied from outside, with a panel.
+
+    Args:
+        output: name of the output port, with three values in the world's axes.
+        unit: ``N`` for a force, ``N·m`` for a torque.
+        title: title of the panel.
+        part: name of the part that applies it.
+    """
     names = tuple(f"{output}.{axis}" for axis in "xyz")
     label = QUANTITY_WORDS["force" if unit == "N" else "torque"]
     panel = Panel("sensors", message("base.applied_forces", "applied forces"), title, label, names)

@@ -1,4 +1,8 @@
-"""Read YAML and JSON safely: plain data, of a size that somebody may have meant, no key twice."""
+"""Readers of YAML and JSON that are safe for files of strangers.
+
+They make plain data only, and refuse a mapping with a key that occurs twice, numbers that are not finite (in JSON), and
+texts whose values are many or deeply nested, as aliases of YAML can make them in a few lines.
+"""
 
 import json
 import re
@@ -8,7 +12,7 @@ from copy import deepcopy
 from functools import lru_cache
 from math import isfinite
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import yaml
 
@@ -17,8 +21,19 @@ from simrob_drake.base.files import NotRead, text_of
 from simrob_drake.base.messages import message
 
 YAML_SUFFIXES = (".yaml", ".yml")
-_MOST_VALUES, _DEEPEST, _LONGEST_NUMBER = 200_000, 60, 1000
+"""Endings of the names of YAML files, in lower case."""
+
+_MOST_VALUES = 200_000
+"""Largest count of values in a text. An alias counts as many values as it stands for."""
+
+_DEEPEST = 60
+"""Largest count of levels of mappings and lists."""
+
+_LONGEST_NUMBER = 1000
+"""Largest length of a number [characters]."""
+
 _SURROGATE = re.compile("[\ud800-\udfff]")
+"""A half of a character in UTF-16. It is no character of its own, and cannot be written to a file."""
 
 
 def is_yaml_name(file: Path | str) -> bool:
@@ -30,16 +45,17 @@ def is_yaml_name(file: Path | str) -> bool:
 
 
 class _Loader(yaml.CSafeLoader):
-    """A safe loader for which a key that stands twice is an error, and 1e-3 a number as in YAML 1.2."""
+    """A safe loader of PyYAML. A key that occurs twice is an error, and 1e-3 is a number, as in YAML 1.2."""
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        """Make the Python object of a node. Errors of Python become those of YAML, with the line."""
         try:
-            if len(node.value) > _LONGEST_NUMBER and node.tag.endswith((":int", ":float")):
-                raise ValueError(
-                    message("base.too_long", "too long")
-                )  # figures of YAML 1.1 to the base 60, 1:1:1:1..., take minutes
+            # Numbers of YAML 1.1 to the base 60, 1:1:1:1..., take minutes if they are long.
+            is_number = node.tag.endswith((":int", ":float"))
+            if is_number and len(node.value) > _LONGEST_NUMBER:
+                raise ValueError(message("base.too_long", "too long"))
             return super().construct_object(node, deep)
-        except (ValueError, LookupError, AttributeError) as problem:  # of !!bool maybe, 2001-99-99, and others
+        except (ValueError, LookupError, AttributeError) as problem:  # such as for !!bool maybe, or 2001-99-99
             found = message(
                 "base.no_such_type",
                 "'{text}' is no {kind}",
@@ -49,6 +65,7 @@ class _Loader(yaml.CSafeLoader):
             raise yaml.constructor.ConstructorError(problem=found, problem_mark=node.start_mark) from problem
 
     def construct_scalar(self, node: yaml.ScalarNode | yaml.MappingNode) -> Any:
+        """Make the text of a node. A character that no text has is an error."""
         text = super().construct_scalar(node)
         if "\0" in text or _SURROGATE.search(text):
             found = message(
@@ -58,6 +75,7 @@ class _Loader(yaml.CSafeLoader):
         return text
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """Make the dict of a node. A key that occurs twice is an error: PyYAML would drop the first value."""
         for key, count in Counter(str(key.value) for key, _ in node.value).items():
             if count > 1:
                 found = message("base.key_twice", "'{key}' stands twice", key=shortened(key))
@@ -65,13 +83,18 @@ class _Loader(yaml.CSafeLoader):
         return super().construct_mapping(node, deep)
 
 
+# YAML 1.1 takes 1e-3 for a text, since it has no decimal point.
 _Loader.add_implicit_resolver(
     "tag:yaml.org,2002:float", re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"), list("-+.0123456789")
 )
 
 
 def read_yaml(path: Path | str) -> dict[str, Any]:
-    """Return the mapping in a YAML file; raises InvalidConfig: it cannot be read, is not YAML, or holds none."""
+    """Read a YAML file with a mapping.
+
+    Raises:
+        InvalidConfig: the file cannot be read, is not YAML, or contains no mapping.
+    """
     try:
         text = text_of(path)
     except NotRead as problem:
@@ -104,9 +127,15 @@ def keys_of_lists(path: Path, keys: Collection[str]) -> list[str]:
         root = composed_yaml(text)
     except (NotRead, yaml.YAMLError, ValueError):
         return []
-    mappings = [root] if isinstance(root, yaml.MappingNode) else []
-    mappings += [value for node in mappings for _, value in node.value if isinstance(value, yaml.MappingNode)]
-    found = [str(key.value) for node in mappings for key, value in node.value if isinstance(value, yaml.SequenceNode)]
+    if not isinstance(root, yaml.MappingNode):
+        return []
+    # The outermost mapping, then those in it.
+    mappings = [root, *(value for _, value in root.value if isinstance(value, yaml.MappingNode))]
+    found = set[str]()
+    for mapping in mappings:
+        for key, value in mapping.value:
+            if isinstance(value, yaml.SequenceNode):
+                found.add(str(key.value))
     return [key for key in keys if key in found]
 
 
@@ -122,24 +151,36 @@ def composed_yaml(text: str) -> yaml.Node | None:
 
 
 def parse_yaml(text: str, where: Path | str) -> Any:
-    """Return the value that a YAML text stands for; raises InvalidConfig: the text is not YAML."""
+    """Read the value of a YAML text.
+
+    Args:
+        text: the text.
+        where: name of its file, for the error.
+
+    Raises:
+        InvalidConfig: the text is not YAML, or has too many values or levels.
+    """
     try:
-        return deepcopy(_parsed(text))
-    except yaml.constructor.ConstructorError as problem:
-        tag_problem = _tag_problem(text)
-        if tag_problem:
-            raise InvalidConfig(where, "", tag_problem) from None
-        raise InvalidConfig(
-            where, "", message("base.not_yaml", "is not YAML: {problem}", problem=_yaml_problem(problem))
-        ) from None
+        # A copy, since the value is kept for the next call, and callers may change theirs.
+        return deepcopy(_load_yaml(text))
     except (yaml.YAMLError, ValueError) as problem:
-        raise InvalidConfig(
-            where, "", message("base.not_yaml", "is not YAML: {problem}", problem=_yaml_problem(problem))
-        ) from None
+        why: str = message("base.not_yaml", "is not YAML: {problem}", problem=_yaml_problem(problem))
+        if isinstance(problem, yaml.constructor.ConstructorError):
+            # An unknown tag: files of Drake's scenes have some.
+            why = _tag_problem(text) or why
+        raise InvalidConfig(where, "", why) from None
 
 
 def parse_json(text: str, where: Path | str) -> Any:
-    """Return a JSON text's value, numbers finite, keys single; raises InvalidConfig: the text is something else."""
+    """Read the value of a JSON text.
+
+    Args:
+        text: the text.
+        where: name of its file, for the error.
+
+    Raises:
+        InvalidConfig: the text is not JSON, has a number that is not finite, or a key that occurs twice.
+    """
     try:
         return json.loads(
             text, parse_int=_finite_int, parse_float=_finite, parse_constant=_finite, object_pairs_hook=_mapping
@@ -150,6 +191,7 @@ def parse_json(text: str, where: Path | str) -> Any:
 
 
 def _finite(text: str) -> float:
+    """Read a number. Raises ValueError if it is not finite, such as 1e999, or Python's NaN in JSON."""
     number = float(text)
     if not isfinite(number):
         raise ValueError(message("base.no_finite_number", "{text} is no finite number", text=shortened(text)))
@@ -157,11 +199,13 @@ def _finite(text: str) -> float:
 
 
 def _finite_int(text: str) -> int:
+    """Read an integer. Raises ValueError if it is too large for a float."""
     _finite(text)
     return int(text)
 
 
 def _mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Make a dict of keys and values. Raises ValueError if a key occurs twice."""
     found = dict(pairs)
     if len(found) < len(pairs):
         raise ValueError(
@@ -176,9 +220,12 @@ def _mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def _tag_problem(text: str) -> str:
     """Describe the first tag of a YAML text that stations do not have. Empty if there is none."""
-    tag = next((token for token in yaml.scan(text, Loader=yaml.CSafeLoader) if isinstance(token, yaml.TagToken)), None)
-    handle, suffix = ("", "") if tag is None else tag.value
-    if tag is None or handle != "!":
+    tokens = yaml.scan(text, Loader=yaml.CSafeLoader)
+    tag = next((token for token in tokens if isinstance(token, yaml.TagToken)), None)
+    if tag is None:
+        return ""
+    handle, suffix = tag.value
+    if handle != "!":  # "!!" is the handle of YAML's own tags
         return ""
     return message(
         "base.has_tag",
@@ -189,54 +236,76 @@ def _tag_problem(text: str) -> str:
 
 
 def _yaml_problem(problem: Exception) -> str:
-    """Return what is wrong with a YAML text and where, without what yaml calls a text that it was handed."""
+    """Describe what is wrong with a YAML text, and where.
+
+    Args:
+        problem: error of PyYAML, or a ValueError of Python.
+    """
     if not isinstance(problem, yaml.MarkedYAMLError):
+        # PyYAML's own name of a text that comes from no file is left out.
         return " ".join(str(problem).replace('in "<unicode string>", ', "at ").split())
     mark = problem.problem_mark or problem.context_mark
     text = ", ".join(part for part in (problem.context, problem.problem) if part)
-    return (
-        message(
-            "base.at_line_and_column",
-            "{text} (line {line}, column {column})",
-            text=text,
-            line=mark.line + 1,
-            column=mark.column + 1,
-        )
-        if mark
-        else text
+    if not mark:
+        return text
+    return message(
+        "base.at_line_and_column",
+        "{text} (line {line}, column {column})",
+        text=text,
+        line=mark.line + 1,
+        column=mark.column + 1,
     )
 
 
 @lru_cache(maxsize=200)
-def _parsed(text: str) -> Any:
-    """Return the value of a text; the same files are read again whenever a station is rebuilt."""
+def _load_yaml(text: str) -> Any:
+    """Load the value of a text. It is kept, since the same files are read again whenever a station is built."""
     _check_growth(text)
-    return yaml.load(text, Loader=_Loader)  # a child of SafeLoader: it makes plain data only
+    return yaml.load(text, Loader=_Loader)  # a subclass of SafeLoader: it makes plain data only
+
+
+class _OpenCollection(NamedTuple):
+    """A mapping or a list of a YAML text whose end was not read yet.
+
+    Attributes:
+        anchor: its anchor, by which aliases name it; None if it has none.
+        values_before: count of the values that were read before it.
+    """
+
+    anchor: str | None
+    values_before: int
 
 
 def _check_growth(text: str) -> None:
-    """Refuse a text whose values go deep, or whose aliases make many of a few, as all that is told of them would be."""
-    sizes: dict[str | None, int] = {}  # by anchor
-    within: list[tuple[str | None, int]] = []  # what has begun: its anchor, and the values before it
-    count = 0
+    """Check that a text has not too many values or levels. An alias counts as all the values of its anchor.
+
+    The text is only parsed, so that nothing grows here.
+
+    Raises:
+        MarkedYAMLError: it has too many.
+    """
+    sizes: dict[str | None, int] = {}  # count of values by anchor
+    open_collections: list[_OpenCollection] = []
+    count = 0  # of the values so far
     for event in yaml.parse(text, Loader=yaml.CSafeLoader):
         if isinstance(event, yaml.CollectionEndEvent):
-            anchor, before = within.pop()
-            sizes |= {anchor: count - before} if anchor else {}
+            ended = open_collections.pop()
+            if ended.anchor:
+                sizes[ended.anchor] = count - ended.values_before
         elif isinstance(event, yaml.AliasEvent):
-            count += sizes.get(event.anchor, _MOST_VALUES)  # one that is not known yet holds itself
+            # The anchor of a collection that is still open is not known: the collection contains itself.
+            count += sizes.get(event.anchor, _MOST_VALUES)
         elif isinstance(event, yaml.NodeEvent):
             count += 1
             if isinstance(event, yaml.CollectionStartEvent):
-                within.append((event.anchor, count - 1))
+                open_collections.append(_OpenCollection(event.anchor, count - 1))
             elif event.anchor:
                 sizes[event.anchor] = 1
-        if count > _MOST_VALUES or len(within) > _DEEPEST:
-            limit = (
-                message("base.levels", "{levels} levels", levels=_DEEPEST)
-                if len(within) > _DEEPEST
-                else message("base.values_with_aliases", "{most} values, aliases counted", most=_MOST_VALUES)
-            )
+        is_too_deep = len(open_collections) > _DEEPEST
+        if count > _MOST_VALUES or is_too_deep:
+            limit = message("base.values_with_aliases", "{most} values, aliases counted", most=_MOST_VALUES)
+            if is_too_deep:
+                limit = message("base.levels", "{levels} levels", levels=_DEEPEST)
             raise yaml.MarkedYAMLError(
                 problem=message("base.more_than", "more than {limit}", limit=limit),
                 problem_mark=cast(yaml.Mark, event.start_mark),
@@ -244,7 +313,19 @@ def _check_growth(text: str) -> None:
 
 
 def place_of(content: Any, key: list[str], where: Path | str) -> tuple[Any, str]:
-    """Return where a dotted key stands, and its last part; makes sections; raises InvalidConfig: ``where``, the key."""
+    """Find the mapping or list that contains a key, for setting it. Sections that are missing are made.
+
+    Args:
+        content: content of a file. Empty mappings are added to it for missing sections.
+        key: parts of the dotted key: names, and indices of lists.
+        where: name of the file or of the override, for errors.
+
+    Returns:
+        the mapping or list, and the last part of the key.
+
+    Raises:
+        InvalidConfig: a list has no such index, or a value above the key is no mapping and no list.
+    """
     node = content
     for depth, part in enumerate(key):
         whole = ".".join(key[: depth + 1])

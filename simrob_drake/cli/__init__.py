@@ -12,7 +12,10 @@ from enum import IntEnum
 
 
 class ExitCode(IntEnum):
-    """What ``simrob`` leaves with; a monitor's stop is a success, a block that fails a divergence."""
+    """Exit codes of ``simrob``.
+
+    A run that a monitor stops is a success (DONE). A run in which a block fails counts as one that diverged.
+    """
 
     DONE = 0
     BAD_INPUT = 2

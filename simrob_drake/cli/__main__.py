@@ -36,13 +36,13 @@ def main() -> None:
 
     if interruptible:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-    code = guarded(run_command, sys.argv[1:])
+    code = run_guarded(run_command, sys.argv[1:])
     if code == ExitCode.INTERRUPTED:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # who presses it twice waits no longer than for the end
     sys.exit(code)
 
 
-def guarded(command: Callable[[list[str]], int], arguments: list[str]) -> int:
+def run_guarded(command: Callable[[list[str]], int], arguments: list[str]) -> int:
     """Run a command. An unexpected error is written to the error stream in one line.
 
     Returns:

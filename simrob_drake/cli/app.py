@@ -112,7 +112,7 @@ class _Group(TyperGroup):
 
 
 class _Commands(_Group):
-    """All commands, which typer knows by name and help alone until one is called."""
+    """Group of all commands. Until a command is called, only its name and its help are loaded."""
 
     def __init__(self, **options: Any) -> None:
         """Begin with the commands of the core. Those of extensions are added when they are asked for."""
@@ -291,7 +291,7 @@ def run_command(arguments: list[str]) -> int:
 
 @contextmanager
 def _own_warnings() -> Iterator[None]:
-    """Tell the package's own warnings in one line each, while the work goes on; others as Python does."""
+    """Context manager that shows each warning of this package in one line. Others are shown as usual in Python."""
     with warnings.catch_warnings():
         otherwise = warnings.showwarning
 

@@ -1,8 +1,8 @@
-"""What the arguments and options of a command ask for, and those that would do nothing."""
+"""Stations and changes of stations from the arguments of a command, and checks for options without an effect."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.messages import compound, message
@@ -17,60 +17,119 @@ from simrob_drake.stations.file_paths import with_absolute_paths
 from simrob_drake.stations.load import load_station
 
 
+class KeyChange(NamedTuple):
+    """A change of a station.
+
+    Attributes:
+        key: dotted key that is changed.
+        value: its new value.
+    """
+
+    key: str
+    value: Any
+
+
+class KeyText(NamedTuple):
+    """An option of the form ``key.path=text``.
+
+    Attributes:
+        key: the dotted key.
+        text: the text behind the equals sign.
+    """
+
+    key: str
+    text: str
+
+
 def station_from(
     station: str, settings: list[str] | None, *, allow_code: bool = False, **options: Any
 ) -> StationConfig:
-    """Return a station, a name or a file, with what the user wants changed.
+    """Load a station with the changes of the command line.
 
-    ``settings`` are texts ``key.path=value`` or YAML files; ``options`` values by the key that they mean, None if not
-    given. Raises SimrobError: what cannot be; names the option, or what a file is that is no station.
+    Args:
+        station: name or file of the station.
+        settings: values of the option ``--set``: texts ``key.path=value``, or YAML files with sections.
+        allow_code: whether Python code that the file names may be run.
+        **options: values of options that change a key of the station, by the key; None if the option is not given.
+
+    Raises:
+        SimrobError: the station or a change is wrong. The message names the option, or says what kind of file it is if
+            it is no station.
     """
-    overrides = {key: value for key, value in options.items() if value is not None}
-    called = {key: f"--{key}" for key in overrides}
-    changed = changes_of(settings, "--set", others=called)
-    called |= {key: f"--set {key}" for key in changed}
+    values_of_options = {key: value for key, value in options.items() if value is not None}
+    # For each changed key the option that changes it, for errors.
+    option_of_key = {key: f"--{key}" for key in values_of_options}
+    changes = changes_of(settings, "--set", others=option_of_key)
+    option_of_key |= {key: f"--set {key}" for key in changes}
     if find_station_importer(station) is None:
         refuse_other(station)
-    return load_station(station, {**overrides, **changed}, called=called, allow_code=allow_code)
+    return load_station(station, {**values_of_options, **changes}, called=option_of_key, allow_code=allow_code)
 
 
 def changes_of(texts: list[str] | None, option: str, *, others: Mapping[str, str] | None = None) -> dict[str, Any]:
-    """Return changes of a station by dotted keys, of texts ``key.path=value`` and of YAML files with sections.
+    """Read the changes of a station that an option gives, by dotted keys.
 
-    ``others`` is what else is given, by key. Raises SimrobError: another form, given twice, or a file that cannot be
-    read.
+    Args:
+        texts: values of the option: texts ``key.path=value``, or YAML files with sections.
+        option: name of the option, for errors.
+        others: other options that change keys, by the key.
+
+    Raises:
+        SimrobError: a text has another form, a key is changed twice, or a file cannot be read.
     """
-    found, called = dict[str, Any](), dict(others or {})
-    for one in texts or []:
-        for key, value in _changes(one, option):
-            if key in called:
+    changes: dict[str, Any] = {}
+    option_of_key = dict(others or {})
+    for text in texts or []:
+        for key, value in _changes(text, option):
+            if key in option_of_key:
                 raise Unsuitable(
-                    compound("{option} {one}", option=option, one=one),
-                    message("cli.gives_key_already", "{option} gives this key already", option=called[key]),
+                    compound("{option} {one}", option=option, one=text),
+                    message("cli.gives_key_already", "{option} gives this key already", option=option_of_key[key]),
                     message("cli.leave_out_one", "leave out one of the two"),
                 )
-            found[key], called[key] = value, f"{option} {key}"
-    return found
+            changes[key] = value
+            option_of_key[key] = f"{option} {key}"
+    return changes
 
 
-def _changes(one: str, option: str) -> Iterator[tuple[str, Any]]:
-    if "=" in one or not is_yaml_name(one):
-        for key, text in texts_by_key([one], option):
-            yield key, parse_yaml(text, compound("{option} {one}", option=option, one=one))
+def _changes(text: str, option: str) -> Iterator[KeyChange]:
+    """Yield the changes that one value of an option gives.
+
+    Args:
+        text: the value: ``key.path=value`` with a value in YAML, or a YAML file.
+        option: name of the option, for errors.
+    """
+    if "=" in text or not is_yaml_name(text):
+        for key, value in texts_by_key([text], option):
+            yield KeyChange(key, parse_yaml(value, compound("{option} {one}", option=option, one=text)))
         return
-    file = Path(one).absolute()
-    for name, section in with_absolute_paths(read_yaml(file), file.parent, Border(file)).items():
-        entries = section.items() if isinstance(section, Mapping) else ()
-        yield from ((f"{name}.{key}", value) for key, value in entries) if entries else [(name, section)]
+    file = Path(text).absolute()
+    sections = with_absolute_paths(read_yaml(file), file.parent, Border(file))
+    for name, section in sections.items():
+        # The keys of a section are changed one by one: other keys of the section in the station stay.
+        if isinstance(section, Mapping) and section:
+            for key, value in section.items():
+                yield KeyChange(f"{name}.{key}", value)
+        else:
+            yield KeyChange(name, section)
 
 
-def texts_by_key(texts: list[str] | None, option: str) -> Iterator[tuple[str, str]]:
-    """Yield keys and texts of an option given as ``key.path=text``; raises InvalidParameter: given in another form."""
-    for one in texts or []:
-        key, equals, text = one.partition("=")
-        if not (key.strip() and equals):
-            raise InvalidParameter(option, one, message("cli.key_and_value", "of the form key.path=value"))
-        yield key.strip(), text
+def texts_by_key(texts: list[str] | None, option: str) -> Iterator[KeyText]:
+    """Yield the keys and texts of an option of the form ``key.path=text``.
+
+    Args:
+        texts: values of the option; None if it is not given.
+        option: name of the option, for errors.
+
+    Raises:
+        InvalidParameter: a value has another form.
+    """
+    for value in texts or []:
+        key, equals, text = value.partition("=")
+        has_form = bool(key.strip()) and bool(equals)
+        if not has_form:
+            raise InvalidParameter(option, value, message("cli.key_and_value", "of the form key.path=value"))
+        yield KeyText(key.strip(), text)
 
 
 def refuse(problem: str, /, **options: Any) -> None:
@@ -90,5 +149,14 @@ def refuse(problem: str, /, **options: Any) -> None:
 
 
 def refuse_import(problem: str, options: ImportOptions | None) -> None:
-    """Check that options of an import are not given where nothing is imported, as :func:`refuse` does."""
-    refuse(problem, **(options.model_dump(exclude_defaults=True) if options else {}))
+    """Check that no options of an import are given where nothing is imported.
+
+    Args:
+        problem: why the options have no effect.
+        options: the options; None if none is given.
+
+    Raises:
+        Unsuitable: an option is given; the message names the first one.
+    """
+    chosen = options.model_dump(exclude_defaults=True) if options else {}
+    refuse(problem, **chosen)

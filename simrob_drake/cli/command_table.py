@@ -43,7 +43,7 @@ Commands of extensions come under titles of their own, or join those of the core
 
 
 class CommandEntry(NamedTuple):
-    """A command as it is known before its module is imported.
+    """Title, help and place of a command, for which its module need not be imported.
 
     Attributes:
         title: title of the help under which the command is listed.

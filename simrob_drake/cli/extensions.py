@@ -154,7 +154,7 @@ def _shadowed_names(extension: Extension) -> list[str]:
 
 
 def _hidden_models(entry: InstalledExtension) -> list[str]:
-    """Find the robots, pieces and stations of an extension that nobody can use, since others have their names."""
+    """Find the robots, pieces and stations of an extension that cannot be used, since others have their names."""
     problems = list[str]()
     for point in MODELS:
         for addition in entry.additions_at(point):

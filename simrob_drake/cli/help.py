@@ -89,14 +89,14 @@ def with_translated_options(function: Callable[..., Any]) -> Callable[..., Any]:
     # Typer reads names, types and helps of options from the signature.
     signature = inspect.signature(function, eval_str=True)
     translated = [
-        parameter.replace(annotation=_translated(parameter.annotation), kind=inspect.Parameter.KEYWORD_ONLY)
+        parameter.replace(annotation=_translate_annotation(parameter.annotation), kind=inspect.Parameter.KEYWORD_ONLY)
         for parameter in signature.parameters.values()
     ]
     vars(run_command)["__signature__"] = signature.replace(parameters=translated)
     return run_command
 
 
-def _translated(annotation: Any) -> Any:
+def _translate_annotation(annotation: Any) -> Any:
     """Translate the help in an annotation ``Annotated[type, typer.Option(...)]``. Other annotations stay."""
     if get_origin(annotation) is not Annotated:
         return annotation

@@ -30,7 +30,9 @@ OutputLanguage = Annotated[
 
 
 def requested_language(arguments: Sequence[str]) -> str:
-    """Language that the arguments of ``simrob`` ask for, before they are parsed: a help and errors of usage have it.
+    """Find the language in the arguments of ``simrob`` before they are parsed.
+
+    Helps and errors of usage are written in this language, although parsing may have failed.
 
     Args:
         arguments: the arguments, such as ``["run", "--language", "es"]``. Without the option, the environment variable

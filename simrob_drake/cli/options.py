@@ -1,11 +1,16 @@
-"""The arguments and options that several commands share, each with its help."""
+"""Arguments and options that several commands share, each with its help.
+
+Commands are functions, whose parameters typer turns into options. A *group* of options is a dataclass whose fields are
+the options. A decorator replaces one parameter of a command, which takes an object of this class, by a parameter for
+each field: typer sees the options, and the command gets the object.
+"""
 
 import inspect
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import wraps
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, get_args, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, get_args, get_type_hints
 
 import typer
 from pydantic.fields import FieldInfo
@@ -21,7 +26,7 @@ from simrob_drake.robots.imports import ImportOptions
 
 
 def completed_station(typed: str) -> list[str]:
-    """Return the stations of the package that begin as a user typed, for the shell's completion."""
+    """List the stations of the package that begin with a text, for the shell's completion."""
     return [name for name in station_files() if name.startswith(typed)]
 
 
@@ -127,7 +132,7 @@ FileArgument = Annotated[
 
 @dataclass(frozen=True)
 class Saving:
-    """How a command shows and saves a run: options that all commands share which simulate."""
+    """Options for showing and saving a run. All commands that simulate have them."""
 
     out: ResultFolder = None
     force: Force = False
@@ -139,14 +144,14 @@ class Saving:
     verdict: ShowVerdict = False
 
     @property
-    def kept(self) -> Saved:
-        """What the result's own ``save`` takes of it."""
+    def save_options(self) -> Saved:
+        """The options of the result's method ``save``."""
         return {"force": self.force, "recording": not self.no_recording, "video": self.video, "plots": self.plots}
 
 
 @dataclass(frozen=True)
 class LanguageOptions:
-    """How a program in the language of a robot, such as RAPID, is done."""
+    """Options for running a program in the language of a robot, such as RAPID."""
 
     robot: Annotated[
         str | None,
@@ -193,28 +198,60 @@ class LanguageOptions:
     ] = False
 
 
-def with_group(group: type[Any], name: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Return what gives a command the options that are the fields of a class; it takes them together, by a name."""
-    hints = get_type_hints(group, include_extras=True)
-    own = [
-        inspect.Parameter(one.name, inspect.Parameter.KEYWORD_ONLY, default=one.default, annotation=hints[one.name])
-        for one in fields(group)
-    ]
+Decorator: TypeAlias = Callable[[Callable[..., Any]], Callable[..., Any]]
+"""Function that makes another command of a command."""
+
+
+def _option_parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:
+    """Make a parameter of a command, which typer turns into an option.
+
+    Args:
+        name: name of the parameter.
+        annotation: its type, with typer's options.
+        default: its default value.
+    """
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+
+
+def _parameters_of(group: type[Any]) -> list[inspect.Parameter]:
+    """Make the parameters of a command for the options of a group, a dataclass."""
+    annotations = get_type_hints(group, include_extras=True)
+    return [_option_parameter(option.name, annotations[option.name], option.default) for option in fields(group)]
+
+
+def with_group(group: type[Any], name: str) -> Decorator:
+    """Make a decorator that gives a command the options of a group.
+
+    Args:
+        group: dataclass of the options.
+        name: parameter of the command that takes an object of this class.
+    """
+    parameters = _parameters_of(group)
 
     def with_options(command: Callable[..., Any]) -> Callable[..., Any]:
-        @wraps(command)
-        def called(**arguments: Any) -> Any:
-            chosen = {one.name: arguments.pop(one.name) for one in own}
-            return command(**arguments, **{name: group(**chosen)})
+        """Wrap a command in a function that has a parameter for each option, and collects their values."""
 
-        vars(called)["__signature__"] = _signature(command, name, own)
-        return called
+        @wraps(command)
+        def call(**arguments: Any) -> Any:
+            values = {parameter.name: arguments.pop(parameter.name) for parameter in parameters}
+            return command(**arguments, **{name: group(**values)})
+
+        _set_signature(call, _signature(command, name, parameters))
+        return call
 
     return with_options
 
 
-with_saving = with_group(Saving, "saving")  # give a command the options of :class:`Saving`
-with_language = with_group(LanguageOptions, "language")  # give a command those of :class:`LanguageOptions`
+def _set_signature(function: Callable[..., Any], signature: inspect.Signature) -> None:
+    """Set the signature that Python's inspect, and so typer, sees of a function."""
+    vars(function)["__signature__"] = signature
+
+
+with_saving = with_group(Saving, "saving")
+"""Decorator that gives a command the options of :class:`Saving`."""
+
+with_language = with_group(LanguageOptions, "language")
+"""Decorator that gives a command the options of :class:`LanguageOptions`."""
 
 
 def flag_of(name: str) -> str:
@@ -259,7 +296,9 @@ class ChosenOptions:
         Raises:
             Unsuitable: an option of another group is given; the message says to what it belongs.
         """
-        allowed = {field.name for options_class in allowed_classes for field in fields(options_class)}
+        allowed = set[str]()
+        for options_class in allowed_classes:
+            allowed |= {field.name for field in fields(options_class)}
         for group in self.groups:
             for field in fields(group.options_class):
                 is_default = self.values[field.name] == field.default
@@ -269,7 +308,7 @@ class ChosenOptions:
                     )
 
 
-def with_groups(groups: Sequence[OptionGroup], name: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def with_groups(groups: Sequence[OptionGroup], name: str) -> Decorator:
     """Make a decorator that gives a command the options of several groups.
 
     If groups have fields of the same name, the command has one option for all of them, as the first group defines it.
@@ -280,102 +319,113 @@ def with_groups(groups: Sequence[OptionGroup], name: str) -> Callable[[Callable[
     """
     parameters = dict[str, inspect.Parameter]()
     for group in groups:
-        hints = get_type_hints(group.options_class, include_extras=True)
-        for field in fields(group.options_class):
-            parameter = inspect.Parameter(
-                field.name, inspect.Parameter.KEYWORD_ONLY, default=field.default, annotation=hints[field.name]
-            )
-            parameters.setdefault(field.name, parameter)
+        for parameter in _parameters_of(group.options_class):
+            parameters.setdefault(parameter.name, parameter)
 
     def with_options(command: Callable[..., Any]) -> Callable[..., Any]:
         """Wrap a command's function in one that has a parameter for each option, and collects their values."""
 
         @wraps(command)
-        def called(**arguments: Any) -> Any:
-            values = {field: arguments.pop(field) for field in parameters}
+        def call(**arguments: Any) -> Any:
+            values = {option: arguments.pop(option) for option in parameters}
             return command(**arguments, **{name: ChosenOptions(groups, values)})
 
-        vars(called)["__signature__"] = _signature(command, name, list(parameters.values()))
-        return called
+        _set_signature(call, _signature(command, name, list(parameters.values())))
+        return call
 
     return with_options
 
 
 def _signature(command: Callable[..., Any], name: str, instead: list[inspect.Parameter]) -> inspect.Signature:
-    """Return a command's signature with parameters in place of one; all of them by keyword."""
-    parameters = inspect.signature(command, eval_str=True).parameters.values()
-    named = [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in parameters]
-    return inspect.Signature([p for q in named for p in (instead if q.name == name else [q])])
+    """Make the signature of a command in which one parameter is replaced by others. All become keyword parameters.
+
+    Args:
+        command: the command.
+        name: name of the parameter that is replaced. If there is none of this name, the signature has the same ones.
+        instead: parameters that take its place.
+    """
+    parameters = list[inspect.Parameter]()
+    for parameter in inspect.signature(command, eval_str=True).parameters.values():
+        if parameter.name == name:
+            parameters += instead
+        else:
+            parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
+    return inspect.Signature(parameters)
 
 
 def with_mesh_path(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command that loads a station the option ``--mesh-path``, which holds for all that it loads."""
+    """Decorator that gives a command the option ``--mesh-path``. It holds for all files that the command loads."""
 
     @wraps(command)
-    def called(*, mesh_path: list[Path] | None = None, **options: Any) -> Any:
+    def call(*, mesh_path: list[Path] | None = None, **options: Any) -> Any:
         with granting(mesh_path or ()):
             return command(**options)
 
-    own = inspect.Parameter("mesh_path", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=MeshPath)
+    own = _option_parameter("mesh_path", MeshPath, None)
     signature = _signature(command, "", [])
-    vars(called)["__signature__"] = signature.replace(parameters=[*signature.parameters.values(), own])
-    return called
+    _set_signature(call, signature.replace(parameters=[*signature.parameters.values(), own]))
+    return call
 
 
-def with_import_options(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Give a command options for fields of :class:`ImportOptions`, with their help; all fields unless some are named.
+def with_import_options(*names: str) -> Decorator:
+    """Make a decorator that gives a command options for an import, and their helps.
 
-    The command takes them together as ``options``, which is None where nothing was chosen.
+    The command takes them together as its parameter ``options``, which is None if no option is given.
+
+    Args:
+        *names: names of the options, fields of :class:`ImportOptions`. Without names, the command has all of them.
     """
-    known = names or tuple(ImportOptions.model_fields)
-    texts = import_option_messages()
-    own = [
-        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=option)
-        for name in known
-        for option, default in [_option(name, ImportOptions.model_fields[name], texts[name])]
-    ]
+    chosen_names = names or tuple(ImportOptions.model_fields)
+    helps = import_option_messages()
+    parameters = [_import_parameter(name, ImportOptions.model_fields[name], helps[name]) for name in chosen_names]
 
     def with_options(command: Callable[..., Any]) -> Callable[..., Any]:
+        """Wrap a command in a function that has a parameter for each option, and collects their values."""
+
         @wraps(command)
-        def called(**arguments: Any) -> Any:
-            chosen = {name: value for name in known if (value := arguments.pop(name)) is not None}
-            options = validated(ImportOptions, chosen, message("cli.import_options", "import options"))
+        def call(**arguments: Any) -> Any:
+            values = {name: arguments.pop(name) for name in chosen_names}
+            content = {name: value for name, value in values.items() if value is not None}
+            options = validated(ImportOptions, content, message("cli.import_options", "import options"))
             with granting(options.mesh_path):
                 return command(**arguments, options=None if options == ImportOptions() else options)
 
-        vars(called)["__signature__"] = _signature(command, "options", own)
-        return called
+        _set_signature(call, _signature(command, "options", parameters))
+        return call
 
     return with_options
 
 
 def import_option_messages() -> dict[str, Message]:
-    """Helps of the options of an import, by name: the texts below the fields of :class:`ImportOptions`."""
+    """Helps of the options of an import, by name: the docstrings below the fields of :class:`ImportOptions`."""
     texts = field_texts(ImportOptions)
     return {name: Message(f"cli.import_{name}", texts[name], {}) for name in ImportOptions.model_fields}
 
 
-def _option(name: str, field: FieldInfo, text: str) -> tuple[Any, Any]:
-    """Make an option of an import.
+def _import_parameter(name: str, field: FieldInfo, text: str) -> inspect.Parameter:
+    """Make the parameter of a command for an option of an import.
 
     Args:
         name: name of the field of :class:`ImportOptions`.
-        field: the field.
-        text: its help.
-
-    Returns:
-        annotation of the command's parameter for typer, and default value.
+        field: the field. Its type decides the form of the option.
+        text: help of the option.
     """
     flag = flag_of(name)
-    several = join_texts([text, message("cli.help_several", "May be given several times.")], " ")
+    default: Any = None
+    annotation: Any
     if field.annotation == tuple[Path, ...]:
-        return MeshPath, None
-    if field.annotation == tuple[str, ...]:
+        annotation = MeshPath
+    elif field.annotation == tuple[str, ...]:
         form = "NAME=FOLDER" if name == "packages" else "NAME:=VALUE"
-        return Annotated[list[str] | None, typer.Option(flag, metavar=form, help=several)], None
-    if Path in get_args(field.annotation):
-        return Annotated[Path | None, typer.Option(flag, metavar="FILE", resolve_path=True, help=text)], None
-    if get_args(field.annotation) == get_args(Pose):
-        numbers = typer.Option(flag, metavar="X Y Z RZ RY RX", help=text)
-        return Annotated[tuple[float, float, float, float, float, float] | None, numbers], None
-    return Annotated[field.annotation, typer.Option(flag, help=text)], field.default
+        several = join_texts([text, message("cli.help_several", "May be given several times.")], " ")
+        annotation = Annotated[list[str] | None, typer.Option(flag, metavar=form, help=several)]
+    elif Path in get_args(field.annotation):
+        file_option = typer.Option(flag, metavar="FILE", resolve_path=True, help=text)
+        annotation = Annotated[Path | None, file_option]
+    elif get_args(field.annotation) == get_args(Pose):
+        pose_option = typer.Option(flag, metavar="X Y Z RZ RY RX", help=text)
+        annotation = Annotated[tuple[float, float, float, float, float, float] | None, pose_option]
+    else:
+        annotation = Annotated[field.annotation, typer.Option(flag, help=text)]
+        default = field.default
+    return _option_parameter(name, annotation, default)

@@ -24,7 +24,7 @@ _STATION_KEYS = {*StationConfig.model_fields, "robot"}
 
 
 class OtherFiles(Strict):
-    """Descriptions of files that are no stations. In each text {file}, {name} and {folder} stand for the file's own."""
+    """Descriptions of files that are no stations. In each text, {file}, {name} and {folder} are those of the file."""
 
     folders: dict[str, str] = Field(default_factory=dict)
     """Texts about folders, by the name of a file that the folder has."""
@@ -91,12 +91,14 @@ def _find_remedy(file: Path, keys: set[str], descriptions: OtherFiles) -> str:
         the first text that fits, with the file's own names in place of {file}, {name} and {folder}; empty if none fits.
     """
     if isdir(file):
-        texts = (text for name, text in descriptions.folders.items() if isfile(file / name))
+        texts = [text for name, text in descriptions.folders.items() if isfile(file / name)]
     elif keys:
-        texts = (text for needed, text in descriptions.keys if keys.issuperset(needed))
+        texts = [text for needed, text in descriptions.keys if keys.issuperset(needed)]
     else:
-        texts = (text for ending, text in descriptions.endings.items() if ending == file.suffix.lower())
-    found = next(texts, "")
-    for name, value in (("file", file), ("name", file.name), ("folder", file.parent)):
-        found = found.replace(f"{{{name}}}", str(value))
-    return found
+        texts = [text for ending, text in descriptions.endings.items() if ending == file.suffix.lower()]
+    if not texts:
+        return ""
+    # Plain replacement: a text of an extension is no template, and may have other braces.
+    remedy = texts[0].replace("{file}", str(file))
+    remedy = remedy.replace("{name}", file.name)
+    return remedy.replace("{folder}", str(file.parent))

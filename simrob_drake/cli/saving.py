@@ -40,11 +40,12 @@ from simrob_drake.stations.config import StationConfig
 if TYPE_CHECKING:
     from simrob_drake.programs.arm import Workcell
 
-Frames = int | Literal["events"] | None  # of a film strip: how many, or one for each event
+Frames = int | Literal["events"] | None
+"""Count of the frames of a film strip, or "events" for a frame of each event; None for the default."""
 
 
 class PreparedFolder(NamedTuple):
-    """Where the result of a run is to be saved, and what was shown before the run.
+    """Folder for the result of a run, and the warnings that were shown before the run.
 
     Attributes:
         path: the folder.
@@ -111,7 +112,7 @@ def done_in_workcell(
         result, more = perform()
     finally:
         cell.close()
-    return saved(result, prepared, saving, more=more, frames=frames)
+    return save_and_show(result, prepared, saving, more=more, frames=frames)
 
 
 def way_of(result: SimulationResult, robot: str) -> str:
@@ -143,7 +144,7 @@ def _side(value: float) -> Message:
     return message("cli.left", "left") if value >= 0 else message("cli.right", "right")
 
 
-def saved(
+def save_and_show(
     result: SimulationResult, prepared: PreparedFolder, saving: Saving, *, more: str = "", frames: Frames = None
 ) -> ExitCode:
     """Save a result, show it, and return the exit code.
@@ -159,7 +160,7 @@ def saved(
         Interrupted: the user interrupted twice; nothing was saved.
     """
     folder = prepared.path
-    kept: Saved = {**saving.kept, "frames": frames}
+    kept: Saved = {**saving.save_options, "frames": frames}
     with finished_first(message("cli.files_of", "the files of {folder}", folder=folder)) as interrupted:
         result.save(folder, **kept)
     _show_end(result)
@@ -224,6 +225,6 @@ def _show_verdict(verdict: Verdict, name: str, *, with_table: bool, shown_before
 
 
 def exit_code(result: SimulationResult, *, strict: bool = False) -> ExitCode:
-    """Return what a run's end means to a shell."""
+    """Exit code for the end of a run."""
     codes = {"diverged": ExitCode.DIVERGED, "failed": ExitCode.DIVERGED, "interrupted": ExitCode.INTERRUPTED}
     return codes.get(result.ending, ExitCode.BEYOND if strict and result.warnings else ExitCode.DONE)

@@ -65,12 +65,12 @@ def say_text(text: str, style: str = "", target: Console = console) -> None:
         style: style of rich, such as ``green``; empty for the usual one.
         target: where it is written.
     """
-    for line in _wrapped(translate(text), target.width) or [""]:
+    for line in _wrap(translate(text), target.width) or [""]:
         target.print(Text(line, style), soft_wrap=True)
 
 
-def _wrapped(text: str, width: int) -> list[str]:
-    """Wrap a text at words to lines of a width; words are not broken, nor options taken from their settings."""
+def _wrap(text: str, width: int) -> list[str]:
+    """Wrap a text to lines of a width. Words are not broken, and an option stays in one line with its setting."""
     whole_settings = keep_settings_whole(text)
     lines = textwrap.wrap(whole_settings, max(width, _NARROWEST), break_long_words=False, break_on_hyphens=False)
     return [line.replace(_NO_BREAK_SPACE, " ") for line in lines]
@@ -130,7 +130,7 @@ def say_remark(remark: Remark, *, with_remedy: bool = True) -> None:
         options = " ".join(f"--set {_quoted_for_shell(setting)}" for setting in settings)
     else:
         options = f"--set {remark.remedy.key}=..." if remark.remedy.key else ""
-    for line in _wrapped(options, target.width - len(_SETTINGS_INDENT)):
+    for line in _wrap(options, target.width - len(_SETTINGS_INDENT)):
         target.print(f"{_SETTINGS_INDENT}{line}", soft_wrap=True)
 
 
@@ -141,7 +141,7 @@ def _quoted_for_shell(setting: str) -> str:
 
 def _say_hanging(target: Console, word: Text, text: str) -> None:
     """Write a word and a text. The text is wrapped at words, and all of its lines begin at the same column."""
-    lines = _wrapped(translate(text), target.width - len(_INDENT)) or [""]
+    lines = _wrap(translate(text), target.width - len(_INDENT)) or [""]
     target.print(Text.assemble(word, " " * (len(_INDENT) - len(word)), lines[0]), soft_wrap=True)
     for line in lines[1:]:
         target.print(f"{_INDENT}{line}", soft_wrap=True)
@@ -188,12 +188,12 @@ def tell(text: str) -> None:
     """Write an error on the error stream: on one line for scripts, wrapped at words for a user at a terminal."""
     line = f"simrob: {shortened(translate(text), _LONGEST)}"
     if sys.stderr.isatty():
-        line = "\n".join(_wrapped(line, errors.width))
+        line = "\n".join(_wrap(line, errors.width))
     print(line, file=sys.stderr, flush=True)
 
 
 class Interrupted(Exception):
-    """The user interrupted a command; the text says what became of its work, and no command catches it."""
+    """Raised when the user interrupts a command. Its text describes what is left of the work. No command catches it."""
 
 
 @contextmanager

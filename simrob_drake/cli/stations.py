@@ -32,7 +32,7 @@ from simrob_drake.cli.programs import (
     refuse_language,
     run_program,
 )
-from simrob_drake.cli.saving import Frames, exit_code, prepared_folder, saved, wait_for_watcher
+from simrob_drake.cli.saving import Frames, exit_code, prepared_folder, save_and_show, wait_for_watcher
 from simrob_drake.cli.screen import console, say, say_text
 from simrob_drake.cli.tables import convergence_table
 from simrob_drake.programs.program_files import is_program_file
@@ -120,9 +120,9 @@ def run(
         )
         return run_program(own_program(config), config, saving, shown)
     prepared = prepared_folder(config, saving)
-    result = _simulated(config, saving.live)
-    code = saved(result, prepared, saving, frames=shown)
-    return _converged(result) if converge and code == ExitCode.DONE else code
+    result = _simulate(config, saving.live)
+    code = save_and_show(result, prepared, saving, frames=shown)
+    return _run_tighter(result) if converge and code == ExitCode.DONE else code
 
 
 def demo(
@@ -134,7 +134,7 @@ def demo(
     config = station_from("irb120_dynamic", None)
     saving = Saving(out=out, force=True)
     prepared = prepared_folder(config, saving)
-    return saved(_simulated(config, live=False), prepared, saving)
+    return save_and_show(_simulate(config, live=False), prepared, saving)
 
 
 @with_mesh_path
@@ -174,7 +174,7 @@ def _frames(text: str | None) -> Frames:
     return int(text)
 
 
-def _simulated(config: StationConfig, live: bool) -> SimulationResult:
+def _simulate(config: StationConfig, live: bool) -> SimulationResult:
     """Simulate a station. If `live` is set, show the motion in the browser and let the user steer it."""
     if not live:
         return simulate(config)
@@ -191,7 +191,7 @@ def _simulated(config: StationConfig, live: bool) -> SimulationResult:
         view.close()
 
 
-def _converged(result: SimulationResult) -> ExitCode:
+def _run_tighter(result: SimulationResult) -> ExitCode:
     """Run a station again with ten times tighter accuracy, and show the differences.
 
     Returns:

@@ -1,4 +1,6 @@
-"""What the command line shows: results, findings and robots as tables."""
+"""Tables of the command line: of results, findings, robots and imports."""
+
+from typing import NamedTuple
 
 import numpy as np
 from rich.table import Table
@@ -17,9 +19,9 @@ from simrob_drake.robots.imports import CHANGE, ENTRY_KINDS, EntryKind, ImportRe
 from simrob_drake.robots.plausibility import moving_mass, payload_doubt
 from simrob_drake.stations.findings import Finding
 
+# Headings that extensions use in their tables, too.
 LARGEST_DIFFERENCE = message("cli.largest_difference", "largest difference")
 AT_TIME = message("cli.at_time", "at [s]")
-
 
 _COLOURS: dict[EntryKind, str] = {
     "read": "dim", "repaired": "green", "approximated": "green", "defaulted": "yellow", "dropped": "magenta",
@@ -43,19 +45,17 @@ def criteria_table(verdict: Verdict) -> Table:
 
 def cells_table(result: SimulationResult) -> Table:
     """Make the table of the times at which the robots reached the cells of their sequencers."""
-    rows = [
-        (name, str(number), "–" if time is None else compound("{time:.2f}", time=time))
-        for name, times in result.cells.items()
-        for number, time in enumerate(times)
-    ]
-    return table(
-        (
-            message("cli.controller", "controller"),
-            message("cli.cell", "cell"),
-            message("cli.reached", "reached [s]"),
-        ),
-        *rows,
+    rows = []
+    for name, times in result.cells.items():
+        for number, time in enumerate(times):
+            was_reached = time is not None
+            rows.append((name, str(number), compound("{time:.2f}", time=time) if was_reached else "–"))
+    headings = (
+        message("cli.controller", "controller"),
+        message("cli.cell", "cell"),
+        message("cli.reached", "reached [s]"),
     )
+    return table(headings, *rows)
 
 
 def convergence_table(result: SimulationResult, tight: SimulationResult) -> Table:
@@ -64,30 +64,7 @@ def convergence_table(result: SimulationResult, tight: SimulationResult) -> Tabl
     It lists the position and the torque at the end of each joint, and the position and orientation of each free base
     and piece.
     """
-    common = min(len(result.times), len(tight.times))
-    rows = list[tuple[str, ...]]()
-    for robot in result.plant.robots.values():
-        for axis, unit in zip(robot.axes, robot.model.units, strict=True):
-            column = f"{robot.prefix}q.{axis}"
-            difference = np.abs(result[column][:common] - tight[column][:common])
-            worst = int(np.argmax(difference))
-            torque = f"{robot.prefix}tau.{axis}"
-            end = abs(result[torque][common - 1] - tight[torque][common - 1])
-            largest = in_units(difference[worst], unit.si)
-            time = compound("{time:.2f}", time=result.times[worst])
-            torque_difference = compound("{value:.2e}", value=end)
-            rows.append((f"{robot.prefix}{axis}", largest, time, torque_difference, unit.effort))
-    free = {
-        f"{robot.prefix}base": robot.name for robot in result.plant.robots.values() if robot.model.base == "floating"
-    }
-    poses = {name: (result.pose("base", robot), tight.pose("base", robot)) for name, robot in free.items()}
-    poses |= {piece: (result.piece_pose(piece), tight.piece_pose(piece)) for piece in result.config.free_pieces}
-    for name, (loose, exact) in poses.items():
-        for quantity, differences, unit_name in _pose_differences(loose[:common], exact[:common]):
-            worst = int(np.argmax(differences))
-            subject = message("cli.quantity_of", "{quantity} of {name}", quantity=quantity, name=name)
-            largest = compound("{value:.2e} {unit}", value=differences[worst], unit=unit_name)
-            rows.append((subject, largest, compound("{time:.2f}", time=result.times[worst]), "–", ""))
+    rows = [*_rows_of_joints(result, tight), *_rows_of_bodies(result, tight)]
     headings = (
         message("cli.joint", "joint"),
         LARGEST_DIFFERENCE,
@@ -99,19 +76,81 @@ def convergence_table(result: SimulationResult, tight: SimulationResult) -> Tabl
     return table(headings, *rows, title=title)
 
 
-def _pose_differences(poses: Vector, others: Vector) -> list[tuple[str, Vector, str]]:
-    """Differences of poses x y z qw qx qy qz, shape (m, 7): in position [mm] and in orientation [deg], (m,) each.
+def _rows_of_joints(result: SimulationResult, tight: SimulationResult) -> list[tuple[str, ...]]:
+    """Rows of the table of differences for the joints: name, largest difference, its time, torque at the end, unit."""
+    common = min(len(result.times), len(tight.times))  # one of the runs may have ended early
+    rows = list[tuple[str, ...]]()
+    for robot in result.plant.robots.values():
+        for axis, unit in zip(robot.axes, robot.model.units, strict=True):
+            column = f"{robot.prefix}q.{axis}"
+            differences = np.abs(result[column][:common] - tight[column][:common])
+            worst = int(np.argmax(differences))
+            torque = f"{robot.prefix}tau.{axis}"
+            torque_difference = abs(result[torque][common - 1] - tight[torque][common - 1])
+            row = (
+                f"{robot.prefix}{axis}",
+                in_units(differences[worst], unit.si),
+                compound("{time:.2f}", time=result.times[worst]),
+                compound("{value:.2e}", value=torque_difference),
+                unit.effort,
+            )
+            rows.append(row)
+    return rows
 
-    Returns:
-        for each of the two quantities its name, the differences and their unit.
+
+def _rows_of_bodies(result: SimulationResult, tight: SimulationResult) -> list[tuple[str, ...]]:
+    """Rows of the table of differences for bodies that move freely: bases of robots, and free pieces."""
+    common = min(len(result.times), len(tight.times))
+    poses = dict[str, tuple[Vector, Vector]]()  # in both runs, by the name of the body
+    for robot in result.plant.robots.values():
+        if robot.model.base == "floating":
+            poses[f"{robot.prefix}base"] = (result.pose("base", robot.name), tight.pose("base", robot.name))
+    for piece in result.config.free_pieces:
+        poses[piece] = (result.piece_pose(piece), tight.piece_pose(piece))
+
+    rows = list[tuple[str, ...]]()
+    for name, (loose_poses, tight_poses) in poses.items():
+        for difference in _pose_differences(loose_poses[:common], tight_poses[:common]):
+            worst = int(np.argmax(difference.values))
+            row = (
+                message("cli.quantity_of", "{quantity} of {name}", quantity=difference.quantity, name=name),
+                compound("{value:.2e} {unit}", value=difference.values[worst], unit=difference.unit),
+                compound("{time:.2f}", time=result.times[worst]),
+                "–",
+                "",
+            )
+            rows.append(row)
+    return rows
+
+
+class _Difference(NamedTuple):
+    """Differences of one quantity of poses.
+
+    Attributes:
+        quantity: name of the quantity.
+        values: the differences, shape (m,).
+        unit: their unit.
     """
-    ways = 1e3 * np.linalg.norm(poses[:, :3] - others[:, :3], axis=1)
-    # The quaternions q and -q are the same orientation, so the smaller distance counts.
-    chords = [np.linalg.norm(poses[:, 3:] - sign * others[:, 3:], axis=1) for sign in (1, -1)]
-    angles = np.rad2deg(4 * np.arcsin(np.minimum(*chords) / 2))
+
+    quantity: str
+    values: Vector
+    unit: str
+
+
+def _pose_differences(poses: Vector, others: Vector) -> list[_Difference]:
+    """Differences of poses x y z qw qx qy qz, shape (m, 7), in position [mm] and in orientation [deg]."""
+    distances = 1e3 * np.linalg.norm(poses[:, :3] - others[:, :3], axis=1)
+    # The quaternions q and -q are the same orientation, so the smaller distance counts. Unit quaternions of rotations
+    # that differ by the angle a have the distance 2 sin(a / 4).
+    quaternions = poses[:, 3:]
+    other_quaternions = others[:, 3:]
+    distances_to_same = np.linalg.norm(quaternions - other_quaternions, axis=1)
+    distances_to_negative = np.linalg.norm(quaternions + other_quaternions, axis=1)
+    chords = np.minimum(distances_to_same, distances_to_negative)
+    angles = np.rad2deg(4 * np.arcsin(chords / 2))
     return [
-        (message("cli.position", "position"), ways, "mm"),
-        (message("cli.orientation", "orientation"), angles, "deg"),
+        _Difference(message("cli.position", "position"), distances, "mm"),
+        _Difference(message("cli.orientation", "orientation"), angles, "deg"),
     ]
 
 
@@ -133,7 +172,9 @@ def findings_table(findings: list[Finding]) -> Table:
 
 def robot_table(robot: RobotModel) -> Table:
     """Make the table of the axes of a robot, with their limits of position and effort."""
-    lower, upper = ([compound("{end:.5g}", end=end) for end in limit / robot.user_units] for limit in robot.axis_limits)
+    lower_limits, upper_limits = robot.axis_limits
+    lower = [compound("{end:.5g}", end=end) for end in lower_limits / robot.user_units]
+    upper = [compound("{end:.5g}", end=end) for end in upper_limits / robot.user_units]
     # A passive axis has no motor.
     efforts = [compound("{effort:g}", effort=effort) if effort > 0 else "–" for effort in robot.efforts]
     rows = zip(robot.axes, lower, upper, robot.unit_names, efforts, robot.effort_units, strict=True)
@@ -188,13 +229,15 @@ def payload_lines(robot: RobotModel) -> list[str]:
 
 
 def report_table(report: ImportReport) -> Table:
-    """Make the table of the entries of an import; elements to which the same was done share a row."""
-    elements: dict[tuple[EntryKind, str], list[str]] = {}
+    """Make the table of the entries of an import, in the order of their kinds. Those of equal text share a row."""
+    elements: dict[tuple[EntryKind, str], list[str]] = {}  # names of the elements, by kind and text of the entries
     for entry in report.entries:
         elements.setdefault((entry.kind, entry.text), []).append(entry.element)
-    rows = [
-        (Text(translate(CHANGE[kind]), _COLOURS[kind]), listed(names, 4), text)
-        for (kind, text), names in sorted(elements.items(), key=lambda item: ENTRY_KINDS.index(item[0][0]))
-    ]
+    kinds_and_texts = sorted(elements, key=lambda kind_and_text: ENTRY_KINDS.index(kind_and_text[0]))
+    rows = []
+    for kind, text in kinds_and_texts:
+        mark = Text(translate(CHANGE[kind]), _COLOURS[kind])
+        names = elements[kind, text]
+        rows.append((mark, listed(names, 4), text))
     headings = ("", message("cli.element", "element"), message("cli.what_was_done", "what was done"))
     return table(headings, *rows, numbers=False)

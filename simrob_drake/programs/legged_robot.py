@@ -33,7 +33,7 @@ from simrob_drake.programs.stages import (
 from simrob_drake.programs.stages import stages_of_program as program_stages
 from simrob_drake.programs.stateful_station import GOES_ON
 from simrob_drake.programs.timeline import following
-from simrob_drake.results.record.run import MoveSpan, fallen
+from simrob_drake.results.record.run import MoveSpan, robot_that_fell
 from simrob_drake.results.record.state import State
 from simrob_drake.results.result import SimulationResult, joined
 from simrob_drake.simulation import ReferenceLike
@@ -462,7 +462,7 @@ class LeggedRobot(LeggedGeometry):
         if runs:
             self.runs = runs
             self.move_spans = spans
-        if runs and (runs[-1].ending not in GOES_ON or fallen(runs[-1]) is not None):
+        if runs and (runs[-1].ending not in GOES_ON or robot_that_fell(runs[-1]) is not None):
             self._restore(snapshot)
             return runs
         self._remember(snapshot)

@@ -1,48 +1,52 @@
-"""What a simulation returns: a run at a glance, the folder it can be saved to; and runs that follow each other as one.
+"""Results of simulations: signals, verdict, plots, files; and results of programs, which join several runs to one.
 
-A piece that changes hands hangs in every run on something else. In the whole it stands free, in a plant of its own, at
-the poses that the plants of the runs give it: so pictures and signals of a program are those of any run with a free
-piece. Nothing is simulated again.
+A *program* is a sequence of runs, each begun where the one before ended. `joined` makes one result of them; nothing is
+simulated again.
+
+A *handed-over piece* is a piece that hangs on different things in these runs, such as a workpiece that a gripper grasps
+and releases. Its joints differ from run to run, so the runs have different plants. The plant of the program is a
+further one, in which handed-over pieces are free bodies. They are put at the poses that the plants of the runs give
+them, so that plots and recordings show them like any free piece.
 """
 
 from base64 import b64encode
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from html import escape
+from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self, TypeAlias, TypeVar
 
 import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
 
 from simrob_drake.base.arguments import as_path, truth
 from simrob_drake.base.errors import InvalidParameter, VerdictError, shortened
 from simrob_drake.base.folders import check_ending
+from simrob_drake.base.frames import XYZ_QUATERNION_NAMES, Vector, xyz_quaternion_from_transform
+from simrob_drake.base.messages import compound, message
 from simrob_drake.base.remarks import Remark
+from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.results.files import default_folder, save_result
 from simrob_drake.results.html import html_of_remarks, html_table
 from simrob_drake.results.plots.formats import PlotFormat
-from simrob_drake.results.record.run import DIVERGED, FAILED, ContactsAt, RecordedRun
+from simrob_drake.results.record.run import (
+    DIVERGED,
+    FAILED,
+    ContactsAt,
+    MoveSpan,
+    RecordedRun,
+    at_time_of_program,
+    begins_of,
+)
+from simrob_drake.results.record.state import State, free_joint, joints_of
 from simrob_drake.results.record.summary import summary_of
+from simrob_drake.results.record.touch import Event
 from simrob_drake.results.verdict.judge import verdict_of
 from simrob_drake.results.verdict.moves import judge_move
 from simrob_drake.results.verdict.severity import severity_of_end
 from simrob_drake.results.verdict.verdict import Verdict, join_verdicts, with_move_names
-
-if TYPE_CHECKING:
-    from simrob_drake.results.footage import Footage
-
-from functools import partial
-from typing import TypeVar
-
-from pydrake.multibody.plant import MultibodyPlant
-
-from simrob_drake.base.frames import XYZ_QUATERNION_NAMES, Vector, xyz_quaternion_from_transform
-from simrob_drake.base.messages import compound, message
-from simrob_drake.parts.station_plant import StationPlant
-from simrob_drake.results.record.run import MoveSpan, at_time_of_program, begins_of
-from simrob_drake.results.record.state import State, free_joint, joints_of
-from simrob_drake.results.record.touch import Event
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.import_findings import estimated_inertias
 from simrob_drake.stations.piece_config import PieceConfig
@@ -50,26 +54,47 @@ from simrob_drake.stations.posed import PosedStation
 from simrob_drake.stations.poses import piece_pose_signal, unit_poses
 from simrob_drake.stations.resolve import resolve
 
-_WIDTH = 100  # characters of a line
-FILM_ENDINGS = (".html", ".png", ".mp4")  # of files with the motion of a run
+if TYPE_CHECKING:
+    from simrob_drake.results.footage import Footage
+
+_WIDTH = 100
+"""Largest count of characters of a line of text about a result."""
+
+FILM_ENDINGS = (".html", ".png", ".mp4")
+"""Endings of files with the motion of a run."""
+
+_TIME_DECIMALS = 12
+"""Decimals to which times of runs in a program are rounded, so that sums of decimals such as 0.1 s are decimals."""
+
+Table: TypeAlias = list[list[str]]
+"""Rows of cells of a table; the first row contains the headings."""
 
 
-def table_of(result: RecordedRun) -> list[list[str]]:
-    """Rows of the table of ends: the headings, then position and torques of each joint at the end of a run.
+def table_of(result: RecordedRun) -> Table:
+    """Table of the end of a run: position and torques of each joint.
 
-    A station without robots has the position and the speed of each free piece instead.
+    If the station has no robots, it is the position and the speed of each free piece instead.
     """
-    if not result.plant.robots:
-        speed = message("results.heading_speed", "speed [m/s]")
-        table = [[message("results.heading_piece", "piece"), "x [m]", "y [m]", "z [m]", speed]]
-        for piece in result.config.free_pieces:
-            place, velocity = result.piece_pose(piece)[-1, :3], result.piece_velocity(piece)[-1, :3]
-            ends = [compound("{value:.4f}", value=value) for value in (*place, np.linalg.norm(velocity))]
-            table.append([piece, *ends])
-        return table
-    kinematic = not result.config.engine.moves_by_forces
+    return _table_of_joints(result) if result.plant.robots else _table_of_pieces(result)
+
+
+def _table_of_pieces(result: RecordedRun) -> Table:
+    """Table with the position and the speed of each free piece at the end of a run."""
+    piece_heading = message("results.heading_piece", "piece")
+    speed_heading = message("results.heading_speed", "speed [m/s]")
+    table = [[piece_heading, "x [m]", "y [m]", "z [m]", speed_heading]]
+    for piece in result.config.free_pieces:
+        position = result.piece_pose(piece)[-1, :3]
+        velocity = result.piece_velocity(piece)[-1, :3]
+        values = [*position, np.linalg.norm(velocity)]
+        table.append([piece, *(compound("{value:.4f}", value=value) for value in values)])
+    return table
+
+
+def _table_of_joints(result: RecordedRun) -> Table:
+    """Table with the last position, the last torque and the largest torque of each axis of all robots."""
     unit_heading = message("results.heading_unit", "unit")
-    table = [
+    table: Table = [
         [
             message("results.heading_joint", "joint"),
             message("results.heading_reference", "reference"),
@@ -82,20 +107,37 @@ def table_of(result: RecordedRun) -> list[list[str]]:
         ]
     ]
     for robot in result.plant.robots.values():
-        for index, (axis, limit) in enumerate(zip(robot.axes, robot.gains.torque_limit, strict=True)):
-            reference, position, torque = (result[f"{robot.prefix}{s}.{axis}"] for s in ("q_ref", "q", "tau"))
-            ends = [
-                compound("{value:z.3f}", value=values[-1] / robot.model.user_units[index])
-                for values in (reference, position)
-            ]
-            unit, effort = robot.model.unit_names[index], robot.model.effort_units[index]
-            peak = torque[np.argmax(np.abs(torque))]
-            has_no_limit = kinematic or robot.gains.passive[index]
-            shown_limit = "–" if has_no_limit else compound("{limit:g}", limit=limit)
-            last_torque = compound("{value:z.3f}", value=torque[-1])
-            efforts = (last_torque, compound("{value:z.3f}", value=peak), shown_limit, effort)
-            table.append([f"{robot.prefix}{axis}", *ends, unit, *efforts])
+        table += [_row_of_axis(result, robot, index) for index in range(len(robot.axes))]
     return table
+
+
+def _row_of_axis(result: RecordedRun, robot: StationRobot, index: int) -> list[str]:
+    """Row of the table of joints for one axis.
+
+    Args:
+        result: the run.
+        robot: the robot.
+        index: index of the axis.
+    """
+    axis = robot.axes[index]
+    user_unit = robot.model.user_units[index]  # in rad or m: users read degrees and metres
+    reference = result[f"{robot.prefix}q_ref.{axis}"][-1] / user_unit
+    position = result[f"{robot.prefix}q.{axis}"][-1] / user_unit
+    torque = result[f"{robot.prefix}tau.{axis}"]
+    peak = torque[np.argmax(np.abs(torque))]  # with its sign
+    is_prescribed = not result.config.engine.moves_by_forces
+    has_limit = not is_prescribed and not robot.gains.passive[index]
+    limit = robot.gains.torque_limit[index]
+    return [
+        f"{robot.prefix}{axis}",
+        compound("{value:z.3f}", value=reference),
+        compound("{value:z.3f}", value=position),
+        robot.model.unit_names[index],
+        compound("{value:z.3f}", value=torque[-1]),
+        compound("{value:z.3f}", value=peak),
+        compound("{limit:g}", limit=limit) if has_limit else "–",
+        robot.model.effort_units[index],
+    ]
 
 
 @dataclass(frozen=True)
@@ -150,41 +192,44 @@ class SimulationResult(RecordedRun):
         return {
             "plant": motion.plant,
             "positions_at": motion.positions_at,
-            "contacts_at": _program_contacts(self.runs, self.wandering),
+            "contacts_at": _contacts_of_program(self.runs, self.wandering),
             "context": self.runs[-1].context,
         }
 
     @cached_property
     def verdict(self) -> Verdict:
-        """What was asked of the run against what became of it; see ``verdict:`` in a station's file."""
-        if self.runs:
-            whole = join_verdicts(
-                [part.verdict for part in self.runs],
-                [part.stop_time for part in self.runs],
-                [part.place for part in self.runs],
-            )
-            whole = replace(
-                with_move_names(whole, self.move_spans),
-                ended=self.end_in_words,
-                severity_of_end=severity_of_end(self),
-                doubts=tuple(self.solver_warnings),
-            )
-        else:
-            whole = verdict_of(self)
+        """Verdict about the run: how far it did what was asked. Its bounds are set under ``verdict`` in a station."""
+        verdict = self._verdict_of_program() if self.runs else verdict_of(self)
+        # Inertias that an import has estimated are noted with every result.
         estimates = [estimated_inertias(robot.model) for robot in self.plant.robots.values()]
-        whole = replace(whole, notes=tuple(estimate for estimate in estimates if estimate is not None))
-        return replace(whole, moves=(*(judge_move(self, move) for move in self.moves), *whole.moves))
+        notes = tuple(estimate for estimate in estimates if estimate is not None)
+        own_moves = [judge_move(self, move) for move in self.moves]
+        return replace(verdict, notes=notes, moves=(*own_moves, *verdict.moves))
+
+    def _verdict_of_program(self) -> Verdict:
+        """Combine the verdicts about the runs of a program."""
+        verdict = join_verdicts(
+            [run.verdict for run in self.runs],
+            [run.stop_time for run in self.runs],
+            [run.place for run in self.runs],
+        )
+        return replace(
+            with_move_names(verdict, self.move_spans),
+            ended=self.end_in_words,
+            severity_of_end=severity_of_end(self),
+            doubts=tuple(self.solver_warnings),
+        )
 
     @cached_property
     def images(self) -> "dict[str, Footage]":
-        """What the cameras of the station saw, by their names; rendered as it is asked for."""
-        from simrob_drake.results.footage import footage_of  # which takes its time to load
+        """Images of the station's cameras, by the name of the camera. They are rendered when they are first used."""
+        from simrob_drake.results.footage import footage_of  # imported here, since it takes long to load
 
         return footage_of(self)
 
     @property
     def warnings(self) -> list[str]:
-        """Why the result may be wrong, or other than was asked, though the run went to its end, in words."""
+        """Reasons why the result may be wrong, or not as requested, although the run was completed, in words."""
         return [*self.solver_warnings, *self.verdict.warnings]
 
     @property
@@ -193,15 +238,17 @@ class SimulationResult(RecordedRun):
         return self.verdict.remarks
 
     def __repr__(self) -> str:
-        """Three lines: how the run ended, how much of it there is, and what missed its bound."""
+        """Three lines: how the run ended, how much was recorded, and the warnings or the sentence of the verdict."""
         samples = f"{len(self.times)} samples of {len(self.names)} columns to {self.stop_time:.4g} s"
+        # One line, since notebooks and debuggers show results among others.
         judgement = shortened("; ".join(self.warnings) or self.verdict.judgement, _WIDTH)
         return f"{self.config.name}: {self.message}\n{samples}, {self.speed_in_words}\n{judgement}"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: how the run ended, its verdict, a film strip, and where all joints ended."""
-        from simrob_drake.results.animation.pictures import film_strip  # which takes its time to load
+        """HTML for notebooks: end of the run, verdict, film strip, and the table of last positions and torques."""
+        from simrob_drake.results.animation.pictures import film_strip  # imported here, since it takes long to load
 
+        # The picture is a part of the HTML, so that a notebook needs no further file.
         strip = b64encode(film_strip(self)).decode()
         end_and_size = repr(self).splitlines()[:2]
         verdict = self.verdict
@@ -223,27 +270,45 @@ class SimulationResult(RecordedRun):
         frames: int | Literal["events"] | None = None,
         plots: PlotFormat = "png",
     ) -> Path:
-        """Write the result to a folder, ``runs/<station>-<time>`` unless given, and return it.
+        """Write the result to a folder: see :func:`simrob_drake.results.files.save_result` for its files.
 
-        See :func:`simrob_drake.results.files.save_result`.
+        Args:
+            folder: the folder. If it is None, a new folder ``runs/<station>-<time>`` is taken.
+            force: whether an earlier result in the folder is replaced.
+            recording: whether a recording and a film strip are written.
+            video: whether a video is written; it needs the extra ``video``.
+            frames: count of frames of the film strip, or "events" for a frame of each event. If it is None, a program
+                has a frame of each event, and other runs seven frames.
+            plots: format of the plots.
+
+        Returns:
+            the folder.
         """
         target = default_folder(self.config.name) if folder is None else as_path(folder, "folder")
-        kinds = {"force": force, "recording": recording, "video": video}
-        kept = {name: truth(value, name) for name, value in kinds.items()}
-        return save_result(self, self.verdict, target, frames=frames, plots=plots, **kept)
+        return save_result(
+            self,
+            self.verdict,
+            target,
+            force=truth(force, "force"),
+            recording=truth(recording, "recording"),
+            video=truth(video, "video"),
+            frames=frames,
+            plots=plots,
+        )
 
     def film(self, file: Path | str, *, frames: int | Literal["events"] = 7) -> Path:
         """Write the motion as a film, and return its file.
 
         Args:
             file: ``.html`` for a page that plays, ``.png`` for a strip of frames, ``.mp4`` for a video.
-            frames: of a strip: how many, or one for each of its ``events``.
+            frames: count of frames of a strip, or "events" for a frame of each event.
 
         Raises:
-            InvalidParameter: another kind of file, or fewer than two frames.
+            InvalidParameter: the ending of the file is another one, or there are fewer than two frames.
             OutputError: the file cannot be written.
         """
-        from simrob_drake.results.animation.pictures import save_film_strip, save_video  # which take long to load
+        # Imported here, since these modules take long to load.
+        from simrob_drake.results.animation.pictures import save_film_strip, save_video
         from simrob_drake.results.animation.recording import save_recording
 
         target = as_path(file, "file")
@@ -256,26 +321,37 @@ class SimulationResult(RecordedRun):
                 return save_recording(self, target)
 
     def check(self, strict: bool = True) -> Self:
-        """Return the run; with ``strict`` only if it did what was asked.
+        """Check that the run did what was asked.
+
+        Args:
+            strict: whether to check at all.
+
+        Returns:
+            the run itself.
 
         Raises:
-            VerdictError: it has warnings, diverged, or a block failed in it; the error holds it as ``result``.
+            VerdictError: the run has warnings, diverged, or a block failed in it. The run is the ``result`` of the
+                error.
         """
-        if truth(strict, "strict"):
-            wrong = [self.message] if self.ending in (DIVERGED, FAILED) else self.warnings
-            if wrong:
-                raise VerdictError(
-                    compound("{station}: {problems}", station=self.config.name, problems="; ".join(wrong)), self
-                )
+        if not truth(strict, "strict"):
+            return self
+        # A run that diverged has many warnings with the same cause, so only its end counts.
+        problems = [self.message] if self.ending in (DIVERGED, FAILED) else self.warnings
+        if problems:
+            text = compound("{station}: {problems}", station=self.config.name, problems="; ".join(problems))
+            raise VerdictError(text, self)
         return self
 
     def summary(self) -> dict[str, Any]:
-        """Return what ``summary.json`` holds."""
+        """Content of the file ``summary.json``."""
         return summary_of(self, self.verdict)
 
 
 Run = TypeVar("Run", bound=RecordedRun)
-_Positions = dict[str, Vector]  # by joint, shape (k, nq) each
+"""Class of a run that is joined with others."""
+
+_PositionsOfJoints: TypeAlias = dict[str, Vector]
+"""Positions of joints (k, n) at k times, by the name that the joint has in a `State`."""
 
 
 def joined(
@@ -286,76 +362,135 @@ def joined(
     program: str = "",
     move_spans: Sequence[MoveSpan] = (),
 ) -> Run:
-    """Return runs that follow each other, each begun where the one before ended, as one result.
+    """Join runs that follow each other to one result.
 
-    Its signals are those that all runs have, and ``piece.<piece>`` for each piece that changes hands; where one run
-    ends and the next begins stands what the next one says. Its recording shows contact forces if it is a single run.
-    ``begun`` are station and state before it all, those of the first run unless given; ``left`` the station as the last
-    one left it; ``move_spans`` tell when each move of the program began and ended.
+    The result has the signals that all runs have, and the pose ``piece.<piece>`` of each handed-over piece. At a time
+    at which one run ends and the next one begins, the values are those of the next one. Recordings show contact forces
+    only if there is a single run.
 
-    Raises InvalidParameter: no run, or runs of stations with other robots or pieces.
+    Args:
+        runs: the runs, in order. Each begins in the state in which the one before ended.
+        begun: station and state before the first run. If it is None, they are those of the first run.
+        left: the station after the last run, if it was changed after it, such as by a hand-over.
+        program: YAML text that repeats the program; empty if it cannot be written as YAML.
+        move_spans: when each move of the program began and ended.
+
+    Raises:
+        InvalidParameter: there is no run, or the stations of the runs have different robots or pieces.
     """
     if not runs:
         raise InvalidParameter("runs", "empty", message("results.what_was_run_last", "some: what was run last"))
-    station, start = (runs[0].config, runs[0].start) if begun is None else begun
-    last, stations = runs[-1], [*(run.config for run in runs), *([left] if left else [])]
+    stations = [run.config for run in runs]
+    if left is not None:
+        stations.append(left)
+    _check_same_names(stations)
+    first_station = runs[0].config
+    start = runs[0].start
+    if begun is not None:
+        first_station, start = begun
+
+    # As one run, the program lasts from the begin of its first run to the end of its last one.
+    last = runs[-1]
+    begins = begins_of(*runs).round(_TIME_DECIMALS)
+    handed_over = _handed_over_pieces(stations)
+    config = last.config.model_copy(update={"duration": float(begins[-1])})
+    if handed_over:
+        config = _with_free_pieces(config, handed_over)
+    motion = _ProgramMotion(runs, config, handed_over)
+
+    # Times of a program count from the begin of its first run.
+    shifts = [begin - run.start_time for run, begin in zip(runs, begins[:-1].tolist(), strict=True)]
+    # The last sample of each run but the last one is left out: the first sample of the next run replaces it.
+    kept = [slice(None, -1)] * (len(runs) - 1) + [slice(None)]
+    times = [run.times[part] + shift for run, part, shift in zip(runs, kept, shifts, strict=True)]
+    step_times = [run.step_times[1:] + shift for run, shift in zip(runs, shifts, strict=True)]
+    notes: dict[str, dict[str, str]] = {}
+    for run in runs:
+        notes |= run.notes
+    solver_warnings = [warning for run in runs for warning in run.solver_warnings]
+    # Fields that are not given here are those of the last run, such as its final state.
+    whole = replace(
+        last,
+        config=config,
+        plant=motion.plant,
+        message=_end_of_program(last, len(runs), float(begins[-2])),
+        times=np.concatenate(times),
+        step_times=np.concatenate([[0.0], *step_times]),
+        positions_at=motion.positions_at,
+        stepping_time=sum(run.stepping_time for run in runs),
+        signal_time=sum(run.signal_time for run in runs),
+        notes=notes,
+        start=start,
+        references={},
+        solver_warnings=list(dict.fromkeys(solver_warnings)),  # without repetitions
+        contacts_at=_contacts_of_program(runs, handed_over),
+        wandering=tuple(handed_over),
+        did="",
+        place="",
+        moves=(),
+        runs=tuple(runs),
+        begun=first_station,
+        marks=tuple(_marks(runs, stations, ends=begins[1:])),
+        move_spans=tuple(move_spans),
+        program=program,
+        trace=None,  # the states of the runs belong to different diagrams
+        is_continued=False,
+        continues=False,
+    )
+    return _with_signals(whole, kept, handed_over)
+
+
+def _check_same_names(stations: Sequence[StationConfig]) -> None:
+    """Check that stations have robots and pieces of the same names; raises InvalidParameter if they do not."""
     for key in ("robots", "pieces"):
-        if any(set(getattr(station, key)) != set(getattr(stations[0], key)) for station in stations):
+        names = {frozenset(getattr(station, key)) for station in stations}
+        if len(names) > 1:
             raise InvalidParameter(
                 "runs",
                 message("results.stations_with_other", "of stations with other {key}", key=key),
                 message("results.one_station", "of one station"),
             )
-    begins = begins_of(*runs).round(12)  # so that sums of decimals are decimals
-    wandering = [name for name in stations[0].pieces if len({_hung(station, name) for station in stations}) > 1]
-    config = last.config.model_copy(update={"duration": float(begins[-1])})
-    if wandering:
-        config = _unbound(config, wandering)
-    motion = _ProgramMotion(runs, config, wandering)
-    # The first run begins at zero, and each of the others where the one before it ends.
-    shifts = [float(begin) - run.start_time for run, begin in zip(runs, begins, strict=False)]
-    kept = [slice(None, -1)] * (len(runs) - 1) + [slice(None)]
-    marks, ends = list[Event](), begins[1:].tolist()
-    for run, end, before, after in zip(runs, ends, stations[:-1], stations[1:], strict=False):
-        changes = [name for name, piece in after.pieces.items() if before.pieces[name].parent != piece.parent]
-        attached = ", ".join(f"{name} to {after.pieces[name].parent}" for name in changes)
-        if attached or len(marks) < len(runs) - 1:
-            marks.append((end, attached or _end_in_words(run)))
-    whole = replace(
-        last,
-        config=config,
-        plant=motion.plant,
-        message=_message(last, len(runs), float(begins[-2])),
-        times=np.concatenate([run.times[own] + shift for run, own, shift in zip(runs, kept, shifts, strict=True)]),
-        step_times=np.concatenate(
-            [[0.0], *(run.step_times[1:] + shift for run, shift in zip(runs, shifts, strict=True))]
-        ),
-        positions_at=motion.positions_at,
-        stepping_time=sum(run.stepping_time for run in runs),
-        signal_time=sum(run.signal_time for run in runs),
-        notes={name: note for run in runs for name, note in run.notes.items()},
-        start=start,
-        references={},
-        solver_warnings=list(dict.fromkeys(warning for run in runs for warning in run.solver_warnings)),
-        contacts_at=_program_contacts(runs, wandering),
-        wandering=tuple(wandering),
-        did="",
-        place="",
-        moves=(),
-        runs=tuple(runs),
-        begun=station,
-        marks=tuple(marks),
-        move_spans=tuple(move_spans),
-        program=program,
-        trace=None,
-        is_continued=False,
-        continues=False,
-    )
-    return _with_signals(whole, kept, wandering)
+
+
+def _handed_over_pieces(stations: Sequence[StationConfig]) -> list[str]:
+    """Names of the pieces that hang on different things, or at different poses, in some stations."""
+    handed_over = []
+    for name in stations[0].pieces:
+        pieces = [station.pieces[name] for station in stations]
+        # Poses count, too: a gripper may grasp the same piece at another place.
+        attachments = {(piece.parent, piece.frame, piece.pose, piece.free) for piece in pieces}
+        if len(attachments) > 1:
+            handed_over.append(name)
+    return handed_over
+
+
+def _marks(runs: Sequence[RecordedRun], stations: Sequence[StationConfig], ends: Vector) -> list[Event]:
+    """Events at the ends of the runs of a program: the pieces that were handed over there, or else the end of the run.
+
+    The last run has no event unless pieces are handed over after it: the end of the program is an event of its own.
+
+    Args:
+        runs: the runs.
+        stations: the stations of the runs, and perhaps the station after the last run.
+        ends: time at which each run ends, since the start of the program [s].
+    """
+    marks = []
+    changes = zip(runs, ends.tolist(), pairwise(stations), strict=False)  # the last run may have no station after it
+    for index, (run, end, (before, after)) in enumerate(changes):
+        hand_overs = []
+        for name, piece in after.pieces.items():
+            if before.pieces[name].parent != piece.parent:
+                hand_overs.append(f"{name} to {piece.parent}")
+        is_last = index == len(runs) - 1
+        if hand_overs:  # these say more than the end of the run at the same time
+            marks.append(Event(end, ", ".join(hand_overs)))
+        elif not is_last:
+            marks.append(Event(end, _end_in_words(run)))
+    return marks
 
 
 def _end_in_words(run: RecordedRun) -> str:
-    """Say that a run of a program ended, with the number of its move and the name that the user gave it."""
+    """Sentence that a run of a program ends, with the number of its move and the name that the user gave it."""
     did = run.did or message("results.a_move", "move")
     if not run.place:
         return message("results.run_ends", "{did} ends", did=did)
@@ -366,108 +501,183 @@ class _ProgramMotion:
     """Positions of the plant in a program, whose runs follow each other.
 
     Attributes:
-        plant: the plant of the runs; with pieces that change hands, one in which these stand free.
+        plant: the plant of the program: that of the last run, or if pieces are handed over, one in which these are
+            free.
     """
 
-    def __init__(self, runs: Sequence[RecordedRun], config: StationConfig, wandering: Sequence[str]) -> None:
+    def __init__(self, runs: Sequence[RecordedRun], config: StationConfig, handed_over: Sequence[str]) -> None:
         """Join the motions of runs.
 
         Args:
             runs: the runs, in order.
-            config: configuration of the program, in which the pieces that change hands stand free.
-            wandering: names of these pieces.
+            config: configuration of the program, in which handed-over pieces are free.
+            handed_over: names of these pieces.
         """
         self._runs = runs
-        self._begins = begins_of(*runs).round(12)  # so that sums of decimals are decimals
+        self._begins = begins_of(*runs).round(_TIME_DECIMALS)
         self.plant = runs[-1].plant
         self._positions_of: list[Callable[[Vector], Vector]] = [run.positions_at for run in runs]
-        if wandering:
-            free = PosedStation(config.model_copy(update={"contact": None})).station
-            robots = {}
-            for name, robot in free.robots.items():
-                tools = dict.fromkeys(run.plant.robots[name].tcp for run in runs)
-                robots[name] = replace(robot, tcp=", ".join(tools))
-            self.plant = replace(free, robots=robots)
-            self._positions_of = [partial(_positions_at, run, self.plant, wandering) for run in runs]
+        if handed_over:
+            self.plant = _plant_of_program(runs, config)
+            self._positions_of = [partial(_positions_in_program, run, self.plant, handed_over) for run in runs]
 
     def positions_at(self, times: Vector) -> Vector:
         """Positions of the plant (k, nq) at times (k,) [s] since the start of the program."""
-        number = np.clip(np.searchsorted(self._begins, times, side="right") - 1, 0, len(self._runs) - 1)
-        rows = np.empty((len(times), self.plant.plant.num_positions()))
-        for index in set(number.tolist()):
+        # Index of the run to which each time belongs: the last one that has begun. Times outside of the program belong
+        # to the first or the last run.
+        begun_counts = np.searchsorted(self._begins, times, side="right")
+        run_indices = np.clip(begun_counts - 1, 0, len(self._runs) - 1)
+        positions = np.empty((len(times), self.plant.plant.num_positions()))
+        for index in set(run_indices.tolist()):
             run = self._runs[index]
-            own = number == index
-            since_begin = np.clip(times[own] - self._begins[index], 0.0, run.simulated_time)
-            rows[own] = self._positions_of[index](run.start_time + since_begin)
-        return rows
+            is_in_run = run_indices == index
+            since_begin = times[is_in_run] - self._begins[index]
+            since_begin = np.clip(since_begin, 0.0, run.simulated_time)
+            positions[is_in_run] = self._positions_of[index](run.start_time + since_begin)
+        return positions
 
 
-def _program_contacts(runs: Sequence[RecordedRun], wandering: Sequence[str]) -> ContactsAt | None:
-    """Function that yields contact results of a program; None if it has several runs, or a plant of its own."""
-    return runs[0].contacts_at if len(runs) == 1 and not wandering else None
+def _plant_of_program(runs: Sequence[RecordedRun], config: StationConfig) -> StationPlant:
+    """Build the plant of a program in which pieces are handed over.
+
+    Args:
+        runs: the runs.
+        config: configuration of the program, in which handed-over pieces are free.
+    """
+    # The plant is only posed, so that it needs no contact model.
+    station = PosedStation(config.model_copy(update={"contact": None})).station
+    robots = {}
+    for name, robot in station.robots.items():
+        # Captions name all tools that the robot used, each once.
+        tools = dict.fromkeys(run.plant.robots[name].tcp for run in runs)
+        robots[name] = replace(robot, tcp=", ".join(tools))
+    return replace(station, robots=robots)
 
 
-def _with_signals(whole: Run, kept: Sequence[slice], wandering: Sequence[str]) -> Run:
-    """Return a program with the signals that all of its runs have, and the poses of pieces that change hands."""
-    poses = [piece_pose_signal(piece) for piece in wandering]
-    known = [name for signal in poses for name in signal.names]
-    names = [n for n in whole.runs[0].names if n not in known and all(n in run.names for run in whole.runs)]
-    rows = [run.values[own][:, [run.names.index(n) for n in names]] for run, own in zip(whole.runs, kept, strict=True)]
+def _contacts_of_program(runs: Sequence[RecordedRun], handed_over: Sequence[str]) -> ContactsAt | None:
+    """Function that yields Drake's contact results of a program.
+
+    Returns None if the program has several runs, or a plant that is not that of its run.
+    """
+    return runs[0].contacts_at if len(runs) == 1 and not handed_over else None
+
+
+def _with_signals(whole: Run, kept: Sequence[slice], handed_over: Sequence[str]) -> Run:
+    """Add the signals to a program: those that all of its runs have, and the poses of handed-over pieces.
+
+    Args:
+        whole: the program, with its times and its plant.
+        kept: the samples of each run that belong to the program.
+        handed_over: names of the pieces.
+    """
+    pose_signals = [piece_pose_signal(piece) for piece in handed_over]
+    pose_names = [name for signal in pose_signals for name in signal.names]
+    common = set(whole.runs[0].names).difference(pose_names)
+    for run in whole.runs:
+        common &= set(run.names)
+    names = [name for name in whole.runs[0].names if name in common]
+
+    # Columns have other indices in each run.
+    rows = []
+    for run, part in zip(whole.runs, kept, strict=True):
+        indices = [run.names.index(name) for name in names]
+        rows.append(run.values[part][:, indices])
     values = [np.vstack(rows)]
-    if wandering:
-        of_joints = _by_joint(whole.plant.plant, whole.positions_at(whole.times))
-        values += [unit_poses(np.roll(of_joints[free_joint(piece)], 3, axis=1)) for piece in wandering]
-    signals = {signal.names: signal for run in whole.runs for signal in run.signals if set(signal.names) <= set(names)}
-    return replace(whole, names=[*names, *known], signals=(*signals.values(), *poses), values=np.hstack(values))
+    if handed_over:
+        positions = _by_joint(whole.plant.plant, whole.positions_at(whole.times))
+        for piece in handed_over:
+            # Drake's order of a free body's positions is qw qx qy qz x y z; that of signals is x y z qw qx qy qz.
+            poses = np.roll(positions[free_joint(piece)], 3, axis=1)
+            values.append(unit_poses(poses))
+
+    signals = {}
+    for run in whole.runs:
+        for signal in run.signals:
+            if common.issuperset(signal.names):
+                signals[signal.names] = signal
+    return replace(
+        whole,
+        names=[*names, *pose_names],
+        signals=(*signals.values(), *pose_signals),
+        values=np.hstack(values),
+    )
 
 
-def _hung(station: StationConfig, piece: str) -> tuple[Any, ...]:
-    entry = station.pieces[piece]
-    return entry.parent, entry.frame, entry.pose, entry.free
+def _with_free_pieces(config: StationConfig, pieces: Sequence[str]) -> StationConfig:
+    """Copy a configuration, with some pieces as free bodies that can be put anywhere.
+
+    No robot of the copy has a tool, since the tool may be one of the pieces.
+
+    Args:
+        config: the configuration.
+        pieces: names of the pieces.
+    """
+    resolved_pieces = resolve(config).pieces
+    entries = dict(config.pieces)
+    for name in pieces:
+        # A free body needs a mass, but a point has none. Any mass will do, since no force moves the piece here.
+        mass = resolved_pieces[name].model.mass or 1.0
+        entries[name] = _free_piece(config.pieces[name], mass)
+    without_tool = {"tcp": None, "tcp_offset": None}
+    robots = {name: robot.model_copy(update=without_tool) for name, robot in config.robots.items()}
+    return config.model_copy(update={"pieces": entries, "robots": robots})
 
 
-def _unbound(config: StationConfig, pieces: Sequence[str]) -> StationConfig:
-    """Return a station in which pieces stand free, to be put anywhere; no robot uses one as its tool."""
-    known = resolve(config).pieces
-
-    def free(name: str, entry: PieceConfig) -> PieceConfig:
-        mass = known[name].model.mass or 1.0  # of a point: a free piece needs more, though nothing moves this one
-        body = {"mass": mass, "density": None, "inertia": (1.0, 1.0, 1.0)}
-        return entry.model_copy(update={"parent": "world", "frame": None, "free": True, **body})
-
-    loose = {name: free(name, entry) if name in pieces else entry for name, entry in config.pieces.items()}
-    robots = {name: entry.model_copy(update={"tcp": None, "tcp_offset": None}) for name, entry in config.robots.items()}
-    return config.model_copy(update={"pieces": loose, "robots": robots})
+def _free_piece(entry: PieceConfig, mass: float) -> PieceConfig:
+    """Copy the section of a piece, as a free body of some mass [kg]. Its inertia is any valid one."""
+    body = {"mass": mass, "density": None, "inertia": (1.0, 1.0, 1.0)}
+    return entry.model_copy(update={"parent": "world", "frame": None, "free": True, **body})
 
 
-def _positions_at(run: RecordedRun, plant: StationPlant, wandering: Sequence[str], times: Vector) -> Vector:
-    """Return positions of a program's plant at times of one of its runs, shape (k, nq)."""
+def _positions_in_program(run: RecordedRun, plant: StationPlant, handed_over: Sequence[str], times: Vector) -> Vector:
+    """Positions of a program's plant at times of one of its runs, shape (k, nq).
+
+    Args:
+        run: the run, with a plant of its own.
+        plant: the plant of the program.
+        handed_over: names of the handed-over pieces.
+        times: times of the run, shape (k,) [s].
+    """
     positions = run.positions_at(times)
-    carried = [piece for piece in wandering if piece not in run.plant.free_pieces]
-    known = _by_joint(run.plant.plant, positions) | _carried(run, carried, positions)
-    rows = np.empty((len(times), plant.plant.num_positions()))
-    for name, places, _ in joints_of(plant.plant):
-        rows[:, places] = known[name]
-    return rows
+    # Pieces that hang on something in this run have no joint of their own.
+    carried = [piece for piece in handed_over if piece not in run.plant.free_pieces]
+    known = _by_joint(run.plant.plant, positions) | _free_positions(run, carried, positions)
+    in_program = np.empty((len(times), plant.plant.num_positions()))
+    for joint in joints_of(plant.plant):
+        in_program[:, joint.positions] = known[joint.name]
+    return in_program
 
 
-def _by_joint(plant: MultibodyPlant, rows: Vector) -> _Positions:
-    return {name: rows[:, places] for name, places, _ in joints_of(plant)}
+def _by_joint(plant: MultibodyPlant, positions: Vector) -> _PositionsOfJoints:
+    """Split positions of a plant (k, nq) into those of its joints."""
+    return {joint.name: positions[:, joint.positions] for joint in joints_of(plant)}
 
 
-def _carried(run: RecordedRun, pieces: Sequence[str], rows: Vector) -> _Positions:
-    """Return where pieces that hang on something are with positions of the run's plant, as those of free ones."""
-    plant, found = run.plant.plant, {piece: np.empty((len(rows), len(XYZ_QUATERNION_NAMES))) for piece in pieces}
+def _free_positions(run: RecordedRun, pieces: Sequence[str], positions: Vector) -> _PositionsOfJoints:
+    """Positions that pieces which hang on something would have as free bodies.
+
+    Args:
+        run: the run.
+        pieces: names of the pieces.
+        positions: positions of the run's plant, shape (k, nq).
+
+    Returns:
+        positions of the joint of each free piece, shape (k, 7): qw qx qy qz x y z.
+    """
+    plant = run.plant.plant
     bodies = {piece: run.plant.piece_frame(piece, piece) for piece in pieces}
-    context = plant.CreateDefaultContext()
-    for row, positions in enumerate(rows):
-        plant.SetPositions(context, positions)
+    poses = {piece: np.empty((len(positions), len(XYZ_QUATERNION_NAMES))) for piece in pieces}
+    context = plant.CreateDefaultContext()  # one for all rows: making a context takes long
+    for index, row in enumerate(positions):
+        plant.SetPositions(context, row)
         for piece, body in bodies.items():
-            found[piece][row] = xyz_quaternion_from_transform(body.CalcPoseInWorld(context))
-    return {free_joint(piece): np.roll(poses, -3, axis=1) for piece, poses in found.items()}
+            pose = body.CalcPoseInWorld(context)
+            poses[piece][index] = xyz_quaternion_from_transform(pose)
+    # Drake's order of a free body's positions has the quaternion first.
+    return {free_joint(piece): np.roll(rows, -3, axis=1) for piece, rows in poses.items()}
 
 
-def _message(last: RecordedRun, count: int, begin: float) -> str:
+def _end_of_program(last: RecordedRun, count: int, begin: float) -> str:
     """Describe how a program of several runs ended.
 
     Args:
@@ -481,18 +691,17 @@ def _message(last: RecordedRun, count: int, begin: float) -> str:
             "ran to its end at {time:.6g} s",
             time=begin + last.simulated_time,
         )
-    if last.runs:  # it was cut where something happened
-        return _message(last.runs[-1], count, begin + last.simulated_time - last.runs[-1].simulated_time)
+    if last.runs:  # a program itself, which was cut where something happened
+        begin_of_last_part = begin + last.simulated_time - last.runs[-1].simulated_time
+        return _end_of_program(last.runs[-1], count, begin_of_last_part)
     if last.ending == "monitor":
         return at_time_of_program(last.message, begin - last.start_time)
-    return (
-        message(
-            "results.ending_of_last_run",
-            "{ending} of the last of {count} runs, which began at {begin:.4g} s",
-            ending=last.message,
-            count=count,
-            begin=begin,
-        )
-        if count > 1
-        else last.message
+    if count == 1:
+        return last.message
+    return message(
+        "results.ending_of_last_run",
+        "{ending} of the last of {count} runs, which began at {begin:.4g} s",
+        ending=last.message,
+        count=count,
+        begin=begin,
     )

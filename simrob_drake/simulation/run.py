@@ -243,7 +243,7 @@ class Run:
         before = self.restart.history.rows(slice(0, self.restart.row))
         # The monitors have seen the states before, too.
         own = recorder.history(stop.count - len(before.times) if stop else None)
-        return before.joined(own)
+        return before.with_end(own)
 
     def _step_times(self, history: StateHistory) -> Vector:
         """Start of the run and the ends of its steps [s], without steps of the run that it continues."""

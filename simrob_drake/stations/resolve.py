@@ -12,7 +12,7 @@ from simrob_drake.base.errors import InvalidParameter, UnknownName, Unsuitable, 
 from simrob_drake.base.file_cache import FileCache
 from simrob_drake.base.frames import Vector, transform_from_pose
 from simrob_drake.base.messages import message
-from simrob_drake.base.packages import granted
+from simrob_drake.base.packages import granted_folders
 from simrob_drake.base.yaml_files import is_yaml_name
 from simrob_drake.importer.named_robots import read_described_robot
 from simrob_drake.parts.controllers import flows_of, loops_of, readers_of
@@ -95,7 +95,7 @@ def resolve(config: StationConfig) -> ResolvedStation:
         SimrobError: a name or a value does not fit; the message names its key.
     """
     # The folders that the user allows decide which files a robot may name.
-    key = (id(config), tuple(granted()))
+    key = (id(config), tuple(granted_folders()))
     # The cached value contains the configuration: as long as it is there, no other object can have the same identity.
     _, station = _STATIONS.value(key, lambda: (config, _resolve_from_files(config)))
     return station
@@ -240,7 +240,7 @@ def _robot_as_described(entry: RobotConfig) -> RobotModel:
     """
     options = "" if entry.import_options is None else entry.import_options.model_dump_json()
     # All that the robot's files are read with: another import option gives another robot.
-    key = (entry.urdf, entry.model, options, tuple(granted()))
+    key = (entry.urdf, entry.model, options, tuple(granted_folders()))
     return _ROBOTS.value(key, lambda: _robot_from_files(entry))
 
 

@@ -21,14 +21,14 @@ SHORTEST = 0.06  # a stance at least [s]
 
 def tenths(slide: Slide, rate: float) -> tuple[int, Vector]:
     """Return how many stances a foot had, and the mean of how far it slipped in each tenth of them, shape (10,) [m]."""
-    edges = np.flatnonzero(np.diff(np.pad(slide.touching.astype(int), 1)))
+    edges = np.flatnonzero(np.diff(np.pad(slide.in_contact.astype(int), 1)))
     stances = [
         (first, last) for first, last in zip(edges[::2], edges[1::2], strict=True) if last - first >= SHORTEST * rate
     ]
     found = np.zeros(10)
     for first, last in stances:
         part = 10 * np.arange(last - first) // (last - first)
-        found += np.bincount(part, slide.ways[first:last], minlength=10)
+        found += np.bincount(part, slide.distances[first:last], minlength=10)
     return len(stances), found / max(len(stances), 1)
 
 

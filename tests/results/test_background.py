@@ -11,7 +11,7 @@ _SETUP = """
 import os, sys, time
 from pathlib import Path
 from simrob_drake.results import files
-files._can_copy = lambda: True
+files._can_copy_process = lambda: True
 here = os.getpid()
 """
 
@@ -64,7 +64,7 @@ except KeyError:
 
 
 def test_work_is_done_after_the_body_where_no_copy_can_be_made(monkeypatch):
-    monkeypatch.setattr(files, "_can_copy", lambda: False)
+    monkeypatch.setattr(files, "_can_copy_process", lambda: False)
     order = []
     with files.in_background(lambda: order.append("work")):
         order.append("body")

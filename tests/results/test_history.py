@@ -59,7 +59,7 @@ def test_steps_are_their_ends_at_the_times_of_their_starts(history):
 
 def test_a_history_can_be_continued_from_an_earlier_state(history):
     other = StateHistory(np.array([0.25, 0.3]), np.zeros((2, 3)), [np.array([[7.0], [8.0]])])
-    joined = history.joined(other)
+    joined = history.with_end(other)
     np.testing.assert_array_equal(joined.times, [0, 0.1, 0.25, 0.3])
     np.testing.assert_array_equal(joined.discrete[0][:, 0], [0, 1, 7, 8])
     assert joined.last().end == 0.3

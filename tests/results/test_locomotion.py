@@ -9,12 +9,12 @@ from pydrake.math import RigidTransform, RotationMatrix
 from simrob_drake import LeggedRobot, load_station, simulate
 from simrob_drake.base.frames import xyz_quaternion_from_transform
 from simrob_drake.results.record.walks import (
-    fallen,
     foot_slip,
     headings,
     legged_robots,
     locomotion,
     mechanical_work,
+    robot_that_fell,
 )
 from simrob_drake.results.result import SimulationResult
 
@@ -151,11 +151,11 @@ def test_who_falls_is_told_when():
     push = {"forces.push": {"start": 0.2, "duration": 0.3, "force": [0, -40, 0]}, "duration": 3.0}
     result = simulate(load_station("humanoid_dynamic", push), progress=False)
     assert result.stopped_by == "fall"
-    assert fallen(result) == "robot"
-    assert fallen(replace(result, stopped_by=None)) is None
+    assert robot_that_fell(result) == "robot"
+    assert robot_that_fell(replace(result, stopped_by=None)) is None
     watched = result.config.monitors["fall"].model_copy(update={"piece": "box"})
     config = result.config.model_copy(update={"monitors": {"fall": watched}})
-    assert fallen(replace(result, config=config)) is None  # a box fell, and no robot
+    assert robot_that_fell(replace(result, config=config)) is None  # a box fell, and no robot
     found = result.summary()["locomotion"]
     assert found["fall_time"] == result.stop_time
     assert 0.2 < found["fall_time"] < 2.0

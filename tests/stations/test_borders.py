@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from simrob_drake.base.errors import InvalidConfig
-from simrob_drake.base.packages import MESH_PATH_VARIABLE, granted, granting
+from simrob_drake.base.packages import MESH_PATH_VARIABLE, granted_folders, granting
 from simrob_drake.parts import controllers
 from simrob_drake.programs.program import Program
 from simrob_drake.robots.catalog import load_robot_file
@@ -83,9 +83,9 @@ def test_the_user_may_allow_it(places):
     assert config.reference.file == other / "table.csv"
     assert resolve(config).robots["robot"].model.element.find("link/visual/geometry/mesh") is not None
     with granting([other]):
-        assert granted() == [other]
+        assert granted_folders() == [other]
         load_station(file)
-    assert granted() == []
+    assert granted_folders() == []
     with pytest.raises(InvalidConfig, match=r"reference.file"):
         load_station(file)
     load_station(station(own, "robot: {urdf: arm.urdf}"), {"robot.urdf": str(other / "arm.urdf")})

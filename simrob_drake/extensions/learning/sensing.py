@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.extras import needed
-from simrob_drake.base.frames import Vector, rotated
+from simrob_drake.base.frames import Vector, rotate_vectors
 from simrob_drake.base.messages import message
 from simrob_drake.blocks.command_bus import round_to_resolution
 from simrob_drake.extensions.learning.policy import Policy
@@ -87,7 +87,7 @@ class PolicySensors:
 
     def _turn(self, own: Imu, places: Places, motion: Vector) -> None:
         self.orientation[places] = orientation = self._value("base_pose", motion)[:, 3:]
-        spin = rotated(orientation, self._value("base_velocity", motion)[:, 3:], -1.0)
+        spin = rotate_vectors(orientation, self._value("base_velocity", motion)[:, 3:], -1.0)
         noise = own.gyroscope_noise * self._chance.standard_normal(spin.shape)
         self.angular_velocity[places] = spin + self._bias[places] + noise
 

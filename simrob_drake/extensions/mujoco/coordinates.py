@@ -11,7 +11,7 @@ import numpy.typing as npt
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, Joint, RigidBody
 
-from simrob_drake.base.frames import Vector, rotated
+from simrob_drake.base.frames import Vector, rotate_vectors
 
 
 class Names:
@@ -88,7 +88,7 @@ class Coordinates:
         """Return the plant's coordinates (m, nq + nv) of MuJoCo's."""
         states = states.copy() if self.free else states
         for quaternion, turning in self.free:
-            states[:, turning] = rotated(states[:, quaternion], states[:, turning])
+            states[:, turning] = rotate_vectors(states[:, quaternion], states[:, turning])
         return np.asarray(states[:, self.there])
 
     def to_mujoco(self, state: Vector) -> Vector:
@@ -111,7 +111,7 @@ class Coordinates:
 
 
 def _turned(quaternion: Vector, vector: Vector, sense: float) -> tuple[float, float, float]:
-    """Return a vector turned as :func:`simrob_drake.base.frames.rotated` does, by plain numbers: quicker for one."""
+    """Rotate one vector as :func:`simrob_drake.base.frames.rotate_vectors`, with plain numbers, which is quicker."""
     w, x, y, z = quaternion.tolist()
     a, b, c = vector.tolist()
     x, y, z = sense * x, sense * y, sense * z

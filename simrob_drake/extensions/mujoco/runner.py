@@ -194,7 +194,7 @@ class Stepped:
             positions={name: robot.axis_map.positions(q) for name, robot in robots.items()},
             velocities={name: robot.axis_map.velocities(v) for name, robot in robots.items()},
             references={name: reference_values(self.references[name], np.array([time]))[0] for name in robots},
-            joints={name: JointState(q[places], v[speeds]) for name, places, speeds in joints_of(plant)},
+            joints={joint.name: JointState(q[joint.positions], v[joint.velocities]) for joint in joints_of(plant)},
         )
 
 

@@ -34,9 +34,11 @@ Mask = npt.NDArray[np.bool_]
 RUNAWAY = 1e8
 """A state of this size has diverged: no robot has such a position or speed [rad, m, rad/s, m/s]."""
 
-_GO_ON = EventStatus.DidNothing()  # tells Drake to continue
+_GO_ON = EventStatus.DidNothing()
+"""Result of a callback after which Drake continues the run."""
 
-_CHECK_EVERY = 20  # steps between two checks of the recorded states
+_CHECK_EVERY = 20
+"""Count of steps between two checks of the recorded states: a check takes longer than a record."""
 
 _ROUNDING = 1e-9
 """Differences of time up to this value are rounding [s]. A time may lie so far outside of the run, and two records that
@@ -170,7 +172,7 @@ class Recorder:
         """The recorded states, up to the last one before the first that has diverged, and at least row 0.
 
         Args:
-            count: largest count of rows; None for all.
+            count: largest count of rows. If it is None, all rows are taken.
         """
         rows = len(self.times) if count is None else min(count, len(self.times))
         whole = self._rows(0, rows)
@@ -301,13 +303,14 @@ class StateHistory:
             raise InvalidParameter("time", compound("{time:g} s", time=times[~is_inside][0]), known)
         after = self._after(times)
         before = np.maximum(after - 1, 0)
-        width = self.times[after] - self.times[before]  # lengths of the steps [s]; 0 at the start of the run
+        width = self.times[after] - self.times[before]  # lengths of the steps [s]; 0 for the start of the run
         # The share of the step that has passed at each time, from 0 to 1, shape (k, 1); 1 at the start of the run.
         elapsed = times - self.times[before]
         shares = np.divide(elapsed, width, out=np.ones_like(times), where=width > 0)
         part = shares[:, np.newaxis]
         low = self.continuous[before]
         high = self.continuous[after]
+        # At the end of a step the recorded state itself: the sum would miss it by rounding.
         states = np.where(part == 1, high, low + part * (high - low))
         if plant is not None and rates is not None:
             columns = plant.positions
@@ -377,19 +380,22 @@ class StateHistory:
             for index, value in enumerate(self.abstract[row]):
                 context.get_mutable_abstract_state(index).SetFrom(value)
 
-    def joined(self, later: "StateHistory") -> "StateHistory":
+    def with_end(self, later: "StateHistory") -> "StateHistory":
         """Replace the end of this history by a later one.
 
         Returns:
             the states of this history before the first time of ``later``, then all states of ``later``.
         """
-        kept = self.times < later.times[0]
-        discrete = [np.vstack([group[kept], end]) for group, end in zip(self.discrete, later.discrete, strict=True)]
+        is_before = self.times < later.times[0]
+        discrete = []
+        for group, later_group in zip(self.discrete, later.discrete, strict=True):
+            discrete.append(np.vstack([group[is_before], later_group]))
+        kept_count = int(is_before.sum())
         return StateHistory(
-            times=np.append(self.times[kept], later.times),
-            continuous=np.vstack([self.continuous[kept], later.continuous]),
+            times=np.append(self.times[is_before], later.times),
+            continuous=np.vstack([self.continuous[is_before], later.continuous]),
             discrete=discrete,
-            abstract=[*self.abstract[: int(kept.sum())], *later.abstract],
+            abstract=[*self.abstract[:kept_count], *later.abstract],
         )
 
     def rows(self, part: slice) -> "StateHistory":
@@ -432,7 +438,10 @@ def _abstract_value(content: Any, is_any_object: bool) -> AbstractValue:
 
 
 def _hermite(part: Vector, low: Vector, high: Vector, low_slope: Vector, high_slope: Vector) -> Vector:
-    """Evaluate cubics between two values, with given slopes at both ends.
+    """Evaluate cubic Hermite polynomials, which have given values and slopes at both ends.
+
+    With s = ``part``, values a and b, and slopes m and n at the ends, the value is
+    (1 - s)² ((1 + 2 s) a + s m) + s² ((3 - 2 s) b - (1 - s) n).
 
     Args:
         part: position between the ends, from 0 to 1, shape (k, 1).
@@ -442,21 +451,29 @@ def _hermite(part: Vector, low: Vector, high: Vector, low_slope: Vector, high_sl
         high_slope: derivatives by ``part`` at 1, shape (k, n).
     """
     left = 1 - part
-    return np.asarray(
-        left**2 * ((1 + 2 * part) * low + part * low_slope) + part**2 * ((3 - 2 * part) * high - left * high_slope)
-    )
+    from_low = left**2 * ((1 + 2 * part) * low + part * low_slope)
+    from_high = part**2 * ((3 - 2 * part) * high - left * high_slope)
+    return np.asarray(from_low + from_high)
 
 
 class FlightCheck(NamedTuple):
-    """A check, at the end of a step, whether a floating body touches nothing, see `simulation.pace.Flight`."""
+    """A check, at the end of a step, whether a floating body touches nothing, see `simulation.pace.Flight`.
 
-    time: float  # of the check [s]
-    steps: int  # count of steps up to the check, in the same diagram
-    is_flying: bool  # whether a body touches nothing
-    speeds: Vector  # vertical velocities of the floating bodies, shape (k,) [m/s]
+    Attributes:
+        time: time of the check [s].
+        steps: count of steps up to the check, in the same diagram.
+        is_flying: whether a body touches nothing.
+        speeds: vertical velocities of the floating bodies, shape (k,) [m/s].
+    """
+
+    time: float
+    steps: int
+    is_flying: bool
+    speeds: Vector
 
 
-_PART = 1000  # rows that are evaluated at once
+_PART = 1000
+"""Count of rows that are evaluated at once."""
 
 
 def parts(count: int) -> list[slice]:

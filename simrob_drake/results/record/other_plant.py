@@ -4,7 +4,7 @@ A station that shares a plant with others is recorded with the positions of the 
 results have a plant of the station alone.
 """
 
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -12,22 +12,26 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.results.record.state import joints_of
 
+Run: TypeAlias = Any
+"""A `RecordedRun`. Its module needs this one, so the class cannot be named here."""
 
-def positions_in(station: StationPlant, run: Any, times: Vector) -> Vector:
+
+def positions_in(station: StationPlant, run: Run, times: Vector) -> Vector:
     """Positions of another plant of a run's station, shape (k, nq) [rad or m, quaternions for free bodies].
 
     Args:
         station: the other plant, which contains the station alone.
-        run: the `RecordedRun`.
+        run: the run, recorded with the positions of the whole shared plant.
         times: times within the run, shape (k,) [s].
     """
     recorded: Vector = run.positions_at(times)
     own: StationPlant = run.plant
     if not own.is_shared:
         return recorded
-    places_in_own = {name: places for name, places, _ in joints_of(own.plant, own.scope)}
+    # Joints have the same names in both plants, once the prefix of the station in the shared plant is removed.
+    recorded_positions = {joint.name: joint.positions for joint in joints_of(own.plant, own.scope)}
     context = station.plant.CreateDefaultContext()
     positions = np.tile(station.plant.GetPositions(context), (len(times), 1))
-    for name, places, _ in joints_of(station.plant):
-        positions[:, places] = recorded[:, places_in_own[name]]
+    for joint in joints_of(station.plant):
+        positions[:, joint.positions] = recorded[:, recorded_positions[joint.name]]
     return positions

@@ -79,8 +79,9 @@ def _evaluated_samples(times: Vector) -> Indices:
         times: times of all samples, shape (m,) [s].
     """
     duration = float(times[-1] - times[0])
+    # Both bounds as counts; the larger distance between evaluations satisfies both.
     evaluations = min(EVALUATION_RATE * duration, float(MOST_EVALUATIONS))
-    step = int(np.ceil(len(times) / max(evaluations, 1.0)))
+    step = int(np.ceil(len(times) / max(evaluations, 1.0)))  # a short run has one evaluation at least
     return np.arange(0, len(times), max(step, 1))
 
 
@@ -95,7 +96,7 @@ def _contact_sample(station: StationPlant, sample: int, contacts: Contacts, own:
     """
     nothing = np.zeros(3)
     touching = [index for index, pair in enumerate(contacts.pairs) if own.intersection(pair)]
-    if not touching:
+    if not touching:  # the maximum and the mean of nothing are not defined
         return ContactSample(sample=sample, force=nothing, partners=frozenset(), normal=nothing, friction=0.0)
     # Forces and normals of a contact are those on the first shape of its pair; on the second they have the other sign.
     signs = []
@@ -123,7 +124,7 @@ def _contact_sample(station: StationPlant, sample: int, contacts: Contacts, own:
 def _friction(station: StationPlant, first: GeometryId, second: GeometryId) -> float:
     """Static friction coefficient between two shapes.
 
-    Drake combines the coefficients of two surfaces as m = 2 m1 m2 / (m1 + m2); 0 if both are 0.
+    Drake combines the coefficients of two surfaces as m = 2 m1 m2 / (m1 + m2), and takes 0 if both are 0.
     """
     inspector = station.scene_graph.model_inspector()
     coefficients = []
@@ -132,4 +133,6 @@ def _friction(station: StationPlant, first: GeometryId, second: GeometryId) -> f
         friction = properties.GetProperty("material", "coulomb_friction")
         coefficients.append(float(friction.static_friction()))
     total = sum(coefficients)
-    return 2 * coefficients[0] * coefficients[1] / total if total > 0 else 0.0
+    if total <= 0:
+        return 0.0
+    return 2 * coefficients[0] * coefficients[1] / total

@@ -2,12 +2,15 @@
 
 Drake's plants and diagrams cannot be pickled. A result is pickled by its configuration, its arrays and its states, see
 `pickled_fields`. The plant, and everything that is computed from it, is made again by a `RebuiltRun`.
+
+Recorded states can be evaluated again if the station can be built again with states of the same layout. Otherwise only
+the *recorded motion* remains: the positions of the plant at the samples and at the solver's steps.
 """
 
 from collections.abc import Callable, Iterator
 from dataclasses import fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from pydrake.multibody.plant import ContactResults
@@ -36,20 +39,39 @@ REBUILT = ("plant", "positions_at", "contacts_at", "context")
 """Fields of a run that are not pickled, but made again."""
 
 
+class RecordedMotion(NamedTuple):
+    """Positions of a plant at some times of a run, from which other positions are interpolated.
+
+    Attributes:
+        times: the times, rising, shape (k,) [s].
+        positions: positions of the plant, shape (k, nq).
+    """
+
+    times: Vector
+    positions: Vector
+
+
 def pickled_fields(run: Run) -> dict[str, Any]:
-    """Fields of a run that can be pickled, by name.
+    """Content of a pickled run.
 
     Args:
         run: the run.
+
+    Returns:
+        the fields of the run but for those of REBUILT, by name, and further entries: ``has_contacts`` and
+        ``has_context``, whether these fields were not None; ``motion``, the recorded motion, or None if the recorded
+        states or the parts of a program replace it.
     """
-    kept = {field.name: getattr(run, field.name) for field in fields(run) if field.name not in REBUILT}
-    kept["has_contacts"] = run.contacts_at is not None
-    kept["has_context"] = run.context is not None
+    names = [field.name for field in fields(run) if field.name not in REBUILT]
+    content = {name: getattr(run, name) for name in names}
+    content["has_contacts"] = run.contacts_at is not None
+    content["has_context"] = run.context is not None
     # The class of a user's block may be unknown where the result is read.
     has_own_blocks = any(section.runs_code for section in run.config.controllers.values())
-    is_motion_recorded = has_layout_of_station(run) and not has_own_blocks
-    kept["motion"] = None if run.runs or is_motion_recorded else _motion(run)
-    return kept
+    has_states = has_layout_of_station(run) and not has_own_blocks
+    is_program = bool(run.runs)  # each of its runs is pickled with its own motion
+    content["motion"] = None if is_program or has_states else _recorded_motion(run)
+    return content
 
 
 def has_layout_of_station(run: Run) -> bool:
@@ -57,30 +79,29 @@ def has_layout_of_station(run: Run) -> bool:
     return run.trace is not None and not run.in_own_diagram
 
 
-def _motion(run: Run) -> tuple[Vector, Vector]:
-    """Positions of the plant at the samples and at the ends of the steps of a run.
-
-    Returns:
-        the times (k,) [s] and the positions (k, nq).
-    """
+def _recorded_motion(run: Run) -> RecordedMotion:
+    """Positions of the plant at the samples and at the ends of the steps of a run."""
+    # Positions are then exact at all samples and steps, and interpolated between them.
     times = np.union1d(run.times, run.step_times)
-    times = times[(times >= run.start_time) & (times <= run.stop_time)]
+    is_inside = (times >= run.start_time) & (times <= run.stop_time)
+    times = times[is_inside]
     if run.plant.is_shared:
         # The plant that is built again contains the station alone.
-        return times, positions_in(PosedStation(run.config).station, run, times)
-    return times, run.positions_at(times)
+        station = PosedStation(run.config).station
+        return RecordedMotion(times, positions_in(station, run, times))
+    return RecordedMotion(times, run.positions_at(times))
 
 
 class RebuiltRun:
     """The plant of a run, and what is computed from it."""
 
-    def __init__(self, run: Run, *, has_contacts: bool, motion: tuple[Vector, Vector] | None) -> None:
+    def __init__(self, run: Run, *, has_contacts: bool, motion: RecordedMotion | None) -> None:
         """Prepare to build the station of a run again.
 
         Args:
             run: the run.
             has_contacts: whether contacts were evaluated in the run.
-            motion: recorded times and positions of the plant; None if the recorded states contain them.
+            motion: the recorded motion; None if the recorded states contain it.
         """
         self._run = run
         self._has_contacts = has_contacts
@@ -89,7 +110,7 @@ class RebuiltRun:
     @property
     def plant(self) -> StationPlant:
         """The station's plant with its robots."""
-        return self._closed.ports.plant
+        return self._station.ports.plant
 
     @property
     def contacts_at(self) -> Callable[[Vector], Iterator[ContactResults]] | None:
@@ -112,11 +133,12 @@ class RebuiltRun:
                     station=self._run.config.name,
                 )
             )
-        return self._run.final_state.context_of(self._closed.diagram, self._closed.ports)
+        # The diagram was built again, so the state is put into a new context of it.
+        return self._run.final_state.context_of(self._station.diagram, self._station.ports)
 
     def context_of_plant(self) -> Context:
         """A new default context of the diagram with the plant and its shapes."""
-        return self._closed.diagram.CreateDefaultContext()
+        return self._station.diagram.CreateDefaultContext()
 
     def positions_at(self, times: Vector) -> Vector:
         """Positions of the plant (k, nq) at times (k,) [s] of the run.
@@ -124,15 +146,16 @@ class RebuiltRun:
         They are the original ones to the last bit if the diagram of the station could be built again. Otherwise they
         are interpolated linearly between the samples.
         """
+        # The recorded states, or else the recorded motion.
         sampler = self._sampler
         if sampler is not None:
-            ports = self._closed.ports
+            ports = self._station.ports
             states: Vector = sampler.sample([ports.state], times)[0]
             return states[:, : ports.plant.plant.num_positions()]
         if self._motion is None:
             raise self._lost(message("results.positions_of_pickled", "positions"))
-        known_times, positions = self._motion
-        return np.column_stack([np.interp(times, known_times, column) for column in positions.T])
+        columns = [np.interp(times, self._motion.times, column) for column in self._motion.positions.T]
+        return np.column_stack(columns)
 
     def _contacts_at(self, times: Vector) -> Iterator[ContactResults]:
         """Yield Drake's contact results at times (k,) [s] of the run."""
@@ -141,7 +164,7 @@ class RebuiltRun:
         yield from self._sampler.contact_results(times)
 
     def _lost(self, lost: str) -> SimrobError:
-        """Error about values that a pickled run does not contain."""
+        """Error about values that a pickled run does not contain, such as "positions"."""
         return SimrobError(
             message(
                 "results.lost_by_pickle",
@@ -158,21 +181,26 @@ class RebuiltRun:
         from simrob_drake.results.record.signals import Sampler
 
         trace = self._run.trace
-        if not has_layout_of_station(self._run) or trace is None or not fits(trace.history, self._closed):
+        if not has_layout_of_station(self._run) or trace is None or not fits(trace.history, self._station):
             return None
-        return Sampler(self._closed.diagram, self._closed.ports, trace.history, tolerant=True)
+        return Sampler(self._station.diagram, self._station.ports, trace.history, tolerant=True)
 
     @cached_property
-    def _closed(self) -> "ClosedStation":
-        """The station, closed with the references of the run; without blocks of the user's own that cannot be made."""
+    def _station(self) -> "ClosedStation":
+        """The station, built again with the references of the run.
+
+        It has no blocks of the user's own if one of these cannot be made.
+        """
+        config = self._run.config
         try:
-            return _build_again(self._run, self._run.config)
+            return _build_again(self._run, config)
         except SimrobError:
-            sections = self._run.config.controllers
-            known = {name: section for name, section in sections.items() if not section.runs_code}
-            if len(known) == len(sections):
+            own_code = [name for name, section in config.controllers.items() if section.runs_code]
+            # The class of a user's block may be unknown here, or its file gone.
+            if not own_code:  # the error has another cause
                 raise
-            return _build_again(self._run, self._run.config.model_copy(update={"controllers": known}))
+            others = {name: section for name, section in config.controllers.items() if name not in own_code}
+            return _build_again(self._run, config.model_copy(update={"controllers": others}))
 
 
 def _build_again(run: Run, config: StationConfig) -> "ClosedStation":
@@ -188,7 +216,7 @@ def _build_again(run: Run, config: StationConfig) -> "ClosedStation":
     from simrob_drake.stations.resolve import resolve
 
     blocks = own_blocks(config.controllers)
-    inputs = with_driven(config.inputs, blocks)  # and those that the user's blocks drive
+    inputs = with_driven(config.inputs, blocks)  # the user's blocks drive inputs that the station does not list
     station = resolve(config.model_copy(update={"inputs": inputs}))
     # The final state keeps the positions at which the references of this run began.
     references = station_references(station, run.references, run.final_state.origins or None)
@@ -199,20 +227,33 @@ def _build_again(run: Run, config: StationConfig) -> "ClosedStation":
 
 
 def fits(history: StateHistory, built: "ClosedStation") -> bool:
-    """Whether recorded states have the sizes of the states of a diagram."""
+    """Whether recorded states have the sizes of the states of a diagram.
+
+    Args:
+        history: the recorded states.
+        built: the station with the diagram.
+    """
     context = built.diagram.CreateDefaultContext()
-    groups = range(context.num_discrete_state_groups())
-    sizes = [context.get_discrete_state(group).size() for group in groups]
-    has_abstract_values = not history.abstract or len(history.abstract[0]) == context.num_abstract_states()
-    return (
-        history.continuous.shape[1] == context.num_continuous_states()
-        and [group.shape[1] for group in history.discrete] == sizes
-        and has_abstract_values
-    )
+    if history.continuous.shape[1] != context.num_continuous_states():
+        return False
+    group_count = context.num_discrete_state_groups()
+    sizes = [context.get_discrete_state(group).size() for group in range(group_count)]
+    recorded_sizes = [group.shape[1] for group in history.discrete]
+    if recorded_sizes != sizes:
+        return False
+    # A history without abstract values fits any diagram: these then keep the values that they declare.
+    return not history.abstract or len(history.abstract[0]) == context.num_abstract_states()
 
 
 def check_format(found: object) -> None:
-    """Check the format of a pickled result; raises SimrobError: another version of the package has pickled it."""
+    """Check the format of a pickled result.
+
+    Args:
+        found: number of the format, as it was pickled.
+
+    Raises:
+        SimrobError: another version of the package has pickled the result.
+    """
     if found != FORMAT:
         raise SimrobError(
             message(

@@ -2,13 +2,14 @@
 
 A *run* is one simulation of a station. A *program* is a sequence of runs that follow each other; it is recorded as one
 run, whose parts are the runs. Signals are recorded as named *columns*, such as ``q.joint_2``, at m *samples* in time.
-An *event* is a pair of a time [s] and a short text.
+An `Event` is something that happened at a time, such as the begin of a contact.
 """
 
 import pickle
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self, TypeAlias
 from zlib import compress, decompress
 
@@ -28,7 +29,7 @@ from simrob_drake.results.record.disturbances import LONGEST_FALL, last_disturba
 from simrob_drake.results.record.piece_contacts import ContactSample, sample_piece_contacts
 from simrob_drake.results.record.rebuilt import FORMAT, REBUILT, RebuiltRun, check_format, pickled_fields
 from simrob_drake.results.record.state import State, Trace
-from simrob_drake.results.record.touch import Event, Touch, onsets
+from simrob_drake.results.record.touch import Event, Touch, evaluate_touch, onsets
 from simrob_drake.stations.config import StationConfig
 
 Ending = Literal["completed", "monitor", "diverged", "interrupted", "failed"]
@@ -40,6 +41,7 @@ ContactsAt: TypeAlias = Callable[[Vector], Iterator[ContactResults]]
 _CONTEXT_OF_PLANT = "_context_of_plant"
 """Attribute of a pickled run, see `RebuiltRun.context_of_plant`."""
 
+# Values of Ending that are compared in several modules.
 DIVERGED = "diverged"
 INTERRUPTED = "interrupted"
 FAILED = "failed"
@@ -110,7 +112,7 @@ class MoveSpan:
     Attributes:
         index: index of the move in its program, from 0.
         begin: when the move began, since the start of the program [s].
-        end: when the move ended, or was ended by a monitor or the user, likewise [s].
+        end: when the move ended, or was ended by a monitor or the user, since the start of the program [s].
         is_named: whether messages name the move by its number. They do not if nobody stored moves, and the program only
             plays the station's references.
     """
@@ -132,8 +134,10 @@ def _no_attribute(kind: type[Any], name: str) -> str:
         kind: class of the result.
         name: the attribute that it does not have.
     """
-    known = {attribute for attribute in [*dir(kind), *(own.name for own in fields(kind))] if attribute[0] != "_"}
-    close = _USUAL_NAMES.get(name) or nearest_name(name, known)
+    # Fields without a default are no attributes of the class, so that dir() does not list them.
+    attributes = {*dir(kind), *(own.name for own in fields(kind))}
+    public = {attribute for attribute in attributes if not attribute.startswith("_")}
+    close = _USUAL_NAMES.get(name) or nearest_name(name, public)
     if close is None or name.startswith("_"):
         return message("results.no_attribute", "a result has no attribute '{name}'", name=name)
     return message(
@@ -178,7 +182,7 @@ class RecordedRun:
         moves: planned moves of arms, all of which begin at the start of the run.
         runs: for a program, the runs that follow each other; see :func:`simrob_drake.results.result.joined`.
         begun: for a program, the station in which it began; None for a single run.
-        marks: for a program, the time at which each of its runs ended or a piece was handed over [s], with a text.
+        marks: for a program, events at which one of its runs ended or a piece was handed over.
         move_spans: for a program, when each of its moves began and ended, in order. Several moves of joints can be one
             run, so this is the only record of when each of them began. Moves that were not begun are left out.
         program: for a program, the YAML text that repeats it; empty if it cannot be written as YAML.
@@ -219,7 +223,7 @@ class RecordedRun:
     moves: tuple[AskedMove, ...] = ()
     runs: tuple[Self, ...] = ()
     begun: StationConfig | None = None
-    marks: tuple[tuple[float, str], ...] = ()
+    marks: tuple[Event, ...] = ()
     move_spans: tuple[MoveSpan, ...] = ()
     program: str = ""
     commanded: tuple[str, ...] = ()
@@ -239,16 +243,24 @@ class RecordedRun:
         return pickled_fields(self)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore a pickled run; raises SimrobError: another version of the package has pickled it."""
+        """Restore a pickled run.
+
+        Raises:
+            SimrobError: another version of the package has pickled the run.
+        """
         check_format(state.get("format"))
-        kept = pickle.loads(decompress(state["content"]))
-        self.__dict__["_pickled"] = {key: kept.pop(key) for key in ("has_contacts", "has_context", "motion")}
-        self.__dict__.update(kept)
+        content = pickle.loads(decompress(state["content"]))
+        # A frozen dataclass refuses assignments, but not changes of its dict.
+        self.__dict__["_pickled"] = {key: content.pop(key) for key in ("has_contacts", "has_context", "motion")}
+        self.__dict__.update(content)
 
     if not TYPE_CHECKING:  # all fields are declared
 
         def __getattr__(self, name: str) -> Any:
-            """Make a field again that was not pickled, when it is first used."""
+            """Make the fields that were not pickled again, when one of them is first used.
+
+            Python calls this method for attributes that it does not find.
+            """
             if name not in REBUILT or "_pickled" not in self.__dict__:
                 raise AttributeError(_no_attribute(type(self), name), name=name, obj=self)
             self.__dict__.update(self._rebuilt_fields())
@@ -272,7 +284,8 @@ class RecordedRun:
         Raises:
             UnknownName: there is no such column.
         """
-        return self.values[:, self._indices[one_of(message("results.signal", "signal"), name, self._indices)]]
+        known_name = one_of(message("results.signal", "signal"), name, self._indices)
+        return self.values[:, self._indices[known_name]]
 
     def axes(self, signal: str, robot: str | None = None) -> Vector:
         """Signal of all axes of a robot, shape (m, n).
@@ -314,7 +327,7 @@ class RecordedRun:
         # A pickled run has another plant, so that the context must be one of its diagram.
         plant = self.plant
         context_of = self.__dict__.get(_CONTEXT_OF_PLANT, self.context)
-        return Touch.of(self.config, plant, self.times, self.positions_at, context_of)
+        return evaluate_touch(self.config, plant, self.times, self.positions_at, context_of)
 
     @cached_property
     def piece_contacts(self) -> dict[str, list[ContactSample]]:
@@ -334,6 +347,7 @@ class RecordedRun:
     @property
     def units(self) -> dict[str, str]:
         """Units of the columns, by the name of the column."""
+        # In the order of the columns, whatever the order of the declarations.
         known = dict[str, str]()
         for signal in self.signals:
             known.update(zip(signal.names, signal.units, strict=True))
@@ -395,13 +409,14 @@ class RecordedRun:
 
     @property
     def end_in_words(self) -> str:
-        """How the run ended, in words, with the monitor that ended it and the push before a fall."""
+        """End of the run in words, with the monitor that ended it, and the push before a fall."""
         if self.ending != "monitor":
             return self.message
         end = message(
             "results.stopped_by", "stopped by {monitor}: {reason}", monitor=self.stopped_by, reason=self.message
         )
-        cause = last_disturbance(self) if fallen(self) is not None else None
+        cause = last_disturbance(self) if robot_that_fell(self) is not None else None
+        # A push long before the fall is most likely not its cause.
         if cause is None or self.stop_time - cause.begin > LONGEST_FALL:
             return end
         return message(
@@ -442,6 +457,7 @@ class RecordedRun:
     def _columns(self, signal: str, parts: Iterable[str]) -> Vector:
         """Columns of a signal, shape (m, k): one for each part, such as an axis, with the name ``<signal>.<part>``."""
         known = self._indices
+        # The search for the nearest name is slow, so it is done for unknown names only.
         indices = []
         for part in parts:
             name = f"{signal}.{part}"
@@ -459,7 +475,7 @@ keep_former_attributes(RecordedRun, pace="speed_in_words")
 
 
 def move_title(index: int) -> Message:
-    """Name of a move of a program for users, who count from 1. Files and the API count from 0.
+    """Name of a move of a program for users, such as "move 3". It counts from 1; files and the API count from 0.
 
     Args:
         index: index of the move in the program, from 0.
@@ -484,6 +500,7 @@ def at_time_of_program(stop: str, begin: float) -> str:
         stop: the message. Any other text stays as it is.
         begin: time of the program at the run's time zero [s].
     """
+    # A message keeps its fields, so that it can be written again with another time.
     if not isinstance(stop, Message) or stop.id != "results.stop_at":
         return stop
     return stop_message(stop.fields["reason"], begin + stop.fields["time"])
@@ -494,17 +511,24 @@ def begins_of(*runs: RecordedRun) -> Vector:
     return np.cumsum([0.0, *(run.simulated_time for run in runs)])
 
 
-def fallen(result: RecordedRun) -> str | None:
+def robot_that_fell(result: RecordedRun) -> str | None:
     """Name of the robot whose fall ended a run, or None if the run did not end by a fall."""
     # Imported here: the kinds of monitors are loaded only if they are needed.
     from simrob_drake.parts.monitors.sections import Fall
 
+    # Monitors of other kinds, and blocks that failed, are no falls.
     monitor = result.config.monitors.get(result.stopped_by or "")
     return monitor.faller(result.config.only_robot) if isinstance(monitor, Fall) else None
 
 
-_LEAST_GAP = 0.01  # events that are closer together are shown as one, as a share of the duration
-_MOST_EVENTS = 24  # count of events for which a picture has space
+_LEAST_GAP = 0.01
+"""Events that are closer together than this are shown as one, as a share of the run's duration."""
+
+_GAP_GROWTH = 1.5
+"""Factor by which the gap grows until few enough events are left."""
+
+_MOST_EVENTS = 24
+"""Count of events for which a picture has space."""
 
 
 def all_events(result: RecordedRun) -> list[Event]:
@@ -512,23 +536,27 @@ def all_events(result: RecordedRun) -> list[Event]:
 
     In a program, the ends of its runs and the pieces that are attached and released between them are events, too.
     """
-    events = [(result.start_time, "start"), *result.marks]
-    for begin, run in zip(begins_of(*result.parts), result.parts, strict=False):
+    start = Event(result.start_time, "start")
+    contacts = []
+    begins = begins_of(*result.parts)[:-1]
+    for begin, run in zip(begins.tolist(), result.parts, strict=True):
         # The times of a single run are absolute, and those of a program count from its first run.
-        shift = float(begin) - run.start_time if result.runs else 0.0
-        events += [(time + shift, text) for time, text in run.onsets]
-    events.sort(key=lambda event: event[0])
+        shift = begin - run.start_time if result.runs else 0.0
+        contacts += [Event(onset.time + shift, onset.text) for onset in run.onsets]
+    # Sorting is stable: of events at the same time, marks come before contacts.
+    events = sorted([start, *result.marks, *contacts], key=attrgetter("time"))
     end = f"stopped: {result.stopped_by}" if result.ending == "monitor" else "end"
-    return [*events, (result.stop_time, end)]
+    return [*events, Event(result.stop_time, end)]
 
 
 def events_of(result: RecordedRun) -> list[Event]:
     """Select the most important events of :func:`all_events`, at most two dozen, far enough apart for a picture."""
+    # The gap grows step by step, since events are not spread evenly.
     everything = all_events(result)
     share = _LEAST_GAP
     events = _events_apart(everything, share * result.simulated_time)
     while len(events) > _MOST_EVENTS:
-        share *= 1.5
+        share *= _GAP_GROWTH
         events = _events_apart(everything, share * result.simulated_time)
     return events
 
@@ -538,13 +566,19 @@ def _events_apart(everything: list[Event], gap: float) -> list[Event]:
 
     Of events that are closer together the first is kept, unless a later one is more important: a piece that is handed
     over, such as "rook to gripper", or the end of the run.
+
+    Args:
+        everything: the events, in order; the end of the run is the last one.
+        gap: smallest time between two events [s].
     """
-    end = everything[-1][0]
+    end = everything[-1].time
     events: list[Event] = []
-    for time, text in everything:
-        is_hand_over = " to " in text
-        if not events or time - events[-1][0] > gap:
-            events.append((time, text))
-        elif time == end or (is_hand_over and len(events) > 1):  # a hand-over does not replace the start of the run
-            events[-1] = (time, text)
+    for event in everything:
+        is_far_enough = not events or event.time - events[-1].time > gap
+        is_end = event.time == end
+        is_hand_over = " to " in event.text
+        if is_far_enough:
+            events.append(event)
+        elif is_end or (is_hand_over and len(events) > 1):  # a hand-over does not replace the start of the run
+            events[-1] = event
     return events

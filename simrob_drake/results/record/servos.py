@@ -19,8 +19,12 @@ def servos_of(run: RecordedRun) -> dict[str, dict[str, Any]]:
         return {}
     found = dict[str, dict[str, Any]]()
     for name, robot in run.plant.robots.items():
-        gains = {gain: dict(zip(robot.axes, getattr(robot.gains, gain).tolist(), strict=True)) for gain in _NAMES}
-        found[name] = {**gains, "feedforward": run.config.servo_of(name).feedforward}
+        servo: dict[str, Any] = {}
+        for gain in _NAMES:
+            values = getattr(robot.gains, gain).tolist()
+            servo[gain] = dict(zip(robot.axes, values, strict=True))
+        servo["feedforward"] = run.config.servo_of(name).feedforward
+        found[name] = servo
     return found
 
 
@@ -33,9 +37,10 @@ def servo_in_words(servo: Mapping[str, Any]) -> str:
     parts = list[str]()
     for name in _NAMES:
         values = list(servo[name].values())
-        if any(values):
+        if any(values):  # most robots have no integral gain
             parts.append(compound("{name} {values}", name=name, values=_range(values)))
     if servo["feedforward"] != "none":
+        # Names of kinds are keys of YAML, with underscores.
         kind = servo["feedforward"].replace("_", " ")
         parts.append(message("results.feedforward", "feedforward {kind}", kind=kind))
     return join_texts(parts)

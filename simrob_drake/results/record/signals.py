@@ -191,7 +191,7 @@ class Sampler:
         This is for a run in which a block failed: from then on, its values become NaN instead of the same error.
         """
         end = self._at(np.array([time]))
-        self.history = self._history.joined(end)
+        self.history = self._history.with_end(end)
         self._tolerant = True
 
     def contact_results(self, times: Vector) -> Iterator[ContactResults]:
@@ -303,7 +303,7 @@ def sample_signals(sampler: Sampler, site: Site, times: Vector) -> Vector:
 
 
 TOLERANCE = 1e-4
-"""Accuracy with which the end of a run is determined [s]."""
+"""Largest error of the time at which a monitor ends a run [s]."""
 
 Holds = Callable[[Sampler, float], bool]
 """Evaluates the condition of a monitor at a time [s] of the run of a sampler."""
@@ -393,7 +393,7 @@ class Watch:
         values = self._sampler.evaluate(others, steps)
         if held:
             # The first of these steps begins at a state of the previous call, so that the last states are kept.
-            known = steps if self._before is None else self._before.joined(steps)
+            known = steps if self._before is None else self._before.with_end(steps)
             states_of_steps = known.steps(steps.times, begins_in_motion=self._begins_in_motion)
             values |= self._sampler.evaluate(held, states_of_steps)
             # The second last state gives the time at which the last step began.
@@ -450,7 +450,7 @@ def _cut_after_hold(sampler: Sampler, holds: Holds, step: Step, onset: float, ho
     first_met = _crossing(sampler, holds, onset)
     stop = first_met + hold
     if stop < recorded.end:
-        sampler.history = recorded.joined(step(recorded, stop))
+        sampler.history = recorded.with_end(step(recorded, stop))
 
 
 def _cut_at_onset(sampler: Sampler, holds: Holds, step: Step) -> None:
@@ -458,11 +458,11 @@ def _cut_at_onset(sampler: Sampler, holds: Holds, step: Step) -> None:
     while sampler.history.end - sampler.history.times[-2] > TOLERANCE:
         end = sampler.history.last()
         between = step(sampler.history, _crossing(sampler, holds, end.end))
-        shorter = sampler.history.joined(between)
+        shorter = sampler.history.with_end(between)
         sampler.history = shorter
         if not holds(sampler, between.end):
             # The condition is met between the new state and the old end.
-            sampler.history = shorter.joined(end)
+            sampler.history = shorter.with_end(end)
 
 
 def _crossing(sampler: Sampler, holds: Holds, seen: float) -> float:

@@ -1,11 +1,16 @@
-"""What a station carries from one run to the next."""
+"""The state of a station at the end of a run, from which another run can begin.
+
+A state contains the positions and velocities of joints, and the memory of *blocks*: of the systems in the station's
+diagram other than the plant, such as controllers and sensors. Everything goes by name, so that a state fits a station
+that was changed in between. A state can be written to a JSON file.
+"""
 
 import json
 from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from pydantic import Field, GetPydanticSchema, PlainSerializer
@@ -28,31 +33,48 @@ from simrob_drake.results.record.history import FlightCheck, StateHistory, pytho
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.ports import StationPorts
 
-_LARGEST = 10_000_000  # bytes of a file
-_TRACED_STEPS = 80  # count of the last steps of a run that its final state contains, see Trace.last
-_OF_ROBOTS, _OF_PLANT = ("positions", "velocities", "references"), ("joints", "blocks")
+_LARGEST_FILE = 10_000_000
+"""Largest size of a file with a state [bytes]."""
+
+_TRACED_STEPS = 80
+"""Count of the last steps of a run that its final state contains, see Trace.last."""
+
+_OF_ROBOTS = ("positions", "velocities", "references")
+"""Attributes of a state that have a vector for each robot."""
+
+_FREE_BODY = 7
+"""Count of the coordinates of a body that moves freely: a quaternion qw qx qy qz, then x y z."""
+
+_UNIT_TOLERANCE = 0.1
+"""Tolerance for the length of a quaternion. Drake normalizes quaternions, and a file may contain rounded ones."""
 
 
 @dataclass(frozen=True)
 class JointState:
-    """Position and velocity of one joint of a plant, free bodies included, in Drake's coordinates."""
+    """State of one joint of a plant, in Drake's coordinates. A body that moves freely has a joint, too.
+
+    Attributes:
+        position: generalized positions of the joint, shape (k,) [rad or m; quaternion first for free bodies].
+        velocity: generalized velocities, shape (l,) [rad/s or m/s].
+    """
 
     position: Vector
     velocity: Vector
 
 
-_FREE_BODY = 7  # coordinates of a body that moves freely: a quaternion qw qx qy qz, then x y z
-_UNIT_TOLERANCE = 0.1  # of the length of a quaternion: Drake normalizes it, and a file may be rounded
-
-
 def _check_rotation(name: str, position: Vector) -> None:
-    """Check the quaternion of a joint that lets its body move freely; raises InvalidParameter if its length is not 1.
+    """Check the quaternion of a joint whose body moves freely. Other joints, with fewer coordinates, pass.
 
-    Other joints, with fewer coordinates, pass.
+    Args:
+        name: name of the joint, for the error.
+        position: positions of the joint.
+
+    Raises:
+        InvalidParameter: the length of the quaternion is not 1.
     """
     if len(position) != _FREE_BODY:
         return
-    length = float(np.linalg.norm(position[:4]))
+    length = float(np.linalg.norm(position[:4]))  # the quaternion comes first
     if abs(length - 1.0) > _UNIT_TOLERANCE:
         raise InvalidParameter(
             message("results.quaternion_of", "start: the quaternion of {name}", name=name),
@@ -63,7 +85,13 @@ def _check_rotation(name: str, position: Vector) -> None:
 
 @dataclass(frozen=True)
 class BlockState:
-    """Continuous state, discrete groups and abstract values of one block."""
+    """State of one block.
+
+    Attributes:
+        continuous: continuous state, shape (k,).
+        discrete: vectors of the discrete state.
+        abstract: abstract values, as Python objects. A value is None if Python cannot read it.
+    """
 
     continuous: Vector
     discrete: tuple[Vector, ...]
@@ -73,30 +101,41 @@ class BlockState:
 def _json_value(value: Any) -> Any:
     """Check an abstract value. Returns the value, or None if JSON cannot write it."""
     try:
+        # Tuples come back as lists, and keys as strings: such a value would be another one after reading.
         return value if json.loads(json.dumps(value)) == value else None
     except (TypeError, ValueError):
         return None
 
 
-_of_numbers = GetPydanticSchema(
+_list_as_array = GetPydanticSchema(
     lambda _, handler: no_info_after_validator_function(np.array, handler.generate_schema(list[Number]))
 )
-_Array = Annotated[Vector, _of_numbers, PlainSerializer(np.ndarray.tolist)]
-_Value = Annotated[Any, PlainSerializer(_json_value)]
+"""Lets pydantic check a list of numbers, and make an array of it."""
+
+_ArrayField = Annotated[Vector, _list_as_array, PlainSerializer(np.ndarray.tolist)]
+"""Type of a pydantic field that is an array in Python, and a list of numbers in JSON."""
+
+_ValueField = Annotated[Any, PlainSerializer(_json_value)]
+"""Type of a pydantic field with an abstract value. It is null in JSON if JSON cannot write the value."""
+
+_JointEntry: TypeAlias = tuple[_ArrayField, _ArrayField]
+"""Positions and velocities of a joint."""
+
+_BlockEntry: TypeAlias = tuple[_ArrayField, tuple[_ArrayField, ...], tuple[_ValueField, ...]]
+"""Continuous state, vectors of the discrete state, and abstract values of a block."""
 
 
-class _Kept(Strict):
-    """Content of a file of a state."""
+class _StateFile(Strict):
+    """Content of a file with a state. The keys are those of :class:`State`."""
 
-    of_any_size = True
-    positions: dict[str, _Array]
-    velocities: dict[str, _Array]
-    references: dict[str, _Array]
+    of_any_size = True  # velocities at rest may be tiny
+    positions: dict[str, _ArrayField]
+    velocities: dict[str, _ArrayField]
+    references: dict[str, _ArrayField]
     time: Number = 0.0
-    origins: dict[str, _Array] = Field(default_factory=dict)
-    joints: dict[str, tuple[_Array, _Array]]
-    blocks: dict[str, tuple[_Array, tuple[_Array, ...], tuple[_Value, ...]]]
-    """Continuous state, discrete groups, abstract values."""
+    origins: dict[str, _ArrayField] = Field(default_factory=dict)
+    joints: dict[str, _JointEntry]
+    blocks: dict[str, _BlockEntry]
 
 
 @dataclass(frozen=True)
@@ -135,7 +174,7 @@ class Trace:
 
     def last(self, count: int) -> "Trace":
         """Copy the last states of the trace: up to ``count`` states before ``free_row``, and all after it."""
-        first_row = max(self.free_row - count, 0)
+        first_row = max(self.free_row - count, 0)  # a short run has fewer rows
         history = self.history.last(len(self.history.times) - first_row)
         return replace(self, history=history, free_row=self.free_row - first_row)
 
@@ -145,15 +184,17 @@ class State:
     """The state of a station: of each joint, each block with a memory, and each robot's reference.
 
     Everything goes by name, so the state fits a station that was rebuilt and changed: with a piece on another parent,
-    other gains, another solver. Joints and blocks that the new station does not have are left out, and new ones begin
-    as they do at the start of any run; so do monitors, whose times count from the start of a run.
+    other gains, another solver. Joints and blocks that the new station does not have are ignored. Joints and blocks
+    that the state does not have begin as at the start of any run. So do monitors, whose times count from the start of
+    a run.
 
     Attributes:
-        positions: of each robot's axes, shape (n,) [rad or m].
-        velocities: of each robot's axes, shape (n,) [rad/s or m/s].
-        references: what each robot's reference was last, shape (n,); references of the next run begin there.
-        joints: by ``<model instance>/<joint>``, of plants that are stepped.
-        blocks: by the block's name.
+        positions: positions of the axes, by robot, shape (n,) [rad or m].
+        velocities: velocities of the axes, by robot, shape (n,) [rad/s or m/s].
+        references: last values of the references, by robot, shape (n,); references of the next run begin there.
+        joints: states of the joints by ``<model instance>/<joint>``; empty if the plant is not stepped, as in a
+            kinematic station.
+        blocks: states of the blocks, by name.
         time: simulated time of the state [s]. A run continues at this time with ``start_time="keep"``, and otherwise
             begins at zero.
         origins: positions (n,) at which the references of the configuration began, by robot; empty if they began in
@@ -173,46 +214,43 @@ class State:
     _traced: tuple[Any, ...] = field(default=(), repr=False)  # the values of this state when its trace was set
 
     def __repr__(self) -> str:
+        """One line with the robots and the counts of joints and blocks."""
         robots = ", ".join(f"{name} ({len(positions)} axes)" for name, positions in self.positions.items())
         return f"<State of {robots or 'no robot'}: {len(self.joints)} joints, {len(self.blocks)} blocks with a memory>"
 
     @classmethod
     def of(cls, diagram: Diagram, ports: StationPorts, context: Context, *, tolerant: bool = False) -> "State":
-        """Return the state of a closed station, of a context of the diagram that holds it.
+        """Read the state of a station from a context.
 
-        What cannot be evaluated is no number if ``tolerant``, as after a run in which a block failed.
+        Args:
+            diagram: the diagram that contains the station.
+            ports: ports of the station.
+            context: context of the diagram.
+            tolerant: whether outputs of robots that cannot be evaluated become NaN, as after a run in which a block
+                failed. If it is False, the error is raised.
         """
-
-        def of_robots(signal: str) -> dict[str, Vector]:
-            values = {}
-            for robot in ports.plant.robots.values():
-                try:
-                    values[robot.name] = ports.outputs.value(f"{robot.prefix}{signal}", context)
-                except Exception:
-                    if not tolerant:
-                        raise
-                    values[robot.name] = np.full(len(robot.axes), np.nan)
-            return values
-
-        plant, blocks = ports.plant.plant_block, {}
-        for system in _with_memory(diagram, plant):
-            own = system.GetMyContextFromRoot(context)
-            if own.num_continuous_states() or own.num_discrete_state_groups() or own.num_abstract_states():
-                has_continuous = own.num_continuous_states() > 0
-                groups, values = range(own.num_discrete_state_groups()), range(own.num_abstract_states())
-                blocks[_block_name(system, ports)] = BlockState(
-                    own.get_continuous_state_vector().CopyToVector() if has_continuous else np.zeros(0),
-                    tuple(own.get_discrete_state(group).value().copy() for group in groups),
-                    tuple(deepcopy(python_value(own.get_abstract_state(index))) for index in values),
-                )
+        plant = ports.plant.plant_block
+        blocks = {}
+        for system in _blocks_of(diagram, plant):
+            block = _block_state(system.GetMyContextFromRoot(context))
+            if block is not None:
+                blocks[_block_name(system, ports)] = block
+        # The diagram of a kinematic station contains no plant.
         joints = {}
         if diagram.HasSubsystemNamed(plant.get_name()):
-            own = plant.GetMyContextFromRoot(context)
-            q, v = plant.GetPositions(own), plant.GetVelocities(own)
-            known = joints_of(ports.plant.plant, ports.plant.scope)
-            joints = {name: JointState(q[places], v[speeds]) for name, places, speeds in known}
-        positions, velocities, references = map(of_robots, ("position", "velocity", "reference"))
-        return cls(positions, velocities, references, joints, blocks, time=context.get_time())
+            plant_context = plant.GetMyContextFromRoot(context)
+            q = plant.GetPositions(plant_context)
+            v = plant.GetVelocities(plant_context)
+            for joint in joints_of(ports.plant.plant, ports.plant.scope):
+                joints[joint.name] = JointState(q[joint.positions], v[joint.velocities])
+        return cls(
+            positions=_values_of_robots("position", ports, context, tolerant),
+            velocities=_values_of_robots("velocity", ports, context, tolerant),
+            references=_values_of_robots("reference", ports, context, tolerant),
+            joints=joints,
+            blocks=blocks,
+            time=context.get_time(),
+        )
 
     def with_trace(self, trace: Trace | None) -> "State":
         """Copy the state, with the last steps of the run that ended in it.
@@ -222,11 +260,13 @@ class State:
         """
         if trace is None:
             return self
+        # The values are kept, so that `valid_trace` finds out whether the state was changed afterwards.
         return replace(self, trace=trace.last(_TRACED_STEPS), _traced=self._values())
 
     @property
     def valid_trace(self) -> Trace | None:
-        """The trace, or None if there is none or the state was changed since."""
+        """The trace. It is None if the state has no trace, or if the state was changed after the trace was set."""
+        # Compared by identity, which is quick. Arrays that were changed in place are not noticed.
         is_unchanged = all(now is before for now, before in zip(self._values(), self._traced, strict=False))
         return self.trace if is_unchanged else None
 
@@ -236,47 +276,75 @@ class State:
         return tuple(value for entries in everything for value in entries.values())
 
     def check(self) -> None:
-        """Check that a run can begin here; raises InvalidParameter: what is no number, as after a block failed."""
-        vectors = [(f"{key} of {name}", values) for key in _OF_ROBOTS for name, values in self._entries(key, object)]
-        for name, joint in self._entries("joints", JointState):
-            vectors += [(name, joint.position), (name, joint.velocity)]
-        for name, block in self._entries("blocks", BlockState):
-            vectors += [(name, block.continuous), *((name, values) for values in block.discrete)]
+        """Check that a run can begin in this state.
+
+        Raises:
+            InvalidParameter: an entry is not an array of finite numbers, as after a run in which a block failed.
+        """
+        # The types of all entries are checked first, since attributes of the entries are read here.
+        vectors: list[_NamedVector] = []
+        for key in _OF_ROBOTS:
+            for name, values in self._entries(key, object).items():
+                vectors.append(_NamedVector(f"{key} of {name}", values))
+        for name, joint in self._entries("joints", JointState).items():
+            vectors.append(_NamedVector(name, joint.position))
+            vectors.append(_NamedVector(name, joint.velocity))
+        for name, block in self._entries("blocks", BlockState).items():
+            vectors.append(_NamedVector(name, block.continuous))
+            vectors += [_NamedVector(name, values) for values in block.discrete]
         for name, values in vectors:
-            if not (isinstance(values, np.ndarray) and values.ndim == 1 and finite(values).shape == values.shape):
+            if not _is_finite_vector(values):
                 expected = message(
                     "results.finite_numbers_of_state",
                     "an array of finite numbers, unlike at the end of a run in which a block failed",
                 )
                 raise InvalidParameter(f"start: {name}", values, expected)
 
-    def _entries(self, key: str, kind: type[Any]) -> list[tuple[str, Any]]:
-        entries = instance(
-            getattr(self, key), f"start: {key}", Mapping, message("results.mapping_by_name", "a mapping by name")
-        )
-        return [
-            (name, instance(entry, f"start: {name}", kind, f"a {kind.__name__}")) for name, entry in entries.items()
-        ]
+    def _entries(self, key: str, kind: type[Any]) -> dict[str, Any]:
+        """Check the type of an attribute and of its entries. A user's script can set any values.
 
-    def put(self, diagram: Diagram, ports: StationPorts, context: Context) -> None:
-        """Set a context of another closed station to this state, as far as the two have joints and blocks in common.
+        Args:
+            key: name of the attribute, which is a mapping by name.
+            kind: class of its entries.
+
+        Returns:
+            the entries, by name.
 
         Raises:
-            InvalidParameter: a robot, joint or block of the same name but another size.
+            InvalidParameter: the attribute is not a mapping, or an entry has another class.
         """
+        a_mapping = message("results.mapping_by_name", "a mapping by name")
+        entries = instance(getattr(self, key), f"start: {key}", Mapping, a_mapping)
+        for name, entry in entries.items():
+            instance(entry, f"start: {name}", kind, f"a {kind.__name__}")
+        return dict(entries)
+
+    def put(self, diagram: Diagram, ports: StationPorts, context: Context) -> None:
+        """Set a context to this state, as far as the station has the joints and blocks of the state. Time stays.
+
+        Args:
+            diagram: a diagram that contains a station, perhaps another one than that of the state.
+            ports: ports of this station.
+            context: context of the diagram. It is changed.
+
+        Raises:
+            InvalidParameter: a robot, joint or block has the same name but another size.
+        """
+        # Robots of another size are refused before the context is changed.
         for robot in ports.plant.robots.values():
-            for values in (self.positions, self.velocities):
-                self._check(robot.name, values.get(robot.name), len(robot.axes))
+            _check_size(robot.name, self.positions.get(robot.name), len(robot.axes))
+            _check_size(robot.name, self.velocities.get(robot.name), len(robot.axes))
         plant = ports.plant.plant_block
-        for system in _with_memory(diagram, plant):
-            kept = self.blocks.get(_block_name(system, ports))
-            if kept is not None:
-                self._put_block(system, kept, context)
+        for system in _blocks_of(diagram, plant):
+            block = self.blocks.get(_block_name(system, ports))
+            if block is not None:
+                _put_block(system, block, context)
+        # The diagram of a kinematic station contains no plant.
         if diagram.HasSubsystemNamed(plant.get_name()):
-            own = plant.GetMyMutableContextFromRoot(context)
-            q, v = self.of_plant(ports.plant)
-            plant.SetPositions(own, q)
-            plant.SetVelocities(own, v)
+            plant_context = plant.GetMyMutableContextFromRoot(context)
+            state = self.of_plant(ports.plant)
+            plant.SetPositions(plant_context, state.positions)
+            plant.SetVelocities(plant_context, state.velocities)
 
     def context_of(self, diagram: Diagram, ports: StationPorts) -> Context:
         """Make a context of a diagram in this state, at its time.
@@ -290,150 +358,300 @@ class State:
         context.SetTime(self.time)
         return context
 
-    def of_plant(self, station: StationPlant) -> tuple[Vector, Vector]:
-        """Return positions (nq,) and velocities (nv,) of a station's plant; what is not known stays at its default.
+    def of_plant(self, station: StationPlant) -> "PlantState":
+        """Compute positions and velocities of a station's plant.
+
+        Joints that the state does not have keep their default positions and velocities.
 
         Raises:
-            InvalidParameter: a joint of the same name but another size.
+            InvalidParameter: a joint has the same name but another size, or a quaternion does not have length 1.
         """
         plant = station.plant
         context = plant.CreateDefaultContext()
-        q, v = plant.GetPositions(context), plant.GetVelocities(context)
+        q = plant.GetPositions(context)
+        v = plant.GetVelocities(context)
         for robot in station.robots.values():
             if robot.name in self.positions:
                 q = robot.axis_map.spread_positions(self.positions[robot.name], q)
                 v = robot.axis_map.spread_velocities(self.velocities[robot.name], v)
-        for name, places, speeds in joints_of(plant, station.scope):
-            if name in self.joints:
-                self._check(name, self.joints[name].position, len(q[places]))
-                self._check(name, self.joints[name].velocity, len(v[speeds]))
-                _check_rotation(name, self.joints[name].position)
-                q[places], v[speeds] = self.joints[name].position, self.joints[name].velocity
-        return q, v
+        # Joints come last: a run records every joint, also those of free bodies and those that couplings move.
+        for joint in joints_of(plant, station.scope):
+            own = self.joints.get(joint.name)
+            if own is None:
+                continue
+            _check_size(joint.name, own.position, len(q[joint.positions]))
+            _check_size(joint.name, own.velocity, len(v[joint.velocities]))
+            _check_rotation(joint.name, own.position)
+            q[joint.positions] = own.position
+            v[joint.velocities] = own.velocity
+        return PlantState(positions=q, velocities=v)
 
     def with_axes(self, robot: ResolvedRobot, positions: Vector, velocities: Vector) -> "State":
-        """Return the state with other positions and velocities (n,) of a robot's axes."""
-        own = {axis.joint for axis in robot.model.axes.values()}
-        kept = {
-            name: joint
-            for name, joint in self.joints.items()
-            if name.partition("::")[0] != robot.name or name.rpartition("/")[2] not in own
-        }
+        """Copy the state, with other positions and velocities (n,) of a robot's axes."""
+        # The joints of the axes are left out: in `of_plant` they would overwrite the new positions.
+        joints_of_axes = {axis.joint for axis in robot.model.axes.values()}
+        joints = {}
+        for name, joint in self.joints.items():
+            # The name of a joint is "<model instance>/<joint>". The model instance begins with the robot's name.
+            instance_robot = name.partition("::")[0]
+            joint_in_model = name.rpartition("/")[2]
+            is_of_axis = instance_robot == robot.name and joint_in_model in joints_of_axes
+            if not is_of_axis:
+                joints[name] = joint
         return replace(
             self,
             positions={**self.positions, robot.name: positions},
             velocities={**self.velocities, robot.name: velocities},
-            joints=kept,
+            joints=joints,
         )
 
     def to_json(self) -> str:
-        """Return the state as a text that :meth:`from_json` reads back to the last bit.
+        """Write the state as a text that :meth:`from_json` reads back to the last bit.
 
-        Abstract values that JSON does not know are left out: their blocks begin with those that they declare.
+        Abstract values that JSON cannot write become null. Their blocks begin with the values that they declare.
         """
-        own = {key: {name: tuple(vars(one).values()) for name, one in getattr(self, key).items()} for key in _OF_PLANT}
-        kept: dict[str, Any] = {key: getattr(self, key) for key in (*_OF_ROBOTS, "time", "origins")}
-        left_out = {key for key in ("time", "origins") if not kept[key]}
-        return _Kept.model_construct(**kept | own).model_dump_json(indent=1, exclude=left_out)
+        content = _StateFile.model_construct(
+            positions=self.positions,
+            velocities=self.velocities,
+            references=self.references,
+            time=self.time,
+            origins=self.origins,
+            joints={name: (joint.position, joint.velocity) for name, joint in self.joints.items()},
+            blocks={name: (block.continuous, block.discrete, block.abstract) for name, block in self.blocks.items()},
+        )
+        # Keys with their default values are not written.
+        defaults = {key for key in ("time", "origins") if not getattr(self, key)}
+        return content.model_dump_json(indent=1, exclude=defaults)
 
     @classmethod
     def from_json(cls, text: str, where: Path | str = "state") -> "State":
-        """Return the state that :meth:`to_json` wrote; raises InvalidConfig, called ``where``: it holds no state."""
-        kept = validated(_Kept, parse_json(text, where), where)
-        joints = {name: JointState(*joint) for name, joint in kept.joints.items()}
-        blocks = {name: BlockState(*block) for name, block in kept.blocks.items()}
-        vectors = kept.positions, kept.velocities, kept.references
-        return cls(*vectors, joints, blocks, time=float(kept.time), origins=kept.origins)
+        """Read a state that :meth:`to_json` wrote.
+
+        Args:
+            text: the JSON text.
+            where: name of its file, for the error.
+
+        Raises:
+            InvalidConfig: the text contains no state.
+        """
+        content = validated(_StateFile, parse_json(text, where), where)
+        return cls(
+            positions=content.positions,
+            velocities=content.velocities,
+            references=content.references,
+            joints={name: JointState(*joint) for name, joint in content.joints.items()},
+            blocks={name: BlockState(*block) for name, block in content.blocks.items()},
+            time=float(content.time),
+            origins=content.origins,
+        )
 
     @classmethod
     def at_start_of(cls, config: StationConfig) -> "State | None":
-        """Read the state in which a station begins. Returns None if the station names no such state.
+        """Read the state in which a station begins, from the file under its key ``start``.
+
+        Returns None if the station names no such file.
 
         Raises:
-            InvalidConfig: a file that cannot be read or holds no state.
+            InvalidConfig: the file cannot be read or contains no state.
         """
         if config.start is None:
             return None
         try:
-            return cls.from_json(text_of(config.start, _LARGEST), config.start)
-        except (NotRead, InvalidConfig) as problem:
-            what = (
-                message(
-                    "results.start_cannot_be_read",
-                    "{start}: cannot be read ({problem})",
-                    start=config.start,
-                    problem=problem,
-                )
-                if isinstance(problem, NotRead)
-                else problem
+            return cls.from_json(text_of(config.start, _LARGEST_FILE), config.start)
+        except NotRead as problem:
+            unreadable = message(
+                "results.start_cannot_be_read",
+                "{start}: cannot be read ({problem})",
+                start=config.start,
+                problem=problem,
             )
-            raise InvalidConfig(
-                "",
-                "",
-                message(
-                    "results.start_names_file", "{problem}; `start` names the start.json of a result", problem=what
-                ),
-            ) from None
+            raise _bad_start_file(unreadable) from None
+        except InvalidConfig as problem:
+            raise _bad_start_file(problem) from None
 
-    def _put_block(self, system: System, kept: BlockState, context: Context) -> None:
-        own = system.GetMyMutableContextFromRoot(context)
-        sizes = [own.get_discrete_state(group).size() for group in range(own.num_discrete_state_groups())]
-        self._check(system.get_name(), kept.continuous, own.num_continuous_states())
-        self._check(system.get_name(), np.zeros(len(kept.discrete)), len(sizes))
-        if kept.continuous.size:
-            own.SetContinuousState(kept.continuous)
-        for group, (values, size) in enumerate(zip(kept.discrete, sizes, strict=True)):
-            self._check(system.get_name(), values, size)
-            own.SetDiscreteState(group, values)
-        for index, value in enumerate(kept.abstract[: own.num_abstract_states()]):
-            if value is None:
-                continue
-            state = own.get_mutable_abstract_state(index)
-            expected = f"a {type(state.get_value()).__name__}, as that block remembers"
-            state.set_value(deepcopy(instance(value, f"start: {system.get_name()}", type(state.get_value()), expected)))
 
-    @staticmethod
-    def _check(name: str, values: Vector | None, size: int) -> None:
-        if values is None or len(values) != size:
-            found = "unknown" if values is None else message("results.of_size", "of size {size}", size=len(values))
-            raise InvalidParameter(
-                "start",
-                message("results.state_in_which", "a state in which '{name}' is {found}", name=name, found=found),
-                message("results.station_of_size", "of a station where it is of {size}", size=size),
-            )
+class PlantState(NamedTuple):
+    """State of a plant.
+
+    Attributes:
+        positions: generalized positions, shape (nq,).
+        velocities: generalized velocities, shape (nv,).
+    """
+
+    positions: Vector
+    velocities: Vector
+
+
+class _NamedVector(NamedTuple):
+    """An array in a state, with its name for error messages. The user may have replaced it by any object."""
+
+    name: str
+    values: Any
+
+
+def _is_finite_vector(values: Any) -> bool:
+    """Whether an object is an array (k,) of finite numbers."""
+    if not isinstance(values, np.ndarray) or values.ndim != 1:
+        return False
+    # `finite` returns an empty array if a number is not finite.
+    return bool(finite(values).shape == values.shape)
+
+
+def _bad_start_file(problem: object) -> InvalidConfig:
+    """Error about the file under the key ``start`` of a station.
+
+    Args:
+        problem: what is wrong with the file, with its name.
+    """
+    text = message("results.start_names_file", "{problem}; `start` names the start.json of a result", problem=problem)
+    return InvalidConfig("", "", text)
+
+
+def _check_size(name: str, values: Vector | None, size: int) -> None:
+    """Check the size of a vector of a state.
+
+    Args:
+        name: name of the robot, joint or block, for the error.
+        values: the vector; None if the state has none of this name.
+        size: its size in the station that is to begin in the state.
+
+    Raises:
+        InvalidParameter: the size is another one, or the vector is missing.
+    """
+    if values is not None and len(values) == size:
+        return
+    found = "unknown" if values is None else message("results.of_size", "of size {size}", size=len(values))
+    raise InvalidParameter(
+        "start",
+        message("results.state_in_which", "a state in which '{name}' is {found}", name=name, found=found),
+        message("results.station_of_size", "of a station where it is of {size}", size=size),
+    )
+
+
+def _values_of_robots(signal: str, ports: StationPorts, context: Context, tolerant: bool) -> dict[str, Vector]:
+    """Evaluate an output of each robot of a station.
+
+    Args:
+        signal: name of the output: position, velocity or reference.
+        ports: ports of the station.
+        context: context of the diagram that contains the station.
+        tolerant: whether outputs that cannot be evaluated become NaN. If it is False, the error is raised.
+
+    Returns:
+        the values, by robot, shape (n,).
+    """
+    values = {}
+    for robot in ports.plant.robots.values():
+        # A block of the user's own may raise any error.
+        try:
+            values[robot.name] = ports.outputs.value(f"{robot.prefix}{signal}", context)
+        except Exception:
+            if not tolerant:
+                raise
+            values[robot.name] = np.full(len(robot.axes), np.nan)
+    return values
+
+
+def _block_state(context: Context) -> BlockState | None:
+    """Copy the state of a block from its context. Returns None if the block has no state."""
+    has_continuous = context.num_continuous_states() > 0
+    group_count = context.num_discrete_state_groups()
+    value_count = context.num_abstract_states()
+    if not has_continuous and group_count == 0 and value_count == 0:
+        return None
+    continuous = context.get_continuous_state_vector().CopyToVector() if has_continuous else np.zeros(0)
+    groups = [context.get_discrete_state(index).value().copy() for index in range(group_count)]
+    # Copies, since a block may change its objects in place later.
+    values = [deepcopy(python_value(context.get_abstract_state(index))) for index in range(value_count)]
+    return BlockState(continuous=continuous, discrete=tuple(groups), abstract=tuple(values))
+
+
+def _put_block(system: System, state: BlockState, root: Context) -> None:
+    """Set a block to a state.
+
+    Args:
+        system: the block.
+        state: its state.
+        root: context of the diagram that contains the block. It is changed.
+
+    Raises:
+        InvalidParameter: the state is that of a block of another size, or with objects of other classes.
+    """
+    context = system.GetMyMutableContextFromRoot(root)
+    name = system.get_name()
+    group_count = context.num_discrete_state_groups()
+    _check_size(name, state.continuous, context.num_continuous_states())
+    _check_size(name, np.zeros(len(state.discrete)), group_count)  # the count of vectors, as a size
+    if state.continuous.size:
+        context.SetContinuousState(state.continuous)
+    for group, values in enumerate(state.discrete):
+        _check_size(name, values, context.get_discrete_state(group).size())
+        context.SetDiscreteState(group, values)
+    for index, value in enumerate(state.abstract[: context.num_abstract_states()]):
+        if value is None:  # not readable, or not written to JSON: the block's own initial value stays
+            continue
+        declared = context.get_mutable_abstract_state(index)
+        kind = type(declared.get_value())
+        expected = f"a {kind.__name__}, as that block remembers"
+        # A copy, since the block may change the object, and another run may begin in the same state.
+        declared.set_value(deepcopy(instance(value, f"start: {name}", kind, expected)))
 
 
 def _block_name(system: System, ports: StationPorts) -> str:
     """Name of a block in a state: its name in the diagram, without that of the station there."""
+    # In a diagram of the user's own, names begin with that of the station, which may differ in the next run.
     name = str(system.get_name())
     return name.removeprefix(f"{ports.name}.") if ports.name else name
 
 
-def _with_memory(diagram: Diagram, plant: System) -> Iterator[System]:
-    """Yield the blocks whose state is theirs to keep: not the plant, whose joints have names, and no monitor."""
+def _blocks_of(diagram: Diagram, plant: System) -> Iterator[System]:
+    """Yield the systems of a diagram whose state belongs to a station's state by the name of the system.
+
+    The plant is none of them, since its joints have names of their own. Neither are monitors, which begin anew in each
+    run.
+    """
     for system in diagram.GetSystems():
         if system is not plant and not isinstance(system, Monitor):
             yield system
 
 
 def free_joint(piece: str) -> str:
-    """Return the name of the joint of a free piece in a state."""
+    """Name that the joint of a free piece has in a state."""
     return f"{piece}::{piece}/{piece}"
 
 
-def joints_of(plant: MultibodyPlant, scope: str = "") -> Iterator[tuple[str, slice, slice]]:
-    """Yield name, places of the positions and places of the velocities of every joint that moves.
+class JointCoordinates(NamedTuple):
+    """Coordinates of a joint in the state of its plant.
+
+    Attributes:
+        name: name of the joint in a :class:`State`: ``<model instance>/<joint>``.
+        positions: entries of the plant's positions that belong to the joint.
+        velocities: entries of the plant's velocities that belong to the joint.
+    """
+
+    name: str
+    positions: slice
+    velocities: slice
+
+
+def joints_of(plant: MultibodyPlant, scope: str = "") -> Iterator[JointCoordinates]:
+    """Yield the coordinates of every joint that moves.
 
     Args:
         plant: the finalized plant.
-        scope: begin of the names of the model instances that count. The yielded names are without it.
+        scope: text with which the names of model instances begin. Joints of other model instances are left out. The
+            yielded names are without this text.
     """
     for index in plant.GetJointIndices():
         joint: Joint = plant.get_joint(index)
-        if joint.num_positions():
-            q, v = joint.position_start(), joint.velocity_start()
-            model = plant.GetModelInstanceName(joint.model_instance())
-            if not model.startswith(scope):
-                continue
-            name = f"{model.removeprefix(scope)}/{joint.name()}"
-            yield name, slice(q, q + joint.num_positions()), slice(v, v + joint.num_velocities())
+        model = plant.GetModelInstanceName(joint.model_instance())
+        is_moving = joint.num_positions() > 0  # welds are joints without positions
+        if not is_moving or not model.startswith(scope):
+            continue
+        first_position = joint.position_start()
+        first_velocity = joint.velocity_start()
+        yield JointCoordinates(
+            name=f"{model.removeprefix(scope)}/{joint.name()}",
+            positions=slice(first_position, first_position + joint.num_positions()),
+            velocities=slice(first_velocity, first_velocity + joint.num_velocities()),
+        )

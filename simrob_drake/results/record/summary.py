@@ -1,4 +1,9 @@
-"""What ``summary.json`` holds, and what the parts of a station say of a run in words."""
+"""Content of a result's file ``summary.json``, and remarks about a run.
+
+A *remark* is a sentence of a controller about a run, such as the times at which a walk was asked for too much. Entries
+of the summary that belong to robots have the name of the robot as a further level, unless the station has only one
+robot.
+"""
 
 import platform
 from collections.abc import Iterator
@@ -15,13 +20,17 @@ from simrob_drake.results.record.servos import servos_of
 from simrob_drake.results.record.walks import legged_robots, locomotion
 from simrob_drake.results.verdict.verdict import Verdict
 
-_MOST_SPANS = 3  # count of spans of time that a remark lists
+_MOST_SPANS = 3
+"""Largest count of spans of time that a remark lists."""
 
 
 def remarks_of(run: RecordedRun) -> list[str]:
-    """Sentences of a station's controllers about a run, such as the times at which a walk was asked for too much."""
-    begins = begins_of(*run.parts) + run.start_time
-    return [remark for begin, part in zip(begins, run.parts, strict=False) for remark in _remarks(part, float(begin))]
+    """Remarks of a station's controllers about a run, or about all runs of a program."""
+    begins = begins_of(*run.parts)[:-1] + run.start_time
+    remarks: list[str] = []
+    for begin, part in zip(begins.tolist(), run.parts, strict=True):
+        remarks += _remarks(part, begin)
+    return remarks
 
 
 def _remarks(run: RecordedRun, begin: float) -> Iterator[str]:
@@ -32,6 +41,7 @@ def _remarks(run: RecordedRun, begin: float) -> Iterator[str]:
         begin: time at which it began, since the beginning of the whole program [s]; for a single run its start.
     """
     times = begin + run.times - run.start_time
+    # A controller declares which of its outputs have a remark: the sentence for times at which they are not zero.
     for name, section in run.config.controllers.items():
         for output, remark in section.remarks.items():
             spans = _spans_of_nonzero(run[f"{name}.{output}"], times)
@@ -72,17 +82,22 @@ def _spans_of_nonzero(values: Vector, times: Vector) -> list[tuple[float, float]
 
 
 def pose_vector(pose: Vector) -> list[float]:
-    """Return x y z qw qx qy qz as a pose vector [x y z Rz Ry Rx]."""
+    """Convert a pose x y z qw qx qy qz to a pose vector [x y z Rz Ry Rx]."""
     return [float(value) for value in pose_from_transform(transform_from_xyz_quaternion(pose))]
 
 
 def summary_of(run: RecordedRun, verdict: Verdict) -> dict[str, Any]:
-    """Return how a run ended and why, final and largest values, measures of walks, speed and versions."""
-    robots, only, torques = run.plant.robots, run.config.only_robot, _columns(run, "tau")
-    names = {name: robot.model.name for name, robot in robots.items()}
+    """Make the content of ``summary.json``: the end of the run, final and largest values, measures, speed, versions.
+
+    Args:
+        run: the run.
+        verdict: the verdict about the run.
+    """
+    torques = _columns(run, "tau")
+    models = {name: robot.model.name for name, robot in run.plant.robots.items()}
     return {
         "station": run.config.name,
-        "robot": names.get(only) if only else names or None,
+        "robot": _without_only_robot(run, models) or None,
         "duration": run.config.duration,
         "ending": run.ending,
         "stopped_by": run.stopped_by,
@@ -91,8 +106,9 @@ def summary_of(run: RecordedRun, verdict: Verdict) -> dict[str, Any]:
         "warnings": [*run.solver_warnings, *verdict.warnings],
         "verdict": verdict.summary(),
         "remarks": remarks_of(run),
+        # A kinematic station has no solver.
         "solver": run.config.solver.model_dump() if run.config.engine.moves_by_forces else None,
-        "steps": len(run.step_times) - 1,
+        "steps": len(run.step_times) - 1,  # the start of the run is no step
         "wall_time": run.wall_time,
         "realtime_rate": run.realtime_rate,
         "final": {
@@ -103,6 +119,7 @@ def summary_of(run: RecordedRun, verdict: Verdict) -> dict[str, Any]:
             "piece_pose": {piece: pose_vector(run.piece_pose(piece)[-1]) for piece in run.config.free_pieces},
         },
         "peak": {
+            # With their signs.
             "joint_torque": {axis: float(values[np.argmax(np.abs(values))]) for axis, values in torques.items()},
             "force": _peak_forces(run),
         },
@@ -121,50 +138,92 @@ def summary_of(run: RecordedRun, verdict: Verdict) -> dict[str, Any]:
     }
 
 
+def _without_only_robot(run: RecordedRun, entries: dict[str, Any]) -> Any:
+    """Remove the level of the robots' names if the station has only one robot.
+
+    Args:
+        run: the run.
+        entries: entries by robot.
+
+    Returns:
+        the entry of the only robot, None if it has none; in stations of several robots the entries as they are.
+    """
+    only_robot = run.config.only_robot
+    return entries.get(only_robot) if only_robot else entries
+
+
 def _locomotion(run: RecordedRun) -> dict[str, Any] | None:
-    """Return how the legged robots walked, by robot where there are several; None where nothing could be told."""
-    walkers = [] if run.ending == DIVERGED else legged_robots(run)
-    found = {name: asdict(locomotion(run, name)) for name in walkers}
-    return found.get(run.config.only_robot) if run.config.only_robot else found or None
+    """Measures of the walks of legged robots, see `Locomotion`.
+
+    Returns None if the station has no legged robots, or if the run diverged, since the measures have no meaning then.
+    """
+    if run.ending == DIVERGED:
+        return None
+    measures = {name: asdict(locomotion(run, name)) for name in legged_robots(run)}
+    return _without_only_robot(run, measures) or None
 
 
 def _motors(run: RecordedRun) -> dict[str, dict[str, float | None]]:
-    """Return what each motor has, and what it gave at most; shares of its line and its heat are in the verdict."""
+    """Parameters of each motor and its largest torque and speed in the run, by the name of its axis.
+
+    How much of its torque a motor used, and how warm it became, is in the verdict.
+    """
     found = dict[str, dict[str, float | None]]()
     for name, robot in run.plant.robots.items():
-        speeds, torques = np.abs(run.axes("v", name)).max(axis=0), np.abs(run.axes("tau", name)).max(axis=0)
-        for axis, motor, speed, torque in zip(robot.axes, robot.motors, speeds, torques, strict=True):
-            if motor is not None:
-                found[f"{robot.prefix}{axis}"] = {
-                    "stall_torque": motor.line[0],
-                    "no_load_speed": motor.line[1],
-                    "rated_torque": motor.rated_torque,
-                    "peak_torque": float(torque),
-                    "peak_speed": float(speed),
-                }
+        peak_speeds = np.abs(run.axes("v", name)).max(axis=0)
+        peak_torques = np.abs(run.axes("tau", name)).max(axis=0)
+        for index, motor in enumerate(robot.motors):
+            if motor is None:  # the axis has a torque limit only
+                continue
+            stall_torque, no_load_speed = motor.line  # on the supply voltage of the robot
+            found[f"{robot.prefix}{robot.axes[index]}"] = {
+                "stall_torque": stall_torque,
+                "no_load_speed": no_load_speed,
+                "rated_torque": motor.rated_torque,
+                "peak_torque": float(peak_torques[index]),
+                "peak_speed": float(peak_speeds[index]),
+            }
     return found
 
 
 def _peak_forces(run: RecordedRun) -> dict[str, float]:
-    """Return the largest size of every contact force [N] by sensor."""
-    felt = [signal for signal in run.signals if signal.role == "force" and set(signal.names) <= set(run.names)]
-    sizes = {signal.part: np.linalg.norm([run[name] for name in signal.names], axis=0) for signal in felt}
-    return {name: float(size.max()) for name, size in sizes.items()}
+    """Largest magnitude of each contact force [N], by the name of the sensor."""
+    recorded = set(run.names)
+    peaks = {}
+    for signal in run.signals:
+        if signal.role == "force" and recorded.issuperset(signal.names):
+            # Components of the vector, shape (3, m); the norm is its magnitude at each sample.
+            components = [run[name] for name in signal.names]
+            peaks[signal.part] = float(np.linalg.norm(components, axis=0).max())
+    return peaks
 
 
 def _columns(run: RecordedRun, signal: str) -> dict[str, Vector]:
-    """Return a signal by axis."""
-    return {
-        f"{robot.prefix}{axis}": run[f"{robot.prefix}{signal}.{axis}"]
-        for robot in run.plant.robots.values()
-        for axis in robot.axes
-    }
+    """Samples of a signal (m,) by the name of the axis, with the robot's prefix.
+
+    Args:
+        run: the run.
+        signal: name of the signal, such as ``tau``.
+    """
+    columns = {}
+    for robot in run.plant.robots.values():
+        for axis in robot.axes:
+            columns[f"{robot.prefix}{axis}"] = run[f"{robot.prefix}{signal}.{axis}"]
+    return columns
 
 
 def _final_pose(run: RecordedRun, signal: str) -> Any:
-    poses = {
-        name: pose_vector(run.pose(signal, name)[-1])
-        for name, robot in run.plant.robots.items()
-        if f"{robot.prefix}{signal}.x" in run.names
-    }
-    return poses.get(run.config.only_robot) if run.config.only_robot else poses
+    """Last pose vector of a signal: a list, or in stations of several robots a dict by robot.
+
+    Robots without the signal are left out. The only robot of a station without the signal gives None.
+
+    Args:
+        run: the run.
+        signal: ``base`` or ``tcp``.
+    """
+    recorded = set(run.names)
+    poses = {}
+    for name, robot in run.plant.robots.items():
+        if f"{robot.prefix}{signal}.x" in recorded:
+            poses[name] = pose_vector(run.pose(signal, name)[-1])
+    return _without_only_robot(run, poses)

@@ -18,5 +18,5 @@ def torque_shares(run: RecordedRun, robot: StationRobot) -> Vector:
         shares = robot.gains.torque_shares(torque, run.axes("v", robot.name))
     else:
         shares = np.abs(torque) / robot.gains.judged_limit
-    shares[:, list(robot.model.fingers)] = 0.0
+    shares[:, list(robot.model.fingers)] = 0.0  # indices of their axes
     return shares

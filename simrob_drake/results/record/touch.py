@@ -1,179 +1,362 @@
-"""When bodies began to touch; how deep they were in each other, and how far feet slid, by positions at sampled moments.
+"""Contacts of a run: when bodies begin to touch, how deep bodies overlap, and how far feet slide over the ground.
 
-For depths, shapes are asked for points of overlap, whatever the contact model is: a surface of pressure is as deep as
-its bodies are in each other.
+All of this is computed after the run. When bodies begin to touch is read from Drake's contact results at the solver's
+steps. Overlaps and slides are computed from positions at *looks*: evenly spaced samples of the run.
+
+An overlap is measured between collision shapes, whatever the contact model is. With hydroelastic contact, the contact
+surface is as deep as the two shapes are in each other.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from operator import attrgetter
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.geometry import GeometryId, QueryObject
 from pydrake.multibody.plant import ContactResults
 from pydrake.systems.framework import Context
 
-from simrob_drake.base.frames import Vector
+from simrob_drake.base.frames import Flags, Vector
 from simrob_drake.base.messages import Message, message
 from simrob_drake.blocks.contacts import pressing_pairs
 from simrob_drake.parts.ground import Ground
 from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.parts.targets import FLOOR, owner_and_robot
+from simrob_drake.robots.feet import FootContact
 from simrob_drake.stations.config import StationConfig
 
 FASTEST = 50.0
-"""How often it is looked what touches, at most [Hz]: a look takes some 50 µs, half as much as a robot that stands."""
+"""Largest rate of the looks [Hz]. A look takes some 50 µs, half as long as simulating a robot that stands."""
+
+_MOST_STEPS = 4000
+"""Largest count of steps of a run at which contact results are evaluated."""
+
+_TIME_APART = 0.1
+"""Two bodies must have been apart for this time before they begin to touch again [s]: a body that trembles on the floor
+touches it once."""
+
+_WORLD = "world"
+"""Name of Drake's world body, to which the ground belongs."""
+
+BodyPair: TypeAlias = frozenset[str]
+"""Names of two bodies in contact; a single name if both bodies have the same name."""
+
+ShapePair: TypeAlias = frozenset[GeometryId]
+"""Two collision shapes in contact."""
 
 
-_LOOKS = 4000  # at most so many steps of a run are asked what touches what
-_APART = 0.1  # s that two bodies are apart before they touch again: what trembles touches once
+class Event(NamedTuple):
+    """Something that happened in a run.
 
-Event = tuple[float, str]  # when [s], and what in a few words
+    Attributes:
+        time: when it happened [s].
+        text: what happened, in a few words.
+    """
+
+    time: float
+    text: str
 
 
 def onsets(
     station: StationPlant, step_times: Vector, contacts_at: Callable[[Vector], Iterator[ContactResults]]
 ) -> Iterator[Event]:
-    """Yield when bodies begin to touch that were apart, but for those that touch from the start."""
-    steps = step_times[:: -(-len(step_times) // _LOOKS)]
-    touched: dict[frozenset[str], float] = {}
-    before: set[frozenset[str]] = set()
-    for time, results in zip(steps.tolist(), contacts_at(steps), strict=True):
-        pairs = {frozenset(_body(station, shape) for shape in pair) for pair in pressing_pairs(results)}
-        for pair in sorted(pairs - before, key=sorted):
-            if time > step_times[0] and time - touched.get(pair, -np.inf) > _APART:
-                yield time, _touch_in_words(sorted(pair - {"world"}))
-        touched |= dict.fromkeys(pairs, time)
-        before = pairs
+    """Yield an event whenever two bodies begin to touch. Bodies that touch at the start of the run have none there.
+
+    Args:
+        station: the plant of the run.
+        step_times: ends of the solver's steps, with the start of the run first, shape (m,) [s].
+        contacts_at: yields Drake's contact results at times (k,) [s].
+    """
+    steps_per_evaluation = math.ceil(len(step_times) / _MOST_STEPS)
+    evaluated_times = step_times[::steps_per_evaluation]
+    start = step_times[0]
+    last_contact: dict[BodyPair, float] = {}  # time at which each pair was last seen in contact [s]
+    pairs_before: set[BodyPair] = set()
+    for time, results in zip(evaluated_times.tolist(), contacts_at(evaluated_times), strict=True):
+        pairs = {_bodies_of(station, shapes) for shapes in pressing_pairs(results)}
+        # Sets have no order. Sorting makes the events of two equal runs equal.
+        for pair in sorted(pairs - pairs_before, key=sorted):
+            time_apart = time - last_contact.get(pair, -np.inf)
+            if time > start and time_apart > _TIME_APART:
+                yield Event(time, _touch_in_words(sorted(pair - {_WORLD})))
+        last_contact.update(dict.fromkeys(pairs, time))
+        pairs_before = pairs
 
 
 def _touch_in_words(bodies: Sequence[str]) -> Message:
-    """Say that one body touches the other, or that a single body touches the ground."""
+    """Sentence about a contact: one body touches another one, or a single body touches the ground.
+
+    Args:
+        bodies: names of the bodies in contact, without the world.
+    """
     if len(bodies) == 1:
         return message("results.body_touches", "{body} touches", body=bodies[0])
     return message("results.body_touches_other", "{body} touches {other}", body=bodies[0], other=bodies[-1])
 
 
-def _body(station: StationPlant, shape: GeometryId) -> str:
-    frame = station.scene_graph.model_inspector().GetFrameId(shape)
-    return str(station.plant.GetBodyFromFrameId(frame).name())
+def _bodies_of(station: StationPlant, shapes: Sequence[GeometryId]) -> BodyPair:
+    """Names of the bodies to which two collision shapes belong."""
+    # Shapes are fixed to frames, and each frame to a body.
+    inspector = station.scene_graph.model_inspector()
+    frames = [inspector.GetFrameId(shape) for shape in shapes]
+    return frozenset(str(station.plant.GetBodyFromFrameId(frame).name()) for frame in frames)
+
+
+class StanceSlide(NamedTuple):
+    """Slide of a foot in a *stance*, a time in which the foot touches the ground without interruption.
+
+    Attributes:
+        distance: distance that the foot slid during the stance [m].
+        last_look: index of the look at which the stance ended. It is 0 if the run has only one look.
+    """
+
+    distance: float
+    last_look: int
 
 
 @dataclass(frozen=True)
 class Slide:
-    """How a foot slid over the ground between looks: ways (m,) [m], and whether it touched all the while, (m,)."""
+    """Slides of one foot over the ground. An *interval* is the time between two looks that follow each other.
 
-    ways: Vector
-    touching: npt.NDArray[np.bool_]
+    Attributes:
+        distances: distance that the foot slid in each interval, shape (m,) [m]; 0 if it did not touch.
+        in_contact: whether the foot touched the ground at both ends of each interval, shape (m,).
+    """
+
+    distances: Vector
+    in_contact: Flags
 
     @property
     def total(self) -> float:
-        """All of its way over the ground [m]."""
-        return float(self.ways.sum())
+        """Distance that the foot slid in the whole run [m]."""
+        return float(self.distances.sum())
 
     @cached_property
-    def longest(self) -> tuple[float, int]:
-        """Its longest way between two steps [m], and at which look that ended."""
-        stances = np.cumsum(~self.touching)
-        ways = np.bincount(stances, self.ways, minlength=1)
-        stance = ways.argmax()
-        return float(ways[stance]), int(np.searchsorted(stances, stance, side="right"))
+    def longest(self) -> StanceSlide:
+        """The stance in which the foot slid farthest; the first of several equal ones."""
+        # Each interval without contact begins a new stance, so its number is the count of such intervals so far. The
+        # interval itself adds nothing to the distance.
+        stance_of_interval = np.cumsum(~self.in_contact)
+        distances = np.bincount(stance_of_interval, self.distances, minlength=1)
+        stance = distances.argmax()
+        # Interval i ends at look i + 1, so the count of intervals up to the end is the index of the last look.
+        last_look = int(np.searchsorted(stance_of_interval, stance, side="right"))
+        return StanceSlide(distance=float(distances[stance]), last_look=last_look)
+
+
+class DeepestOverlap(NamedTuple):
+    """The deepest overlap of two bodies. Overlaps are compared by their depth first.
+
+    Attributes:
+        depth: how far one body is inside of the other [m].
+        time: when [s].
+    """
+
+    depth: float
+    time: float
+
+
+class OverlappingBodies(NamedTuple):
+    """Names of two bodies that overlap, in alphabetical order; the floor is the second one.
+
+    Attributes:
+        first: name of a piece or of a robot's link.
+        second: name of a piece, of a robot's link, or ``floor``.
+    """
+
+    first: str
+    second: str
+
+
+class FootName(NamedTuple):
+    """Name of a foot in a station.
+
+    Attributes:
+        robot: name of the robot.
+        link: name of the link that is the foot.
+    """
+
+    robot: str
+    link: str
 
 
 @dataclass(frozen=True)
 class Touch:
-    """What touched what in a run."""
+    """Overlaps and slides of a run.
 
-    times: Vector  # when it was looked, shape (m,) [s]
-    rate: float  # how often [Hz]
-    # how deep two bodies were in each other [m] and when [s], by their names; of the deepest of each moment
-    depths: dict[tuple[str, str], tuple[float, float]] = field(default_factory=dict)
-    slides: dict[tuple[str, str], Slide] = field(default_factory=dict)  # of each foot, by robot and link
-
-    @classmethod
-    def of(
-        cls,
-        config: StationConfig,
-        station: StationPlant,
-        samples: Vector,
-        positions_at: Callable[[Vector], Iterable[Vector]],
-        context_of: Callable[[], Context] | None,
-    ) -> "Touch":
-        """Look at a run, at its samples or some of them; parameters are as those of a recorded run."""
-        every = int(np.ceil(config.sample_rate / FASTEST))
-        times, rate = samples[::every], config.sample_rate / every
-        walkers = legged(config, station)
-        pressed = config.has_contact_forces and context_of is not None
-        if not (walkers or pressed):
-            return cls(times, rate)
-        plant = station.plant
-        root = None if context_of is None else context_of()
-        if root is not None and station.replaced_pairs:
-            root = station.with_whole_shapes(root)
-        context = plant.CreateDefaultContext()
-        links = [(robot, link) for robot in walkers if robot.feet is not None for link in robot.feet.links]
-        frames = [plant.GetFrameByName(link, robot.instance) for robot, link in links]
-        poses, depths = np.empty((len(frames), len(times), 4, 4)), dict[frozenset[GeometryId], tuple[float, float]]()
-        for row, (time, positions) in enumerate(zip(times.tolist(), positions_at(times), strict=True)):
-            plant.SetPositions(context, positions)
-            for foot, frame in enumerate(frames):
-                poses[foot, row] = frame.CalcPoseInWorld(context).GetAsMatrix4()
-            if pressed and root is not None:
-                station.set_positions(root, positions)
-                _keep_deepest(station.query(root), time, depths)
-        slides = {
-            (robot.name, link): _slide(robot, link, station.ground, own)
-            for (robot, link), own in zip(links, poses, strict=True)
-        }
-        return cls(times, rate, _by_body(station, depths), slides)
-
-
-def _keep_deepest(query: QueryObject, time: float, depths: dict[frozenset[GeometryId], tuple[float, float]]) -> None:
-    found = query.ComputePointPairPenetration()
-    if found:
-        deepest = max(found, key=attrgetter("depth"))
-        pair = frozenset((deepest.id_A, deepest.id_B))
-        if pair not in depths or depths[pair][0] < deepest.depth:
-            depths[pair] = deepest.depth, time
-
-
-def _by_body(
-    station: StationPlant, depths: dict[frozenset[GeometryId], tuple[float, float]]
-) -> dict[tuple[str, str], tuple[float, float]]:
-    found: dict[tuple[str, str], tuple[float, float]] = {}
-    for pair, deepest in depths.items():
-        names = [owner_and_robot(station, shape)[0] for shape in pair]
-        first, second = sorted(names, key=lambda name: (name == FLOOR, name))
-        found[first, second] = max(found.get((first, second), deepest), deepest)
-    return found
-
-
-def _slide(robot: StationRobot, link: str, ground: Ground, poses: Vector) -> Slide:
-    """Return how a foot slid whose link went through poses, shape (m, 4, 4).
-
-    A foot touches with those points of its contact shapes, lowest over the floor, that lie below the ground's surface.
-    From one look to the next each point that touches in both is followed as a point of its link, and the foot slides
-    by the mean of their displacements along the floor. A foot that rolls does not slide.
+    Attributes:
+        times: times of the looks, shape (m,) [s].
+        rate: rate of the looks [Hz].
+        depths: the deepest overlap of each pair of bodies. Of several overlaps at one look only the deepest counts.
+        slides: slides of each foot.
     """
-    assert robot.feet is not None  # the caller asks for robots with feet only
-    to_world = ground.floor_pose.rotation().matrix()
-    seen = np.array(poses)
-    seen[:, :3] = np.einsum("ji,mjk->mik", to_world, poses[:, :3])  # in the floor's axes; its origin is the world's
-    turns, places = seen[:, :3, :3], seen[:, :3, 3]
-    points = robot.feet.lowest_points(link, seen)
-    local = np.einsum("mji,mkj->mki", turns[:-1], points[:-1] - places[:-1, np.newaxis])
-    moved = places[1:, np.newaxis] + np.einsum("mij,mkj->mki", turns[1:], local)
-    in_world = points.reshape(-1, 3) @ to_world.T
-    below = (in_world[:, 2] < ground.beneath(in_world)).reshape(points.shape[:2])
-    touches = below[:-1] & below[1:]
-    ways = np.linalg.norm((moved - points[:-1])[..., :2], axis=2) * touches
-    return Slide(ways.sum(axis=1) / np.maximum(touches.sum(axis=1), 1), touches.any(axis=1))
+
+    times: Vector
+    rate: float
+    depths: dict[OverlappingBodies, DeepestOverlap] = field(default_factory=dict)
+    slides: dict[FootName, Slide] = field(default_factory=dict)
 
 
-def legged(config: StationConfig, station: StationPlant) -> list[StationRobot]:
-    """Return the robots that could walk: with feet, a free base and joints that are moved by torque."""
+def evaluate_touch(
+    config: StationConfig,
+    station: StationPlant,
+    samples: Vector,
+    positions_at: Callable[[Vector], Vector],
+    context_of: Callable[[], Context] | None,
+) -> Touch:
+    """Compute overlaps and slides of a run.
+
+    Args:
+        config: configuration of the station in the run.
+        station: the plant of the run.
+        samples: times of the run's samples, shape (m,) [s]. Some or all of them become looks.
+        positions_at: computes positions of the plant (k, nq) at times (k,) [s].
+        context_of: makes a context of the diagram that contains the plant; None if there is no diagram. Overlaps are
+            then left out.
+    """
+    samples_per_look = int(np.ceil(config.sample_rate / FASTEST))
+    times = samples[::samples_per_look]
+    rate = config.sample_rate / samples_per_look
+    # Looks take time, so none is made for stations without feet and contacts.
+    walkers = robots_that_can_walk(config, station)
+    root = context_of() if config.has_contact_forces and context_of is not None else None
+    if not walkers and root is None:
+        return Touch(times, rate)
+
+    positions = positions_at(times)
+    depths = {} if root is None else _deepest_overlaps(station, times, positions, root)
+    slides: dict[FootName, Slide] = {}
+    for robot in walkers:
+        slides |= _slides_of(robot, station, positions)
+    return Touch(times, rate, depths, slides)
+
+
+def _deepest_overlaps(
+    station: StationPlant, times: Vector, positions: Vector, root: Context
+) -> dict[OverlappingBodies, DeepestOverlap]:
+    """Find the deepest overlap of each pair of bodies.
+
+    Args:
+        station: the plant of the run.
+        times: times of the looks, shape (m,) [s].
+        positions: positions of the plant at the looks, shape (m, nq).
+        root: context of the diagram that contains the plant; it may be changed.
+    """
+    if station.replaced_pairs:
+        # Boxes that touch by contact points at their corners are measured as whole boxes.
+        root = station.with_whole_shapes(root)
+    of_shapes: dict[ShapePair, DeepestOverlap] = {}
+    for time, row in zip(times.tolist(), positions, strict=True):
+        station.set_positions(root, row)
+        _keep_deepest(of_shapes, station.query(root), time)
+
+    of_bodies: dict[OverlappingBodies, DeepestOverlap] = {}
+    for shapes, overlap in of_shapes.items():
+        bodies = _overlapping_bodies(station, shapes)
+        deepest = of_bodies.get(bodies, overlap)
+        of_bodies[bodies] = max(deepest, overlap)
+    return of_bodies
+
+
+def _keep_deepest(overlaps: dict[ShapePair, DeepestOverlap], query: QueryObject, time: float) -> None:
+    """Enter the deepest overlap of one look into a dict, if it is the deepest one so far of its pair of shapes.
+
+    Args:
+        overlaps: the deepest overlaps so far, which are changed.
+        query: Drake's query object, with all bodies at their poses of this look.
+        time: time of the look [s].
+    """
+    penetrations = query.ComputePointPairPenetration()
+    if not penetrations:
+        return
+    deepest = max(penetrations, key=attrgetter("depth"))
+    pair = frozenset((deepest.id_A, deepest.id_B))
+    if pair not in overlaps or overlaps[pair].depth < deepest.depth:
+        overlaps[pair] = DeepestOverlap(deepest.depth, time)
+
+
+def _overlapping_bodies(station: StationPlant, shapes: ShapePair) -> OverlappingBodies:
+    """Names of the bodies to which two shapes belong."""
+    names = [owner_and_robot(station, shape)[0] for shape in shapes]
+    # False comes before True, so the floor is the last one.
+    first, second = sorted(names, key=lambda name: (name == FLOOR, name))
+    return OverlappingBodies(first, second)
+
+
+def _slides_of(robot: StationRobot, station: StationPlant, positions: Vector) -> dict[FootName, Slide]:
+    """Compute how each foot of a robot slides.
+
+    Args:
+        robot: a robot with feet.
+        station: the plant with the robot.
+        positions: positions of the plant at the looks, shape (m, nq).
+    """
+    feet = robot.feet
+    if feet is None:
+        return {}
+    plant = station.plant
+    context = plant.CreateDefaultContext()
+    frames = [plant.GetFrameByName(link, robot.instance) for link in feet.links]
+    poses = np.empty((len(frames), len(positions), 4, 4))  # of each foot's link in the world, at each look
+    for look, row in enumerate(positions):
+        plant.SetPositions(context, row)
+        for foot, frame in enumerate(frames):
+            poses[foot, look] = frame.CalcPoseInWorld(context).GetAsMatrix4()
+
+    slides = {}
+    for link, poses_of_link in zip(feet.links, poses, strict=True):
+        slides[FootName(robot.name, link)] = _slide(feet, link, station.ground, poses_of_link)
+    return slides
+
+
+def _slide(feet: FootContact, link: str, ground: Ground, poses: Vector) -> Slide:
+    r"""Compute how a foot slides over the ground.
+
+    The *contact points* of a foot are the lowest points of its contact shapes: of each sphere, or of each corner of
+    the sole. A contact point touches if it is below the surface of the ground. Let :math:`p` be a contact point that
+    touches at two looks, and :math:`R, t` the link's pose at the first look and :math:`R', t'` at the second. The link
+    has moved this point by
+
+    .. math:: d = t' + R' R^T (p - t) - p.
+
+    The foot slides by the length of the part of :math:`d` along the floor, on average over the points that touch. So a
+    foot that rolls does not slide.
+
+    Args:
+        feet: the contact shapes of the robot's feet.
+        link: name of the link that is the foot.
+        ground: the ground, whose floor may be inclined.
+        poses: poses of the link in the world, shape (m, 4, 4).
+    """
+    # Poses in the floor's axes, whose z axis is normal to the floor. Both frames have the same origin.
+    floor_to_world = ground.floor_pose.rotation().matrix()
+    poses_in_floor = np.array(poses)
+    poses_in_floor[:, :3] = np.einsum("ji,mjk->mik", floor_to_world, poses[:, :3])
+    rotations = poses_in_floor[:, :3, :3]
+    origins = poses_in_floor[:, :3, 3]
+
+    # d in the floor's axes, shape (m - 1, k, 3). Keep the order of the arithmetic: results are equal to the last bit.
+    points = feet.lowest_points(link, poses_in_floor)  # (m, k, 3)
+    points_in_link = np.einsum("mji,mkj->mki", rotations[:-1], points[:-1] - origins[:-1, np.newaxis])
+    points_after = origins[1:, np.newaxis] + np.einsum("mij,mkj->mki", rotations[1:], points_in_link)
+    displacements = points_after - points[:-1]
+
+    # A point slides from one look to the next if it touches at both.
+    points_in_world = points.reshape(-1, 3) @ floor_to_world.T
+    is_below = points_in_world[:, 2] < ground.beneath(points_in_world)
+    is_below = is_below.reshape(points.shape[:2])
+    is_touching = is_below[:-1] & is_below[1:]
+
+    distances = np.linalg.norm(displacements[..., :2], axis=2) * is_touching
+    touching_count = np.maximum(is_touching.sum(axis=1), 1)  # at least 1: without contact the mean is 0, not NaN
+    return Slide(distances=distances.sum(axis=1) / touching_count, in_contact=is_touching.any(axis=1))
+
+
+def robots_that_can_walk(config: StationConfig, station: StationPlant) -> list[StationRobot]:
+    """Robots of a station that have feet, a base that moves freely, and joints that are moved by torques."""
     if not config.engine.moves_by_forces:
         return []
     return [robot for robot in station.robots.values() if robot.feet is not None and robot.model.base == "floating"]

@@ -22,7 +22,7 @@ from simrob_drake.base.messages import join_texts, message
 from simrob_drake.blocks.servo import AT_LIMIT
 from simrob_drake.parts.couplings import Between
 from simrob_drake.parts.station_plant import StationRobot
-from simrob_drake.results.record.run import RecordedRun, fallen
+from simrob_drake.results.record.run import RecordedRun, robot_that_fell
 from simrob_drake.results.record.torques import torque_shares
 from simrob_drake.results.verdict.contact_forces import measure_friction_share, measure_resting_force
 from simrob_drake.results.verdict.grips import measure_lost_piece
@@ -182,7 +182,7 @@ def _final_error(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
     Returns None for a run that a fall ended, or that the next run of its program continues: the motion is not at its
     end there.
     """
-    if run.ending not in _REGULAR_ENDINGS or fallen(run) is not None or run.is_continued:
+    if run.ending not in _REGULAR_ENDINGS or robot_that_fell(run) is not None or run.is_continued:
         return None
     ends = np.full(len(robot.axes), run.stop_time)
     distances = _errors_at_end(run, robot)

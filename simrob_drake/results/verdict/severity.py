@@ -1,7 +1,7 @@
 """How severe each remark about a run is. This is the only module that decides it."""
 
 from simrob_drake.base.remarks import Severity
-from simrob_drake.results.record.run import RecordedRun, fallen
+from simrob_drake.results.record.run import RecordedRun, robot_that_fell
 
 _OF_ENDINGS: dict[str, Severity] = {
     "completed": "success",
@@ -21,7 +21,7 @@ CONTROLLER_REMARK: Severity = "note"
 
 def severity_of_end(run: RecordedRun) -> Severity:
     """Severity of how a run ended."""
-    if run.ending == "monitor" and fallen(run) is not None:
+    if run.ending == "monitor" and robot_that_fell(run) is not None:
         return "failure"
     return _OF_ENDINGS[run.ending]
 

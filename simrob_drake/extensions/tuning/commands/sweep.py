@@ -12,7 +12,7 @@ from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.arguments import changes_of, refuse, texts_by_key
 from simrob_drake.cli.options import AllowCode, Force, NoRecording, Saving, Scheduler, Settings, Workers, with_mesh_path
-from simrob_drake.cli.saving import prepared_folder, saved
+from simrob_drake.cli.saving import prepared_folder, save_and_show
 from simrob_drake.cli.screen import console, say_place, say_text, table
 from simrob_drake.results.files import default_folder
 from simrob_drake.stations.file_paths import changes_with_absolute_paths
@@ -92,7 +92,7 @@ def sweep(
 
         simrob sweep runs/gains --run 12
     """
-    from simrob_drake.base.distributions import parsed
+    from simrob_drake.base.distributions import parse_distribution
     from simrob_drake.base.sampling import Sampling
     from simrob_drake.extensions.tuning.sweep import Sweep
     from simrob_drake.extensions.tuning.sweep_folder import SWEEP, TABLE, SweepFolder
@@ -109,7 +109,7 @@ def sweep(
         place = SweepFolder.there(Path(station), allow_code=allow_code)
     else:
         refuse(message("tuning.effect_with_folder", "it has an effect only with the folder of a sweep"), run=run)
-        distributions = {key: parsed(f"--vary {key}", text) for key, text in texts_by_key(vary, "--vary")}
+        distributions = {key: parse_distribution(f"--vary {key}", text) for key, text in texts_by_key(vary, "--vary")}
         sampled: dict[str, Any] = {"vary": distributions, "sampling": sampling}
         if sampling is not None:
             one_of(message("tuning.sampling", "sampling"), sampling, get_args(Sampling))
@@ -147,7 +147,7 @@ def _run_again(place: "SweepFolder", number: int, out: Path | None, *, force: bo
     case = place.cases[number - 1]
     scene = case.scene()
     saving = Saving(out or place.folder / f"run_{number}", force, no_recording=not recording)
-    return saved(scene.run(), prepared_folder(scene.config, saving), saving)
+    return save_and_show(scene.run(), prepared_folder(scene.config, saving), saving)
 
 
 _ENDING_WORDS = {
