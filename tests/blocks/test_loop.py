@@ -1,4 +1,4 @@
-"""Loops alone, sample by sample: what one remembers is given in, what changes comes out."""
+"""Controllers alone, sample by sample: their outputs for given inputs and a given memory."""
 
 import numpy as np
 import pytest
@@ -13,15 +13,15 @@ NAN = np.nan
 
 
 class Driven:
-    """A loop that is driven by hand."""
+    """A controller whose inputs are fixed, and which is sampled by hand."""
 
     def __init__(self, loop: SampledBlock) -> None:
-        """Begin as the loop does."""
+        """Begin in the initial state of a controller."""
         self.loop = loop
         self.context = loop.CreateDefaultContext()
 
     def sample(self, **read):
-        """Let it sample once, and return its outputs by name."""
+        """Take a sample with inputs by name; others stay as they were. Returns the outputs by name."""
         for name, value in read.items():
             self.loop.GetInputPort(name).FixValue(self.context, np.atleast_1d(value))
         update = self.loop.EvalUniquePeriodicDiscreteUpdate(self.context)
@@ -31,6 +31,7 @@ class Driven:
 
 
 def two_cells(**changed):
+    """A sequence that moves the hip to 1 rad in 0.5 s, then the knee to -0.5 rad at once, at 10 Hz."""
     cells = [{"targets_deg": {"hip": 1}, "duration": 0.5}, {"targets_deg": {"knee": 1}, "duration": 0.0}]
     section = Sequencer.model_validate({"kind": "sequencer", "rate": 10, "cells": cells, **changed})
     targets = [np.array([1.0, NAN]), np.array([NAN, -0.5])]
@@ -70,17 +71,31 @@ def test_a_cell_that_takes_too_long_ends_the_run_with_the_late_joint_or_goes_on(
         two_cells(ends=True).sample({**memory, "done": np.ones(1)}, read)
 
 
-def guard(**changed):
-    posture, toward = np.array([1.0, -1.0]), changed.pop("toward", None)
-    figures = {"height": 0.4, "tilt_deg": np.rad2deg(0.5), "posture_deg": {"hip": 1}, **changed}
-    section = FallGuard.model_validate({"kind": "fall_guard", "rate": 10, **figures})
-    return ProtectivePosture(section, posture=posture, up=np.array([0.0, 0.0, 1.0]), toward=toward)
+def guard(toward=None, **changed):
+    """A guard that acts below 0.4 m or beyond a lean of 0.5 rad, at 10 Hz, with changed keys of its section."""
+    section = {
+        "kind": "fall_guard",
+        "rate": 10,
+        "height": 0.4,
+        "tilt_deg": np.rad2deg(0.5),
+        "posture_deg": {"hip": 1},
+        **changed,
+    }
+    return ProtectivePosture(
+        FallGuard.model_validate(section),
+        posture=np.array([1.0, -1.0]),
+        up=np.array([0.0, 0.0, 1.0]),
+        toward=toward,
+    )
 
 
-UPRIGHT, LOW = np.array([0, 0, 0.41, 1, 0, 0, 0.0]), np.array([0, 0, 0.39, 1, 0, 0, 0.0])
+# Poses of the base: position [m], then quaternion.
+UPRIGHT = np.array([0, 0, 0.41, 1, 0, 0, 0.0])
+LOW = np.array([0, 0, 0.39, 1, 0, 0, 0.0])
 
 
 def leaning(angle):
+    """Pose of a base that is turned about y [rad]."""
     return np.array([0, 0, 0.41, np.cos(angle / 2), 0, np.sin(angle / 2), 0.0])
 
 
