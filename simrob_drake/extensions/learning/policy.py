@@ -81,9 +81,9 @@ class Policy(LoopSection):
         return self
 
     @property
-    def names_read(self) -> list[str]:
+    def read_names(self) -> list[str]:
         """Names of the sensors and outputs that the loop reads, as the section writes them."""
-        return [*super().names_read, *self._outputs]
+        return [*super().read_names, *self._outputs]
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
         """Return the axes that it moves."""

@@ -75,7 +75,7 @@ class LoopSection(ControllerSection):
     """How much of it shows above what is below it, 0 to 1; all unless given."""
 
     @property
-    def names_read(self) -> list[str]:
+    def read_names(self) -> list[str]:
         """Names of the sensors, outputs and result columns that the loop reads, as the section writes them."""
         return list(self.reads.values())
 
@@ -191,7 +191,7 @@ def readers_of(controllers: Mapping[str, Any]) -> "dict[str, LoopSection | Signa
 
 def sensors_read(loops: "Mapping[str, LoopSection | SignalFlow]", sensors: Mapping[str, Sensor]) -> set[str]:
     """Return the names of the sensors that must sample while a station is stepped: loops read them, or such sensors."""
-    parts = {part for loop in loops.values() for text in loop.names_read for part in text.split(".")}
+    parts = {part for loop in loops.values() for text in loop.read_names for part in text.split(".")}
     stepped = {name: sensor for name, sensor in sensors.items() if sensor.stepped or name in parts}
     read = {other for sensor in stepped.values() for other in sensor.read(sensors).values()}
     return {*stepped, *read} & set(sensors)

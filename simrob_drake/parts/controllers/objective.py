@@ -231,9 +231,9 @@ class Objective(LoopSection):
         return self
 
     @property
-    def names_read(self) -> list[str]:
+    def read_names(self) -> list[str]:
         """Names of the sensors, outputs and result columns that the loop reads, as the section writes them."""
-        return [*super().names_read, self.measures]
+        return [*super().read_names, self.measures]
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
         """Names of the axes that the loop moves: those with weights, and those of the posture."""

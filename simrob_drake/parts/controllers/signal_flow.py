@@ -187,7 +187,7 @@ class SignalFlow(ControllerSection):
         return ("feedforward",) if self.torque else ()
 
     @property
-    def names_read(self) -> list[str]:
+    def read_names(self) -> list[str]:
         """Names of all terms that blocks and torques read: blocks of the flow, and columns of the station's results."""
         sums = list(self.torque.values())
         for block in self._computed_blocks.values():
