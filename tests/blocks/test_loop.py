@@ -1,4 +1,4 @@
-"""Controllers alone, sample by sample: their outputs for given inputs and a given memory."""
+"""Loops alone, sample by sample: what one remembers is given in, what changes comes out."""
 
 import numpy as np
 import pytest
@@ -13,15 +13,15 @@ NAN = np.nan
 
 
 class Driven:
-    """A controller whose inputs are fixed, and which is sampled by hand."""
+    """A loop that is driven by hand."""
 
     def __init__(self, loop: SampledBlock) -> None:
-        """Begin in the initial state of a controller."""
+        """Begin as the loop does."""
         self.loop = loop
         self.context = loop.CreateDefaultContext()
 
     def sample(self, **read):
-        """Take a sample with inputs by name; others stay as they were. Returns the outputs by name."""
+        """Let it sample once, and return its outputs by name."""
         for name, value in read.items():
             self.loop.GetInputPort(name).FixValue(self.context, np.atleast_1d(value))
         update = self.loop.EvalUniquePeriodicDiscreteUpdate(self.context)
@@ -31,7 +31,6 @@ class Driven:
 
 
 def two_cells(**changed):
-    """A sequence that moves the hip to 1 rad in 0.5 s, then the knee to -0.5 rad at once, at 10 Hz."""
     cells = [{"targets_deg": {"hip": 1}, "duration": 0.5}, {"targets_deg": {"knee": 1}, "duration": 0.0}]
     section = Sequencer.model_validate({"kind": "sequencer", "rate": 10, "cells": cells, **changed})
     targets = [np.array([1.0, NAN]), np.array([NAN, -0.5])]
@@ -71,31 +70,17 @@ def test_a_cell_that_takes_too_long_ends_the_run_with_the_late_joint_or_goes_on(
         two_cells(ends=True).sample({**memory, "done": np.ones(1)}, read)
 
 
-def guard(toward=None, **changed):
-    """A guard that acts below 0.4 m or beyond a lean of 0.5 rad, at 10 Hz, with changed keys of its section."""
-    section = {
-        "kind": "fall_guard",
-        "rate": 10,
-        "height": 0.4,
-        "tilt_deg": np.rad2deg(0.5),
-        "posture_deg": {"hip": 1},
-        **changed,
-    }
-    return ProtectivePosture(
-        FallGuard.model_validate(section),
-        posture=np.array([1.0, -1.0]),
-        up=np.array([0.0, 0.0, 1.0]),
-        toward=toward,
-    )
+def guard(**changed):
+    posture, toward = np.array([1.0, -1.0]), changed.pop("toward", None)
+    figures = {"height": 0.4, "tilt_deg": np.rad2deg(0.5), "posture_deg": {"hip": 1}, **changed}
+    section = FallGuard.model_validate({"kind": "fall_guard", "rate": 10, **figures})
+    return ProtectivePosture(section, posture=posture, up=np.array([0.0, 0.0, 1.0]), toward=toward)
 
 
-# Poses of the base: position [m], then quaternion.
-UPRIGHT = np.array([0, 0, 0.41, 1, 0, 0, 0.0])
-LOW = np.array([0, 0, 0.39, 1, 0, 0, 0.0])
+UPRIGHT, LOW = np.array([0, 0, 0.41, 1, 0, 0, 0.0]), np.array([0, 0, 0.39, 1, 0, 0, 0.0])
 
 
 def leaning(angle):
-    """Pose of a base that is turned about y [rad]."""
     return np.array([0, 0, 0.41, np.cos(angle / 2), 0, np.sin(angle / 2), 0.0])
 
 

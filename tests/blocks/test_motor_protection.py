@@ -1,4 +1,4 @@
-"""The loop that protects motors, alone: its heat against the closed form, giving way, stopping and release."""
+"""The loop that protects motors, alone: heat against its closed form, what gives way, what stops and lets go."""
 
 import numpy as np
 import pytest
@@ -7,17 +7,25 @@ from simrob_drake.blocks.sampled import RunEnds
 from simrob_drake.parts.controllers.efforts import GuardedMotors, MotorProtection
 from tests.blocks.test_loop import Driven
 
-T = 0.01  # period of the samples [s]
+PERIOD = 0.01  # s between samples
+LIMIT = 40.0  # N·m, of the first axis
+NOMINAL = 20.0  # N·m, that its motor may give forever
+KP = 1000.0  # N·m/rad, of its servo
+THERMAL_TIME = 2.0  # s
+UNWATCHED = np.full(2, np.inf)
+
+# Stages, as the output `stage` gives them.
+WATCHES, WARNS, GIVES_WAY, STOPPED = range(4)
 
 
-def motors(limit=(40.0, np.inf), nominal=(20.0, np.inf), fastest=1.0, **changed):
-    """A loop that protects the motor of a hip; the knee has no limits. Keys of the section may be changed."""
-    section = {"kind": "motor_protection", "thermal_time": 2.0, "hold": 0.02, "patience": 0.1, **changed}
+def motors(limit=(LIMIT, np.inf), nominal=(NOMINAL, np.inf), fastest=1.0, **changed):
+    """A loop for two axes, of which only the first one is watched; ``changed`` are keys of its section."""
+    section = {"kind": "motor_protection", "thermal_time": THERMAL_TIME, "hold": 0.02, "patience": 0.1, **changed}
     return GuardedMotors(
         MotorProtection.model_validate(section),
         limit=np.array(limit),
         nominal=np.array(nominal),
-        stiffness=np.array([1000.0, 500.0]),
+        stiffness=np.array([KP, 500.0]),
         fastest=np.full(2, fastest),
         names=["hip", "knee"],
         units=["N·m", "N·m"],
@@ -25,135 +33,127 @@ def motors(limit=(40.0, np.inf), nominal=(20.0, np.inf), fastest=1.0, **changed)
 
 
 def sample(driven, torque, *, position=(0.1, 0.2), asked=(0.5, 0.6), **read):
-    """Take a sample with a torque of the hip [N·m]. Returns the outputs by name."""
+    """Sample with a torque of the first axis [N·m]."""
     return driven.sample(torque=np.array([torque, 7.0]), position=np.array(position), asked=np.array(asked), **read)
 
 
-def test_heat_follows_its_differential_equation_and_knows_no_sign():
-    """Heat goes to (tau / nominal)² with the thermal time, and back to 0 in the same way."""
-    torque = 16.0
-    nominal = 20.0
-    thermal_time = 2.0
-    times = T * np.arange(1, 101)
-    driven = Driven(motors(limit=np.full(2, np.inf), nominal=(nominal, np.inf), thermal_time=thermal_time))
+def begun_memory(**changed):
+    """Memory of a loop that has just begun, but for what is changed."""
+    memory = {name: np.zeros(2) for name in ("offset", "heat", "above")}
+    memory |= {name: np.zeros(1) for name in ("stage", "pressed", "lasts")}
+    return {**memory, **changed}
 
-    heats = np.array([sample(driven, value)["heat"] for value in [torque] * 50 + [-torque] * 50])
+
+def test_heat_follows_its_differential_equation_and_the_sign_of_a_torque_is_of_no_effect():
+    """At a constant torque the heat approaches (torque / nominal)² exponentially, and 0 afterwards."""
+    driven = Driven(motors(limit=UNWATCHED))
+    torques = [16.0] * 50 + [-16.0] * 50
+
+    heats = np.array([sample(driven, torque)["heat"] for torque in torques])
     cooling = np.array([sample(driven, 0.0)["heat"][0] for _ in range(100)])
 
-    assert heats[:, 0] == pytest.approx((torque / nominal) ** 2 * (1 - np.exp(-times / thermal_time)), rel=1e-12)
+    decay = np.exp(-PERIOD * np.arange(1, 101) / THERMAL_TIME)
+    assert heats[:, 0] == pytest.approx((16 / NOMINAL) ** 2 * (1 - decay), rel=1e-12)
     assert (heats[:, 1] == 0).all()
-    assert cooling == pytest.approx(heats[-1, 0] * np.exp(-times / thermal_time), rel=1e-12)
+    assert cooling == pytest.approx(heats[-1, 0] * decay, rel=1e-12)
 
 
 def test_an_axis_gives_way_until_the_torque_of_its_servo_is_at_the_limit():
     """A joint that is stuck: its servo gives what is left between reference and position, up to 150 N·m."""
-    stiffness = 1000  # [N·m/rad]
-    error = 0.3  # [rad]
-    saturation = 150.0  # [N·m]
-    driven = Driven(motors(nominal=np.full(2, np.inf), patience=1.0))
-
+    deviation = 0.3  # rad, of the joint from its reference
+    driven = Driven(motors(nominal=UNWATCHED, patience=1.0))
     offset = 0.0
     torques = []
     stages = []
     for _ in range(20):
-        torques.append(min(stiffness * (error + offset), saturation))
+        torques.append(min(KP * (deviation + offset), 150.0))
         outputs = sample(driven, torques[-1])
         offset = outputs["offset"][0]
         stages.append(outputs["stage"][0])
 
-    assert stages[:3] == [0, 0, 2]  # the overload must last
-    assert torques[:3] == [saturation] * 3
-    # The servo was saturated: 0.3 rad would give 300 N·m, so the first step back changes nothing.
-    assert torques[3:6] == pytest.approx([150, 80, 40])
-    assert torques[6:] == pytest.approx([40] * 14)
-    assert offset == pytest.approx(40 / stiffness - error)
+    assert stages[:3] == [WATCHES, WATCHES, GIVES_WAY]  # an overload must last
+    assert torques[:3] == [150, 150, 150]
+    assert torques[3:6] == pytest.approx([150, 80, 40])  # it was saturated: 0.3 rad would give 300
+    assert torques[6:] == pytest.approx([LIMIT] * 14)
+    assert offset == pytest.approx(LIMIT / KP - deviation)
 
 
 def test_it_comes_back_at_its_own_speed_once_it_can_and_guards_again():
-    """The offset goes back by 2 rad/s where the torque allows it, and is 0 again in the end."""
+    """The offset of -0.05 rad returns by 0.02 rad a sample, or by what the limit permits."""
     driven = Driven(motors(hold=0.0, patience=1.0, fastest=2.0))
     sample(driven, 90.0)
-    seen = [sample(driven, torque) for torque in (10.0, 28.0, 10.0, 10.0)]
-    assert [given["offset"][0] for given in seen] == pytest.approx([-0.03, -0.018, 0, 0])
-    assert [given["stage"][0] for given in seen] == [2, 2, 0, 0]
+
+    outputs = [sample(driven, torque) for torque in (10.0, 28.0, 10.0, 10.0)]
+
+    assert [output["offset"][0] for output in outputs] == pytest.approx([-0.03, -0.018, 0, 0])
+    assert [output["stage"][0] for output in outputs] == [GIVES_WAY, GIVES_WAY, WATCHES, WATCHES]
 
 
 def test_a_motor_that_is_too_warm_warns_and_may_give_no_more_than_forever():
-    """The stages 1 and 2 begin at 0.8 and 1 of the heat; then the torque falls to the nominal one of 20 N·m."""
-    overload = 30.0  # [N·m]
-    stiffness = 1000  # [N·m/rad]
-    thermal_time = 0.1  # [s]
+    """A torque of 1.5 times the nominal one heats up to 2.25; from 1 on the axis gives way to the nominal torque."""
+    thermal_time = 0.1
     driven = Driven(motors(thermal_time=thermal_time, hold=0.02, patience=10.0))
-
-    torque = overload
+    torque = 30.0
     stages = []
     heats = []
     for _ in range(60):
         outputs = sample(driven, torque)
-        torque = overload + stiffness * outputs["offset"][0]
+        torque = 30.0 + KP * outputs["offset"][0]
         stages.append(outputs["stage"][0])
         heats.append(outputs["heat"][0])
 
-    # (30 / 20)² (1 - exp(-t / T)) = level
-    final_heat = (overload / 20) ** 2
-    crossing = [np.log(final_heat / (final_heat - level)) * thermal_time / T for level in (0.8, 1.0)]
-    assert [stages.index(1), stages.index(2)] == [int(samples) for samples in crossing]
-    assert torque == pytest.approx(20, abs=1.0)
+    # 2.25 (1 - exp(-t / thermal_time)) = level
+    times = [np.log(2.25 / (2.25 - level)) * thermal_time for level in (0.8, 1.0)]
+    assert [stages.index(WARNS), stages.index(GIVES_WAY)] == [int(time / PERIOD) for time in times]
+    assert torque == pytest.approx(NOMINAL, abs=1.0)
     assert max(heats) < 1.1
     assert heats[-1] == pytest.approx(1, abs=0.02)
 
 
 def test_it_stops_when_it_has_given_way_for_too_long_and_holds_where_it_was():
-    """After 0.1 s of giving way, the loop takes the reference over, and holds the positions of that moment."""
+    """It gives way after 0.02 s and stops after 0.1 s more, with the position of that sample as target."""
     driven = Driven(motors())
 
-    samples = [sample(driven, 60.0, position=(0.1 + 0.001 * k, 0.2)) for k in range(30)]
+    outputs = [sample(driven, 60.0, position=(0.1 + 0.001 * number, 0.2)) for number in range(30)]
 
-    stages = [outputs["stage"][0] for outputs in samples]
-    assert stages.index(2) == 2
-    assert stages.index(3) == 12
-    assert samples[-1]["target"] == pytest.approx([0.112, 0.2])
-    assert samples[11]["active"] == 0
-    assert samples[12]["active"] == 1
+    stages = [output["stage"][0] for output in outputs]
+    assert stages.index(GIVES_WAY) == 2
+    assert stages.index(STOPPED) == 12
+    assert outputs[-1]["target"] == pytest.approx([0.112, 0.2])
+    assert (outputs[11]["active"], outputs[12]["active"]) == (0, 1)
 
 
-def test_it_lets_go_without_a_jump_once_all_was_well():
-    """After 0.05 s without overload the loop is released: its offset begins where it held, and goes back by 1 rad/s."""
-    reference = np.array([0.5, 0.6])
+def test_it_releases_the_robot_without_a_jump_once_all_was_well():
+    """After 0.05 s without overload, the offset is that of the target from the reference, and returns to 0."""
     driven = Driven(motors(hold=0.02, patience=0.1, reset_after=0.05))
-    while sample(driven, 60.0)["stage"] != 3:
+    while sample(driven, 60.0)["stage"] != STOPPED:
         pass
-    held = sample(driven, 60.0)["target"]
+    target = sample(driven, 60.0)["target"]
 
-    samples = [sample(driven, 5.0, asked=reference) for _ in range(7)]
+    outputs = [sample(driven, 5.0) for _ in range(7)]
 
-    assert [outputs["active"][0] for outputs in samples] == [1, 1, 1, 1, 0, 0, 0]
-    assert samples[4]["offset"] + reference == pytest.approx(held)
-    assert samples[6]["offset"] == pytest.approx(samples[4]["offset"] + 2 * T)
+    assert [output["active"][0] for output in outputs] == [1, 1, 1, 1, 0, 0, 0]
+    assert outputs[4]["offset"] + [0.5, 0.6] == pytest.approx(target)  # offset from what is asked now
+    assert outputs[6]["offset"] == pytest.approx(outputs[4]["offset"] + 2 * PERIOD)
 
 
-def test_a_force_stops_it_at_once():
-    """The size of the force vector counts: 139 N are below the limit of 140 N, 141 N above."""
+def test_a_force_stops_it_at_once_and_can_end_the_run():
+    """The size of the force counts, not its components: 80 N along each of three axes are 139 N."""
     driven = Driven(motors(force=140.0, hold=0.0, patience=0.1))
-
-    assert sample(driven, 5.0, force=[80.0, 80.0, -80.0])["stage"] == 0
-    assert sample(driven, 5.0, force=[0.0, 0.0, 141.0])["stage"] == 3
-
-
-def test_a_force_can_end_the_run():
-    """With `then: end`, a force above the limit ends the run, and the reason names the limit."""
-    loop = motors(force=140.0, hold=0.0, patience=0.1, then="end")
-    memory = {name: np.zeros(2) for name in ("offset", "heat", "above")}
-    memory |= {name: np.zeros(1) for name in ("stage", "pressed", "lasts")}
+    loop_that_ends = motors(force=140.0, hold=0.0, patience=0.1, then="end")
     read = {"torque": np.zeros(2), "position": np.zeros(2), "force": np.array([0, 0, 141.0])}
 
+    assert sample(driven, 5.0, force=[80.0, 80.0, -80.0])["stage"] == WATCHES
+    assert sample(driven, 5.0, force=[0.0, 0.0, 141.0])["stage"] == STOPPED
     with pytest.raises(RunEnds, match="above 140 N"):
-        loop.sample(memory, read)
+        loop_that_ends.sample(begun_memory(), read)
 
 
 def test_the_reason_names_the_axis_and_its_limit():
+    """It has given way for 0.1 s, the patience of the loop, and one sample more."""
     loop = motors(then="end")
-    memory = {name: np.zeros(2) for name in ("offset", "heat", "above")}
-    memory |= {"stage": np.array([2.0]), "pressed": np.zeros(1), "lasts": np.array([0.1])}
+    memory = begun_memory(stage=np.array([float(GIVES_WAY)]), lasts=np.array([0.1]))
+    read = {"torque": np.array([60.0, 0.0]), "position": np.zeros(2)}
+
     with pytest.raises(RunEnds, match=r"hip was held at 40 N·m for 0\.11 s"):
-        loop.sample(memory, {"torque": np.array([60.0, 0.0]), "position": np.zeros(2)})
+        loop.sample(memory, read)
