@@ -27,7 +27,7 @@ from simrob_drake.blocks.block import add_and_connect
 from simrob_drake.blocks.passive_joints import add_external_force
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.kinds import Kinds
-from simrob_drake.parts.resolved import WORLD, Surroundings, named
+from simrob_drake.parts.resolved import WORLD, StationContents, name_or_only
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.parts.targets import frame_names, frame_of
@@ -103,7 +103,7 @@ class ForceSection(Strict, ABC):
         """
         return source
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check that the station is moved by forces, and that it has what the force acts on.
 
         Args:
@@ -127,7 +127,7 @@ class ForceSection(Strict, ABC):
             one_of(kind, self.at, known)
         self.place_name(key, station)
 
-    def place_name(self, key: str, station: Surroundings) -> str:
+    def place_name(self, key: str, station: StationContents) -> str:
         """Name of the robot, tool, link or piece on which the force acts.
 
         Args:
@@ -139,7 +139,7 @@ class ForceSection(Strict, ABC):
         """
         if self.at is not None:
             return self.at
-        robot = station.robots[named(None, list(station.robots), key=f"{key}.at")]
+        robot = station.robots[name_or_only(None, list(station.robots), key=f"{key}.at")]
         # An arm is pushed at its tool, a robot on legs as a whole.
         return robot.name if robot.floats or not robot.tcp else f"{robot.prefix}{robot.tcp}"
 
@@ -173,7 +173,7 @@ def add_force(
 
     source_port = builder.AddNamedSystem(f"{block_name}.source", source).get_output_port(0)
     force = section.add_force_law(builder, site, block_name, frame, point, source_port)
-    block = add_external_force(builder, site.plant.stepped, frame, name=block_name, point=point)
+    block = add_external_force(builder, site.plant.plant_block, frame, name=block_name, point=point)
     builder.Connect(force, block.get_command_input_port())
     site.spatial_forces.append(block.get_spatial_forces_output_port())
 

@@ -250,7 +250,7 @@ def read_urdf(path: Path) -> ET.Element:
     except NotRead as problem:
         raise InvalidModel(
             path, "", message("base.cannot_be_read", "cannot be read ({problem})", problem=problem)
-        ) from problem
+        ) from None
     if text.count("<") > MOST_TAGS:
         raise InvalidModel(path, "", message("robots.too_many_tags", "has more than {most} tags", most=MOST_TAGS))
     if path.suffix.lower() == ".xacro" or "xmlns:xacro" in text:
@@ -268,7 +268,7 @@ def read_urdf(path: Path) -> ET.Element:
         declared = rf'\g<0> xmlns:drake="{DRAKE.strip("{}")}"'
         root = ET.fromstring(_OUTERMOST.sub(declared, text) if "drake:" in text else text)
     except ET.ParseError as problem:
-        raise InvalidModel(path, "", message("robots.not_xml", "is not XML: {problem}", problem=problem)) from problem
+        raise InvalidModel(path, "", message("robots.not_xml", "is not XML: {problem}", problem=problem)) from None
     if root.tag != "robot":
         raise InvalidModel(
             path, f"<{root.tag}>", message("robots.outermost_robot", "the outermost element of a URDF is <robot>")

@@ -15,7 +15,7 @@ from simrob_drake.base.renaming import former_names_of
 from simrob_drake.blocks.references import Reference, as_reference, corner_times, hold
 from simrob_drake.parts.controllers import readers_of
 from simrob_drake.parts.controllers.loop import sensors_read
-from simrob_drake.parts.controllers.own import driven_inputs
+from simrob_drake.parts.controllers.own import output_owners
 from simrob_drake.parts.controllers.section import ControllerSection, TimedCommand, commanded_sections
 from simrob_drake.parts.forces import ForceConfig, Push
 from simrob_drake.stations.closed import ClosedStation, closed_station
@@ -56,7 +56,7 @@ class StationDiagrams:
         self._station = station
         self._blocks = blocks
         self._steps_whole = steps_whole
-        self._driven_inputs = driven_inputs(blocks)
+        self._driven_inputs = output_owners(blocks)
         self.references = dict(references)
         self.forces = dict(station.config.forces)
 

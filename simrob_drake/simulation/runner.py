@@ -17,7 +17,7 @@ from simrob_drake.base.messages import compound, message
 from simrob_drake.base.renaming import former_argument
 from simrob_drake.blocks.references import Reference, Samples
 from simrob_drake.parts.controllers import own_blocks
-from simrob_drake.parts.controllers.own import OwnController, driven_inputs, named_blocks, with_driven
+from simrob_drake.parts.controllers.own import OwnController, named_blocks, output_owners, with_driven
 from simrob_drake.parts.forces import ForceConfig, Push
 from simrob_drake.results.record.rebuilt import fits
 from simrob_drake.results.record.state import MotionOrigin, State, Trace
@@ -167,7 +167,7 @@ class Runner:
         made = own_blocks(self.config.controllers)
         self._user_blocks = blocks
         self._blocks = {**made, **named_blocks(blocks)}
-        self._driven = driven_inputs(self._blocks)
+        self._driven = output_owners(self._blocks)
         inputs = with_driven(self.config.inputs, self._blocks)
         # The same object where nothing changes: it was resolved when it was loaded.
         is_same = inputs == self.config.inputs

@@ -111,7 +111,7 @@ def _add_external_input(
     is_torque = external == "external_torque"
     name = f"{robot.prefix}{external}"
     tool = robot.tools[robot.tcp]
-    block = add_external_force(builder, ports.plant.stepped, tool, name=name, turns=is_torque)
+    block = add_external_force(builder, ports.plant.plant_block, tool, name=name, turns=is_torque)
     # A block that passes the value on: a port of the station's input can be read as an output, too.
     entry = builder.AddNamedSystem(f"{name}.input", PassThrough(3))
     builder.Connect(entry.get_output_port(), block.get_command_input_port())
@@ -386,7 +386,7 @@ def _add_servos(
         actuation = robot.axis_map.actuation_matrix(plant, robot.instance, robot.gains.passive)
         torque = add_actuator_servos(
             builder,
-            ports.plant.stepped,
+            ports.plant.plant_block,
             robot.instance,
             signals,
             robot.gains,
@@ -475,7 +475,7 @@ def _add_servo_blocks(
         driven = add_matrix_gain(builder, f"{prefix}motors.driven", dampers, bus)
     if len(matrix) > 0:  # a robot without any motor has no actuators to connect
         actuation = add_matrix_gain(builder, f"{prefix}actuators", matrix, driven)
-        builder.Connect(actuation, ports.plant.stepped.get_actuation_input_port(robot.instance))
+        builder.Connect(actuation, ports.plant.plant_block.get_actuation_input_port(robot.instance))
     return add_limits(command) if in_actuators else command
 
 

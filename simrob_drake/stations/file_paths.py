@@ -139,7 +139,7 @@ def _absolute_path(path: object, key: str, folder: Path, border: Border | None) 
     except OutsideBorder as problem:
         raise InvalidConfig(
             own_border.source, key, compound("{path} {problem}", path=shortened(text, 300), problem=problem)
-        ) from problem
+        ) from None
 
 
 def changes_with_absolute_paths(

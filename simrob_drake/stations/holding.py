@@ -340,8 +340,9 @@ def _payload_findings(
     if rated is not None and robot.load > bound * rated:
         text = message(
             "stations.load_over_rating",
-            "it carries {load:.3g} kg, and is rated for {rated:g} kg: lighten its load",
+            "it carries {load:.3g} kg ({pieces}), and is rated for {rated:g} kg: lighten its load",
             load=robot.load,
+            pieces=robot.load_in_words,
             rated=rated,
         )
         findings.append(Finding("warning", subject, text))

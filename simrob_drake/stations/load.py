@@ -295,7 +295,7 @@ def _validate(content: Content, where: Path | str, allow_code: bool) -> StationC
         # Pydantic's key has the section `robots`, though the user may have written `robot`.
         config = validated(StationConfig, content, where)
     except InvalidConfig as problem:
-        raise InvalidConfig(where, _in_short_form(problem.key), _in_short_form(problem.problem)) from problem
+        raise InvalidConfig(where, _in_short_form(problem.key), _in_short_form(problem.problem)) from None
     for name, controller in config.controllers.items():
         if controller.runs_code and not allow_code:
             expected = message(
@@ -308,7 +308,7 @@ def _validate(content: Content, where: Path | str, allow_code: bool) -> StationC
         # Only now are the robots read, whose names of axes and links the parts need.
         check_parts(resolve(config))
     except SimrobError as problem:
-        raise InvalidConfig(where, "", _in_short_form(str(problem))) from problem
+        raise InvalidConfig(where, "", _in_short_form(str(problem))) from None
     return config
 
 

@@ -18,7 +18,7 @@ from simrob_drake.base.errors import InvalidModel, listed
 from simrob_drake.base.file_cache import FileState, file_state
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import MOST_TURN
-from simrob_drake.parts.resolved import ResolvedPiece, Surroundings
+from simrob_drake.parts.resolved import ResolvedPiece, StationContents
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.pieces import PieceShape, mesh_sides, solid_inertia
 from simrob_drake.robots.plausibility import Doubt, MassProperties, doubts_by_shapes, robot_doubts
@@ -52,7 +52,7 @@ class PoseAtKey(NamedTuple):
     pose: Sequence[float]  # x y z Rz Ry Rx: a position [m] and three angles [rad]
 
 
-def plausibility_findings(config: StationConfig, station: Surroundings) -> list[Finding]:
+def plausibility_findings(config: StationConfig, station: StationContents) -> list[Finding]:
     """Find implausible numbers in a station: in its robots, its pieces, and its own keys.
 
     Args:

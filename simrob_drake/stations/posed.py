@@ -81,7 +81,7 @@ class PosedStation:
         """Set the positions of the plant, shape (nq,) [rad or m], and move all shapes accordingly."""
         self.plant.SetPositions(self.context, positions)
         if self.station.stand_in is not None:
-            self.station.place(self._root_context, positions)
+            self.station.set_positions(self._root_context, positions)
         if self._positions_port is not None:
             system = self._positions_port.get_system()
             context = system.GetMyMutableContextFromRoot(self._root_context)

@@ -20,7 +20,7 @@ from simrob_drake.parts.controllers.loop import check_loops, sensors_read
 from simrob_drake.parts.couplings import Gear
 from simrob_drake.parts.ground import Ground
 from simrob_drake.parts.references import ReferenceConfig
-from simrob_drake.parts.resolved import WORLD, ResolvedPiece, ResolvedRobot, Surroundings
+from simrob_drake.parts.resolved import WORLD, ResolvedPiece, ResolvedRobot, StationContents
 from simrob_drake.parts.sensors.sensor import SampledSensor
 from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.catalog import RobotModel, load_robot
@@ -53,7 +53,7 @@ from simrob_drake.stations.target_limits import check_targets
 
 
 @dataclass(frozen=True)
-class ResolvedStation(Surroundings):
+class ResolvedStation(StationContents):
     """A station, resolved."""
 
     # Its configuration, with the gears of axes that mimic others in their robots' files.
@@ -385,7 +385,7 @@ def _robot(
         stops=(stiffness, damping),
         initial=initial,
         carried=carried,
-        load=sum(pieces[piece].model.mass for piece in carried),
+        loads={piece: pieces[piece].model.mass for piece in carried},
         held=held,
         tool_frames=tool_frames,
         tcp=tcp,

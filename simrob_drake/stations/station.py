@@ -417,8 +417,8 @@ def compose(
         )
         add_kinematic_robots(builder, ports)
     else:
-        # `stepped` is what the simulation steps: Drake's plant, or the block of another engine.
-        state = plant.stepped.get_state_output_port()
+        # `plant_block` is what the simulation steps: Drake's plant, or the block of another engine.
+        state = plant.plant_block.get_state_output_port()
         driven = sources or {}
         outputs = OutputRegistry(state, plant.plant, defers_reports=lean)
         ports = StationPorts(
@@ -479,7 +479,7 @@ def gather_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
         joined = ExternallyAppliedSpatialForceMultiplexer(len(found))
         forces = add_and_connect(builder, "external_forces", joined, *found)
         ports.picture.draw_nothing("external_forces")
-        port = ports.plant.stepped.get_applied_spatial_force_input_port()
+        port = ports.plant.plant_block.get_applied_spatial_force_input_port()
         before = _disconnect(builder, port)
         if before is not None:
             # The lists of forces are joined: another station in the plant, or the user, has
@@ -491,7 +491,7 @@ def gather_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
     if ports.generalized_forces:
         joints = add_sum(builder, "joint_forces", *ports.generalized_forces)
         ports.picture.draw_nothing("joint_forces")
-        port = ports.plant.stepped.get_applied_generalized_force_input_port()
+        port = ports.plant.plant_block.get_applied_generalized_force_input_port()
         before = _disconnect(builder, port)
         if before is not None:
             joints = add_sum(builder, "all_joint_forces", before, joints)

@@ -34,7 +34,9 @@ def two_cells(**changed):
     cells = [{"targets_deg": {"hip": 1}, "duration": 0.5}, {"targets_deg": {"knee": 1}, "duration": 0.0}]
     section = Sequencer.model_validate({"kind": "sequencer", "rate": 10, "cells": cells, **changed})
     targets = [np.array([1.0, NAN]), np.array([NAN, -0.5])]
-    return CellSequence(section, targets, np.full(2, 0.05), np.full(2, 0.2), ["hip", "knee"])
+    return CellSequence(
+        section, targets=targets, tolerance=np.full(2, 0.05), largest_speed=np.full(2, 0.2), axes=["hip", "knee"]
+    )
 
 
 def test_a_sequence_ramps_waits_for_each_joint_and_for_its_speed_and_then_goes_on():

@@ -15,7 +15,7 @@ from simrob_drake import add_station, load_station
 from simrob_drake.base.errors import InvalidParameter, SimrobError
 from simrob_drake.blocks.monitor import Condition, Monitor, SteadySteps
 from simrob_drake.parts.monitors.monitor import MonitorSection
-from simrob_drake.parts.resolved import Surroundings
+from simrob_drake.parts.resolved import StationContents
 from simrob_drake.stations.resolve import resolve
 
 AddPendulum = Callable[..., MultibodyPlant]
@@ -27,7 +27,7 @@ DONE = SimulatorStatus.ReturnReason.kReachedBoundaryTime
 
 def section_of(
     kind: str, station: str = "double_pendulum", servo: dict[str, Any] | None = None, **keys: Any
-) -> tuple[MonitorSection, Surroundings]:
+) -> tuple[MonitorSection, StationContents]:
     """Return a monitor's section of a station, and the station."""
     config = load_station(station, {"monitors": {"watch": {"kind": kind, **keys}}, "servo": servo or {}})
     return config.monitors["watch"], resolve(config)

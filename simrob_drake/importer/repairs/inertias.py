@@ -110,8 +110,8 @@ def repair_inertias(robot: ET.Element, folder: Path | None, options: ImportOptio
             replacement = _replace_by_point(link, inertia)
         else:
             replacement = _Replacement("dropped", message("importer.left_out", "; left out"))
-        where = message("robots.inertial_of_link", "link '{link}' <inertial>", link=name_of(link))
-        report.add(replacement.kind, where, f"{inertia.problem}{replacement.text}")
+        element = message("robots.inertial_of_link", "link '{link}' <inertial>", link=name_of(link))
+        report.add(replacement.kind, element, f"{inertia.problem}{replacement.text}")
 
     _repair_bodies_without_inertia(robot, folder, options, report)
     for where, doubt in robot_doubts(robot, folder):

@@ -33,7 +33,7 @@ from simrob_drake.blocks.block import add_matrix_gain
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.controllers.support import BalanceState, Direction, Support
-from simrob_drake.parts.resolved import ResolvedRobot, Surroundings
+from simrob_drake.parts.resolved import ResolvedRobot, StationContents
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
 
@@ -259,7 +259,7 @@ class Balance(LoopSection):
                     indices[robot.model.axis_index(axis, key)] = None
         return [robot.axes[index] for index in indices]
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check that the robot stands on feet of its own and that the steps' feet exist.
 
         Args:

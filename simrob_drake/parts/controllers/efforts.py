@@ -23,7 +23,7 @@ from simrob_drake.base.sections import NotNegative, Positive, Triple
 from simrob_drake.blocks.sampled import Changes, Named, RunEnds, SampledBlock
 from simrob_drake.parts.controllers.loop import ASKED, LoopSection, check_force_is_read
 from simrob_drake.parts.monitors.sections import force_limit
-from simrob_drake.parts.resolved import WORLD, ResolvedRobot, Surroundings
+from simrob_drake.parts.resolved import WORLD, ResolvedRobot, StationContents
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.parts.targets import frame_of
@@ -79,7 +79,7 @@ class ForceControl(LoopSection):
     reach: Positive = 0.05
     """Largest distance of the tool from its reference [m]."""
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check, in addition to the base class, that a force sensor is read and that the robot has a tool.
 
         Args:
@@ -287,7 +287,7 @@ class MotorProtection(LoopSection):
     reset_after: Positive | None = None
     """Time without overload after which the robot moves on [s]; if it is left out, the robot stays stopped."""
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check, in addition to the base class, that the loop has something to watch, and that its limits fit servos.
 
         Args:

@@ -18,7 +18,7 @@ from simrob_drake.base.sections import Boolean, Integer
 from simrob_drake.blocks.sampled import Changes, Named, RunEnds, SampledBlock
 from simrob_drake.parts.controllers.loop import ASKED, LoopSection
 from simrob_drake.parts.ground import Ground
-from simrob_drake.parts.resolved import Surroundings
+from simrob_drake.parts.resolved import StationContents
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.catalog import RobotModel
@@ -70,7 +70,7 @@ class GetUp(LoopSection):
     ends: Boolean = False
     """Whether the run ends once the robot has stood for a second."""
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check that the robot stands on feet of its own and has postures to get up, in addition to the base class.
 
         Args:

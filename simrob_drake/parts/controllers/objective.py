@@ -24,7 +24,7 @@ from simrob_drake.base.sections import NotNegative, Number, Positive
 from simrob_drake.blocks.block import add_matrix_gain
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.parts.controllers.flow_blocks import choose, maximum, minimum
-from simrob_drake.parts.controllers.loop import LoopSection, Wired
+from simrob_drake.parts.controllers.loop import LoopPorts, LoopSection
 from simrob_drake.parts.resolved import ResolvedRobot
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
@@ -239,9 +239,9 @@ class Objective(LoopSection):
         """Names of the axes that the loop moves: those with weights, and those of the posture."""
         weighted = [robot.axes[robot.model.axis_index(axis, "weights")] for axis in self.weights]
         # The loop adds offsets to the former, and replaces the reference of the latter.
-        return [*weighted, *self.layered(robot)]
+        return [*weighted, *self.target_axes(robot)]
 
-    def layered(self, robot: ResolvedRobot) -> Sequence[str]:
+    def target_axes(self, robot: ResolvedRobot) -> Sequence[str]:
         """Names of the axes whose reference the loop replaces: those of the posture."""
         return [robot.axes[robot.model.axis_index(axis, "then_deg")] for axis in self.then_deg]
 
@@ -298,7 +298,7 @@ class Objective(LoopSection):
             known_names,
         )
 
-    def wire(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site) -> Wired:
+    def wire(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site) -> LoopPorts:
         """Add the loop to the diagram. Without a posture it is a system of Drake's, which calls no Python.
 
         Drake's integrators ask every system of a diagram for derivatives, which a sampled system of expressions
@@ -319,7 +319,7 @@ class Objective(LoopSection):
         effort_and_error = system.get_output_port()
         to_offset = np.outer(weights, [1.0, 0.0])  # offset = weights u
         to_error = np.array([[0.0, 1.0]])
-        return Wired(
+        return LoopPorts(
             inputs={"measured": system.get_input_port()},
             outputs={
                 "offset": add_matrix_gain(builder, f"{block_name}.offset", to_offset, effort_and_error),

@@ -55,7 +55,7 @@ from simrob_drake.parts.controllers.flow_states import (
 from simrob_drake.parts.controllers.own import add_to, declare_output
 from simrob_drake.parts.controllers.section import ControllerSection
 from simrob_drake.parts.monitors.monitor import add_monitor
-from simrob_drake.parts.resolved import Surroundings
+from simrob_drake.parts.resolved import StationContents
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.parts.targets import check_frame, frame_of
@@ -141,7 +141,7 @@ class FlowForce(Strict):
         """Add the block that lets a force or a torque act on the plant; the station gathers its forces at the end."""
         frame = frame_of(site.plant, self.at)
         block = add_external_force(
-            builder, site.plant.stepped, frame, name=block_name, point=self.point, turns=is_torque
+            builder, site.plant.plant_block, frame, name=block_name, point=self.point, turns=is_torque
         )
         builder.Connect(port, block.get_command_input_port())
         site.spatial_forces.append(block.get_spatial_forces_output_port())
@@ -212,7 +212,7 @@ class SignalFlow(ControllerSection):
             blocks.update(force.sums(name))
         return blocks
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check what can be checked before the station is built.
 
         Args:
