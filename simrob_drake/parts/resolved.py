@@ -90,7 +90,7 @@ class ResolvedRobot:
 
     @property
     def load_in_words(self) -> Message:
-        """Mass of each piece that it carries, such as ``gripper 1 kg + load 5 kg``. Pieces without mass are left out."""
+        """Masses of the pieces that it carries, such as ``gripper 1 kg + load 5 kg``; those without mass are left out."""
         masses = [
             compound("{piece} {mass:.3g} kg", piece=piece, mass=mass) for piece, mass in self.loads.items() if mass
         ]
