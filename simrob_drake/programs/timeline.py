@@ -390,7 +390,7 @@ def run_timed(cell: Timed, references: Mapping[str, ReferenceLike], duration: fl
     reference_begin = begin
 
     def at_moment(moment: Moment) -> bool:
-        """Tell the timeline's callback of a moment, and apply the forces. Returns whether the present run is to end.
+        """Call the timeline's callback for a moment, and apply the forces. Returns whether the present run is to end.
 
         It ends if the callback asks for it, or has added a change, for which the loop below starts another run.
         """

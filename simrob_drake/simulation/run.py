@@ -130,7 +130,7 @@ class Run:
                 end=self.end,
             )
             watchers.append(pace)
-            recorder, watch = watched(stepper, self.whole, *watchers, repeated=repeated)
+            recorder, watch = make_recorder(stepper, self.whole, *watchers, repeated=repeated)
             if self.restart is not None:
                 watch.look(self.restart.history.rows(slice(0, self.restart.row)))
             began = perf_counter()
@@ -354,7 +354,7 @@ def torques_held_over_steps(ports: StationPorts) -> list[OutputPort]:
     return held
 
 
-def watched(
+def make_recorder(
     stepper: Stepper,
     whole: ClosedStation,
     *watchers: Callable[[Context], None],

@@ -22,7 +22,7 @@ from simrob_drake.base.messages import Message, compound, message
 from simrob_drake.base.renaming import keep_former_attributes
 from simrob_drake.base.signals import Panel, Signal
 from simrob_drake.blocks.references import Reference, Samples
-from simrob_drake.parts.resolved import named
+from simrob_drake.parts.resolved import name_or_only
 from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.results.record.disturbances import LONGEST_FALL, last_disturbance
 from simrob_drake.results.record.piece_contacts import ContactSample, sample_piece_contacts
@@ -452,7 +452,7 @@ class RecordedRun:
 
     def _robot(self, name: str | None) -> StationRobot:
         """Robot by its name, or the only robot if the name is None."""
-        return self.plant.robots[named(name, list(self.plant.robots))]
+        return self.plant.robots[name_or_only(name, list(self.plant.robots))]
 
 
 keep_former_attributes(RecordedRun, pace="speed_in_words")

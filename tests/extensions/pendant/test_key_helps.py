@@ -50,7 +50,7 @@ def test_all_keys_of_all_stations_have_spanish_helps():
     for station in station_files():
         for field in fields_of(station):
             english.setdefault(field.help, field.key)
-    fields = [Field(key, "value", help) for help, key in english.items()]
+    fields = [Field(key, "value", text) for text, key in english.items()]
     missing = [old.key for old, new in zip(fields, in_own_language(fields, "es"), strict=True) if old.help == new.help]
     assert not missing
     assert helps_by_text("es").keys() <= english.keys(), "a help whose English text has changed or is gone"
