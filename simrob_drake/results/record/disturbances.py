@@ -1,15 +1,15 @@
 """The pushes and pulls on the bodies of a station during a run, to name the one before which a robot fell."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from simrob_drake.base.messages import Message, message
 from simrob_drake.parts.forces import Drag, Push
 
-if TYPE_CHECKING:  # this import would be circular: how a run ended names its last disturbance
-    from simrob_drake.results.record.run import RecordedRun
+Run: TypeAlias = Any
+"""A `RecordedRun`. Its module imports this one, so the class cannot be named here."""
 
 LONGEST_FALL = 5.0
 """Longest time from a disturbance to a fall that is put down to it [s]. A robot that stumbles for longer than this
@@ -41,11 +41,11 @@ class _SingleRun(NamedTuple):
         shift: time of the whole program at the run's time zero [s].
     """
 
-    run: "RecordedRun"
+    run: Run
     shift: float
 
 
-def last_disturbance(run: "RecordedRun") -> Disturbance | None:
+def last_disturbance(run: Run) -> Disturbance | None:
     """Find the push or pull that began last before the end of a run. Returns None if there is none.
 
     A program cuts a push where another change begins. Its parts count as one push, which began with the first part.
@@ -60,7 +60,7 @@ def last_disturbance(run: "RecordedRun") -> Disturbance | None:
     return max(known.values(), key=lambda disturbance: disturbance.begin, default=None)
 
 
-def _single_runs(run: "RecordedRun", begin: float) -> Iterator[_SingleRun]:
+def _single_runs(run: Run, begin: float) -> Iterator[_SingleRun]:
     """Yield the runs that a program consists of, also those of a move that changes have cut.
 
     Args:
