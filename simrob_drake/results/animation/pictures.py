@@ -31,12 +31,12 @@ from simrob_drake.base.progress import Advance, progress_bar
 from simrob_drake.results.animation.camera import (
     FIELD_OF_VIEW,
     Camera,
-    Way,
+    Displacement,
     aspect_of,
     camera_on,
     frame_times,
     side,
-    walked_way,
+    walked_displacement,
 )
 from simrob_drake.results.animation.scene import RENDERER, ViewedStation, with_floor_under
 from simrob_drake.results.record.other_plant import positions_in
@@ -173,7 +173,7 @@ def frame_writer() -> Callable[..., Any]:
     return writer
 
 
-def captions(times: Vector, way: Way | None) -> list[str]:
+def captions(times: Vector, way: Displacement | None) -> list[str]:
     """Return what stands under the frames: the time, and how far from its start a robot is that walks."""
     if way is None:
         return [f"{time:.2f} s" for time in times]
@@ -250,11 +250,11 @@ class Studio:
         a robot that cannot be built.
         """
         self._result = result
-        self.walked = walked = walked_way(result)  # how far a robot that walks goes; None where nothing walks
+        self.walked = walked = walked_displacement(result)  # how far a robot that walks goes; None where nothing walks
         self.way = way = walked if follow else None  # of the camera; None where it stands still
         gone = None if walked is None else walked(np.linspace(result.start_time, result.stop_time, _PLACES))
         config = result.config if gone is None else with_floor_under(result.config, gone)
-        self._scene = scene = ViewedStation(config, engine=MakeRenderEngineVtk(_engine_params()), way=gone)
+        self._scene = scene = ViewedStation(config, engine=MakeRenderEngineVtk(_engine_params()), path=gone)
         azimuth = side(scene.station) if azimuth is None else azimuth
         points = scene.extents_of_run(result, way)
         width = width or round(height * np.clip(aspect_of(points, azimuth=azimuth), _ASPECTS[0], widest))
