@@ -140,10 +140,10 @@ def walked_displacement(result: RecordedRun) -> Displacement | None:
         the displacement, or None if the camera stands still: if there is no such robot, if the station has several
             robots, or if the robot's path is short compared with its height.
     """
-    followed = {*legged_robots(result), *robots_to_follow(result.plant.robots, result.config.controllers)}
-    if len(result.plant.robots) != 1 or not followed:
+    followed = _followed_robot(result)
+    if followed is None:
         return None
-    base = result.pose("base", followed.pop())
+    base = result.pose("base", followed)
     begin = result.start_time
     end = framed_time(result)
     interval_count = max(round((end - begin) / _SAMPLE_PERIOD), 1)
@@ -170,6 +170,23 @@ def walked_displacement(result: RecordedRun) -> Displacement | None:
 def _moving_average(values: Vector) -> Vector:
     """Average each value (k,) with those around it. Beyond the ends, the first and the last value are repeated."""
     return np.convolve(np.pad(values, _HALF_WINDOW, mode="edge"), _WEIGHTS, "valid")
+
+
+def base_distances(result: RecordedRun, times: Vector) -> Vector:
+    """Horizontal distance of the followed robot's base from its start, at times (k,) [s] of a run, shape (k,) [m].
+
+    At the end of the run it is the distance that the run's text and summary give, sway and a fall included.
+    """
+    base = result.pose("base", _followed_robot(result))
+    x, y = (base[:, :2] - base[0, :2]).T
+    distances = np.hypot(x, y)
+    return np.interp(times, result.times, distances)
+
+
+def _followed_robot(result: RecordedRun) -> str | None:
+    """Name of the robot that a camera may follow. Returns None if there is no such robot, or there are several."""
+    followed = {*legged_robots(result), *robots_to_follow(result.plant.robots, result.config.controllers)}
+    return followed.pop() if len(result.plant.robots) == 1 and followed else None
 
 
 def camera_on(points: Vector, *, aspect: float, azimuth: float = _ASIDE) -> Camera:

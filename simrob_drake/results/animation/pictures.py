@@ -35,8 +35,8 @@ from simrob_drake.base.progress import Advance, progress_bar
 from simrob_drake.results.animation.camera import (
     FIELD_OF_VIEW,
     Camera,
-    Displacement,
     aspect_of,
+    base_distances,
     camera_on,
     frame_times,
     side,
@@ -140,7 +140,8 @@ def film_strip(result: RecordedRun, *, frames: Frames = 7, height: int | None = 
     if height < _LEAST_HEIGHT:
         raise InvalidParameter("height", height, message("results.least_pixels", "at least 16 [pixels]"))
     studio = Studio(result, height=height, oversampling=2)
-    texts = captions(times, studio.robot_displacement)
+    distances = None if studio.robot_displacement is None else base_distances(result, times)
+    texts = captions(times, distances)
     if events:
         texts = [f"{caption}\n{translate(text)}" for caption, (_, text) in zip(texts, events, strict=True)]
     content = BytesIO()
@@ -273,16 +274,15 @@ def frame_writer() -> Callable[..., Any]:
     return writer
 
 
-def captions(times: Vector, displacement: Displacement | None) -> list[str]:
-    """Write the captions of images: the time, and the distance of a robot that walks from its place in the first.
+def captions(times: Vector, distances: Vector | None) -> list[str]:
+    """Write the captions of images: the time, and the distance of a robot that walks from its start.
 
     Args:
         times: times of the images, shape (k,) [s].
-        displacement: displacement of the robot; None if no robot walks.
+        distances: distance of the robot from its start at these times, shape (k,) [m]; None if no robot walks.
     """
-    if displacement is None:
+    if distances is None:
         return [f"{time:.2f} s" for time in times]
-    distances = np.linalg.norm(displacement(times) - displacement(times[:1]), axis=1)
     return [f"{time:.2f} s, {distance:.2f} m" for time, distance in zip(times, distances, strict=True)]
 
 

@@ -21,7 +21,7 @@ from simrob_drake.base.files import description_message, station_files
 from simrob_drake.base.messages import message, translate
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.blocks.monitor import EventTimes, SteadySteps
-from simrob_drake.parts.captions import BlockRole, Drawn, Shape, wrapped
+from simrob_drake.parts.captions import BlockRole, Drawn, Shape, wrap_label
 from simrob_drake.results.block_diagram.graph import BARS, ROLES, Arrow, BlockGraph, DrawnBlock
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.ports import StationPorts
@@ -355,7 +355,7 @@ def drawing_of(name: str, system: System, ports: StationPorts) -> Drawn | None:
     if type(system) is LeafSystem:
         # A C++ class without Python bindings: Drake has its name, such as "drake::systems::controllers::Pid".
         class_name = system.GetSystemType().split("::")[-1]
-    return Drawn(name, "own", f"{wrapped(name)}\n{class_name}")
+    return Drawn(name, "own", f"{wrap_label(name)}\n{class_name}")
 
 
 class _Outline(NamedTuple):
