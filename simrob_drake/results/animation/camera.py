@@ -178,9 +178,9 @@ def base_distances(result: RecordedRun, times: Vector) -> Vector:
     At the end of the run it is the distance that the run's text and summary give, sway and a fall included.
     """
     base = result.pose("base", _followed_robot(result))
-    x, y = (base[:, :2] - base[0, :2]).T
-    distances = np.hypot(x, y)
-    return np.interp(times, result.times, distances)
+    x = base[:, 0] - base[0, 0]
+    y = base[:, 1] - base[0, 1]
+    return np.asarray(np.interp(times, result.times, np.hypot(x, y)))
 
 
 def _followed_robot(result: RecordedRun) -> str | None:
