@@ -24,8 +24,10 @@ from simrob_drake.extensions.legged.report import (
     attempt,
     attempt_climb,
     attempt_kick,
+    reason_of,
     save_report,
 )
+from simrob_drake.extensions.legged.root_frame import height_of_hips, is_root_low, raise_root_frame
 from simrob_drake.extensions.legged.scaling import (
     EXAMPLES,
     LAG,
@@ -45,7 +47,7 @@ from simrob_drake.programs.gaits.biped import Kick
 from simrob_drake.programs.gaits.climb import Climb
 from simrob_drake.programs.gaits.legs import ROWS
 from simrob_drake.programs.gaits.motion import Gait
-from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.catalog import RobotModel, load_robot_file
 from simrob_drake.robots.gaits_file import GAITS_FILE
 from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.stations.draft import at_home, draft_station
@@ -116,10 +118,12 @@ def make_legged(
                 )
                 raise SimrobError(compound("{what}; {remedy}", what=what, remedy=remedy))
             _Making(work, robot, made).run()
-        except SimrobError as problem:
-            made.problem = str(problem) + _shapes_lost(report)
+        # What was made until here is kept, with the reason, whatever the error is: Drake raises many classes.
+        except Exception as problem:
+            made.problem = reason_of(problem) + _shapes_lost(report)
             if not (work / STAND).is_file():
                 (work / STAND).write_text(draft_station(robot.urdf_path, folder=work), encoding="utf-8")
+        made.rename_folder(work, folder)
         save_report(made, work)
     return made
 
@@ -158,15 +162,39 @@ class _Choice(NamedTuple):
     quick: bool = False
 
 
+def _anatomy(robot: RobotModel) -> Anatomy:
+    """Find the limbs of a robot; raises SimrobError if it has no legs."""
+    clearance = at_home(robot)
+    return anatomy_of(clearance, clearance.station.robots[ONLY_ROBOT])
+
+
 class _Making:
     """One robot's way from its tree to its walk."""
 
     def __init__(self, work: Path, robot: RobotModel, made: Made) -> None:
-        """Look at a robot that was written into a folder; raises SimrobError: it has no legs."""
-        self._work, self._robot, self._made = work, robot, made
-        clearance = at_home(robot)
-        self._anatomy = anatomy_of(clearance, clearance.station.robots[ONLY_ROBOT])
-        self._stances = Stances(clearance, self._anatomy.robot)
+        """Find the limbs of a robot that was written into a folder.
+
+        Raises:
+            SimrobError: it has no legs.
+        """
+        self._work, self._made = work, made
+        self._anatomy = _anatomy(robot)
+        if is_root_low(self._anatomy):
+            height = height_of_hips(self._anatomy)
+            raise_root_frame(robot.urdf_path, height)
+            made.found.append(
+                message(
+                    "legged.root_raised",
+                    "the frame of the root {root} is {height:.3f} m below the hips in the source; here it is level "
+                    "with them",
+                    root=robot.root,
+                    height=height,
+                )
+            )
+            robot = load_robot_file(work / ROBOT_FILE)
+            self._anatomy = _anatomy(robot)
+        self._robot = robot
+        self._stances = Stances(self._anatomy.clearance, self._anatomy.robot)
         self._soles = list[str]()
 
     def run(self) -> None:

@@ -1,7 +1,7 @@
 """What a robot on legs is tried at, and the report: what was found and assumed, what it can do, and what to tune."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.interpolation import stacked
+from simrob_drake.base.messages import message
 from simrob_drake.extensions.legged.soles import EDGED
 from simrob_drake.programs.gaits.walker import Walker, facing_rotation
 from simrob_drake.programs.legged_robot import LeggedRobot
@@ -48,6 +49,15 @@ class Attempt:
         return 0.0 if self.result is None else self.result.stop_time
 
 
+def reason_of(problem: Exception) -> str:
+    """Text of an error for the report, in one line. An error that is not ours also has the name of its class."""
+    text = " ".join(str(problem).split())
+    if isinstance(problem, SimrobError):
+        return text
+    name = type(problem).__name__
+    return message("legged.unexpected", "unexpected error: {name}: {text}", name=name, text=text)
+
+
 def attempt(station: Path, trial: str, speed: float = 0.0) -> Attempt:
     """Return what becomes of one of :data:`TRIALS` of a station.
 
@@ -61,8 +71,8 @@ def attempt(station: Path, trial: str, speed: float = 0.0) -> Attempt:
         overrides["controllers.walk.gait.lift"] = _FLAT
     try:
         result = simulate(load_station(station, overrides), progress=False)
-    except SimrobError as problem:
-        return Attempt(trial, False, str(problem))
+    except Exception as problem:  # one trial that fails, in whatever way, does not end the others
+        return Attempt(trial, False, reason_of(problem))
     if result.ending == "diverged":
         return Attempt(trial, False, f"diverged at {result.stop_time:.1f} s", result=result)
     found = locomotion(result)
@@ -119,8 +129,8 @@ def _attempt_move(trial: str, station: Path, move: Move, overrides: Mapping[str,
     """Return what becomes of a robot in a changed station that does a move, and then stands."""
     try:
         result = LeggedRobot(load_station(station, overrides)).run(Program(moves=(move, WaitMove(duration=_RESTS))))
-    except SimrobError as problem:
-        return Attempt(trial, False, str(problem))
+    except Exception as problem:  # as above
+        return Attempt(trial, False, reason_of(problem))
     if result.ending != "completed":
         return Attempt(trial, False, f"fell at {result.stop_time:.1f} s", result=result)
     lean = np.rad2deg(locomotion(result).tilt)
@@ -149,6 +159,14 @@ class Made:
     assumed: list[str] = field(default_factory=list)  # what was made up, in words
     attempts: list[Attempt] = field(default_factory=list)  # what became of the trials
     problem: str = ""  # why something could not be done, in words; empty if all was
+
+    def rename_folder(self, old: Path, new: Path) -> None:
+        """Write another folder in place of an old one in all texts: that in which the robot was made is temporary."""
+        places = str(old), str(new)
+        self.found = [line.replace(*places) for line in self.found]
+        self.assumed = [line.replace(*places) for line in self.assumed]
+        self.attempts = [replace(one, outcome=one.outcome.replace(*places)) for one in self.attempts]
+        self.problem = self.problem.replace(*places)
 
     def can(self, trial: str) -> bool:
         """Whether the robot passed a trial."""

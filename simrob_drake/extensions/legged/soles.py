@@ -40,22 +40,13 @@ def soles_of(anatomy: Anatomy, stance: Stance) -> list[FootSole]:
 
     Args:
         anatomy: the limbs of the robot.
-        stance: posture in which the robot stands.
+        stance: posture in which the robot stands, with the frame of its root near the hips.
 
     Raises:
         SimrobError: a foot has no shape.
     """
     put_upright(anatomy.clearance, anatomy.robot, stance.posture, stance.height)
-    return [_sole(anatomy, limb, _size(stance)) for limb in anatomy.legs]
-
-
-def _size(stance: Stance) -> float:
-    """Return the length to which lengths of feet are in proportion: the height of the robot's root [m].
-
-    Of some robots the frame of the root is near the ground, or under it. Then it is the height of the centre of mass.
-    """
-    centre_of_mass = stance.standing.height
-    return stance.height if stance.height > centre_of_mass / 2 else centre_of_mass
+    return [_sole(anatomy, limb, stance.height) for limb in anatomy.legs]
 
 
 def _sole(anatomy: Anatomy, limb: NamedLeg, height: float) -> FootSole:
