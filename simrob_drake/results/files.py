@@ -15,7 +15,7 @@ from typing import Literal, TypedDict
 
 import numpy as np
 
-from simrob_drake.base.folders import filled_at_once
+from simrob_drake.base.folders import filled_at_once, free_path
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.blocks.references import Samples, as_reference
@@ -48,9 +48,7 @@ class Saved(TypedDict, total=False):
 
 def default_folder(station: str) -> Path:
     """Return ``runs/<station>-<date>-<time>``, with a number behind it where that exists."""
-    stem = f"{station}-{datetime.now():%Y%m%d-%H%M%S}"
-    candidates = (RUNS / (stem if number == 1 else f"{stem}-{number}") for number in range(1, 1000))
-    return next(folder for folder in candidates if not folder.exists())
+    return free_path(RUNS / f"{station}-{datetime.now():%Y%m%d-%H%M%S}")
 
 
 def save_result(

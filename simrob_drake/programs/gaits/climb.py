@@ -13,8 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.files import ROBOT_FILE
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import compound, message
+from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.sections import NotNegative, Number, Positive
 from simrob_drake.blocks.references import smooth
 from simrob_drake.programs.gaits.biped import SIDES
@@ -23,6 +24,7 @@ from simrob_drake.programs.gaits.phases import GaitPlan, Phase, gait_plan
 from simrob_drake.programs.gaits.quadruped import CRAWL_ORDER, moved_inside
 from simrob_drake.programs.gaits.walker import Foot, Walker
 from simrob_drake.programs.gaits.whole_body import WholeBody
+from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.walking.height_map import CELL, HeightMap
 from simrob_drake.walking.height_map import Places as Shifts
 
@@ -191,6 +193,28 @@ class Climb(SolvedGait):
             )
         return WholeBody(walker, self, self._gait_plan(feet)).solve()[0]
 
+    def check_feet(self, model: RobotModel, worn: str | None, key: str) -> None:
+        """Check that the feet can stand on steps, on which soles of two legs stand with their edges."""
+        if has_edges(model, worn):
+            return
+        assert model.feet is not None  # a robot without feet has no climb
+        edged = [name for name in model.feet.contacts if has_edges(model, name)]
+        if edged:
+            choices = join_texts([f"--set {key}={name}" for name in edged], message("base.or", " or "))
+            expected = message(
+                "programs.soles_with_edges",
+                "soles with edges (boxes), which may stand over those of stairs: {choices}",
+                choices=choices,
+            )
+        else:
+            expected = message(
+                "programs.describe_soles",
+                "soles with edges, which may stand over those of stairs: give the robot boxes under feet.contacts in "
+                "its {file}",
+                file=ROBOT_FILE,
+            )
+        raise InvalidParameter(message("programs.feet_of", "feet of {model}", model=model.name), str(worn), expected)
+
     def _gait_plan(self, feet: Mapping[str, Foot]) -> GaitPlan:
         """Return what feet, trunk and zero-moment point do."""
         order = SIDES if len(feet) == len(SIDES) else CRAWL_ORDER
@@ -261,6 +285,18 @@ class Climb(SolvedGait):
                 self.double_support * self.step_time,
             )
         return heights
+
+
+def has_edges(model: RobotModel, worn: str | None) -> bool:
+    """Check whether the feet of a robot can stand on steps: two soles need edges, balls of four feet do not.
+
+    Args:
+        model: the robot; it has feet.
+        worn: the kind of feet that it wears; None for its usual ones.
+    """
+    assert model.feet is not None  # or it had no gait
+    feet = model.feet.kind(worn)
+    return len(feet.links) != len(SIDES) or bool(feet.boxes)
 
 
 def _middle(places: Mapping[str, Vector]) -> Vector:

@@ -252,6 +252,18 @@ class Gait(Strict):
         """Whether it is for a robot that is held by its trunk."""
         return False
 
+    def check_feet(self, model: RobotModel, worn: str | None, key: str) -> None:
+        """Check the kind of feet that a robot wears, beyond their size; most gaits ask for nothing else.
+
+        Args:
+            model: the robot.
+            worn: name of the kind of feet.
+            key: key of the station that chooses it.
+
+        Raises:
+            InvalidParameter: the gait needs other feet; the message says how to choose them.
+        """
+
     def made_for(self, model: RobotModel) -> str | None:
         """Return the kind of feet that it is made for: what it names, else the robot's default one."""
         return self.feet or (model.feet.default if model.feet else None)

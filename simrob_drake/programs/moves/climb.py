@@ -12,7 +12,7 @@ from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Positive
 from simrob_drake.programs.gaits.biped import SIDES
-from simrob_drake.programs.gaits.climb import BallFootholds, Climb, Footholds, Places, SoleFootholds
+from simrob_drake.programs.gaits.climb import BallFootholds, Climb, Footholds, Places, SoleFootholds, has_edges
 from simrob_drake.programs.gaits.registry import has_gait
 from simrob_drake.programs.gaits.walker import UP, Foot, Walker, rotations_about
 from simrob_drake.programs.geometry import LeggedGeometry
@@ -50,7 +50,7 @@ class ClimbMove(Move):
             None if the robot cannot climb: its `gaits.yaml` lacks the usual climb, or its soles have no edges.
         """
         worn = config.robots[robot].feet
-        possible = has_gait(model, Climb, Climb.usual) and _has_edges(model, worn)
+        possible = has_gait(model, Climb, Climb.usual) and has_edges(model, worn)
         return frozenset(cls.model_fields) if possible else None
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
@@ -63,15 +63,6 @@ class ClimbMove(Move):
                 message("programs.farthest_climb", "at most {farthest:g} m at once", farthest=_FARTHEST),
             )
         planned_gait(robot, self.gait, own, station=outlook.station)
-        worn = robot.worn_feet
-        if not _has_edges(robot.model, worn):
-            expected = message(
-                "programs.soles_with_edges",
-                "soles with edges (boxes), which may stand over those of stairs: robot.feet",
-            )
-            raise InvalidParameter(
-                message("programs.feet_of", "feet of {model}", model=robot.model.name), str(worn), expected
-            )
         outlook.changed = True
 
         def go(robot: LeggedGeometry) -> SimulationResult | None:
@@ -88,18 +79,6 @@ class ClimbMove(Move):
             return replace(joined(runs), did=self.caption()) if runs else None
 
         return go
-
-
-def _has_edges(model: RobotModel, worn: str | None) -> bool:
-    """Check whether the feet of a robot can stand on steps: two soles need edges, balls of four feet do not.
-
-    Args:
-        model: the robot; it has feet.
-        worn: the kind of feet that it wears; None for its usual ones.
-    """
-    assert model.feet is not None  # or it had no gait
-    feet = model.feet.kind(worn)
-    return len(feet.links) != len(SIDES) or bool(feet.boxes)
 
 
 @dataclass(frozen=True)

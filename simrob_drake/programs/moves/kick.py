@@ -1,7 +1,9 @@
 """A kick of a ball, which flies by the contact alone."""
 
+from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import replace
+from math import ceil
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -67,25 +69,57 @@ class KickMove(Move):
         Raises InvalidParameter: a speed at which a joint would turn faster than its motor does without load;
         SimrobError: as :meth:`simrob_drake.LeggedRobot.act`.
         """
-        own = {} if self.speed is None else {"speed": self.speed}
-        motion = planned_gait(robot, self.gait, {**aim, **own, **(self.model_extra or {})}, station=station)
-        limits, fastest = resolve(station).robots[robot.name].speed_limits, np.abs(motion.velocities).max(axis=0)
+        motion = self._plan(robot, station, aim, self.speed)
+        limits = resolve(station).robots[robot.name].speed_limits
+        fastest = np.abs(motion.velocities).max(axis=0)
         worst = int((fastest / limits).argmax())
-        if fastest[worst] > limits[worst]:
-            raise InvalidParameter(
-                message("programs.speed_of_kick", "speed of the kick"),
-                message("programs.gaits_own", "the gait's")
-                if self.speed is None
-                else compound("{speed:g} m/s", speed=self.speed),
-                message(
-                    "programs.slower_kick",
-                    "slower: {axis} would turn at {speed:.2f} rad/s, and can at {limit:.2f}",
-                    axis=robot.axes[worst],
-                    speed=fastest[worst],
-                    limit=limits[worst],
-                ),
+        if fastest[worst] <= limits[worst]:
+            return motion
+        speed = Kick.of(Walker.of(robot.model), self.gait, self._changes(self.speed)).speed
+
+        def is_slow_enough(hundredths: int) -> bool:
+            """Whether all motors follow a kick at a speed, in hundredths of a metre per second."""
+            slower = self._plan(robot, station, aim, hundredths / 100)
+            return bool((np.abs(slower.velocities) <= limits).all())
+
+        # The joints turn the faster the faster the kick is: the speeds that work come first, and their count is the
+        # largest of them in hundredths.
+        largest = bisect_left(range(1, ceil(100 * speed)), True, key=lambda count: not is_slow_enough(count))
+        details: dict[str, Any] = {
+            "axis": robot.axes[worst],
+            "speed": fastest[worst],
+            "limit": limits[worst],
+        }
+        expected = (
+            message(
+                "programs.kick_at_most",
+                "at most {most:g} m/s: {axis} would turn at {speed:.2f} rad/s, and can at {limit:.2f}",
+                most=largest / 100,
+                **details,
             )
-        return motion
+            if largest
+            else message(
+                "programs.slower_kick",
+                "slower: {axis} would turn at {speed:.2f} rad/s, and can at {limit:.2f}",
+                **details,
+            )
+        )
+        given = (
+            message("programs.gaits_own", "the gait's")
+            if self.speed is None
+            else compound("{speed:g} m/s", speed=speed)
+        )
+        raise InvalidParameter(message("programs.speed_of_kick", "speed of the kick"), given, expected)
+
+    def _changes(self, speed: float | None) -> dict[str, Any]:
+        """Parameters that replace those of the gait, with a speed of the foot [m/s]; None for the gait's own."""
+        return {**({} if speed is None else {"speed": speed}), **(self.model_extra or {})}
+
+    def _plan(
+        self, robot: LeggedGeometry, station: StationConfig, aim: Mapping[str, Any], speed: float | None
+    ) -> JointMotion:
+        """Plan the kick at a speed of the foot [m/s]; None for the gait's own."""
+        return planned_gait(robot, self.gait, {**aim, **self._changes(speed)}, station=station)
 
     def aim(self, robot: LeggedGeometry) -> dict[str, Any]:
         """Return foot, point and direction of the gait for where robot and ball are now; nothing without a ball."""
