@@ -108,7 +108,8 @@ def legs_of(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
 
     The chains of a group have equal lengths and equally many axes. A group may be legs if it reaches about as low as
     the lowest group. The reach is measured at home and stretched out. Only if no group reaches below the root there
-    (legs that are level, or folded up), random postures are tried as well.
+    (legs that are level, or folded up), random postures are tried as well. If none of them does, the root's frame is
+    under the feet, and the reach is measured from the lowest hip instead.
 
     Returns:
         the groups, the lowest first; empty if no two chains have equal lengths.
@@ -116,15 +117,25 @@ def legs_of(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
     groups = [group for group in _equal_chains(clearance, robot) if len(group) > 1]
     natural = [robot.model.home, straight(robot)]
     random = np.random.default_rng(0).uniform(*posture_range(robot), (_RANDOM_POSTURES, len(robot.axes)))
-    for postures in (natural, [*natural, *random]):
-        heights = [_lowest_height(clearance, robot, group, postures) for group in groups]
+    everything = [*natural, *random]
+    hip = _lowest_hip(clearance, robot, groups)
+    for postures, zero in ((natural, 0.0), (everything, 0.0), (natural, hip), (everything, hip)):
+        heights = [_lowest_height(clearance, robot, group, postures) - zero for group in groups]
         lowest_first = np.argsort(heights, kind="stable")
-        # Heights below the root are negative: a low group has less than a fraction of the lowest height.
+        # Heights below the root, or the hip, are negative: a low group has less than a fraction of the lowest height.
         # If the lowest height is positive, no group fulfils this.
         low = [groups[index] for index in lowest_first if heights[index] < _LOWEST * min(heights)]
         if low:
             return low
     return []
+
+
+def _lowest_hip(clearance: Clearance, robot: StationRobot, groups: Sequence[Sequence[Leg]]) -> float:
+    """Height of the lowest first joint of all chains over the root's frame [m], with all axes at zero."""
+    put_upright(clearance, robot, straight(robot))
+    hips = [robot.joints[leg.axes[0]].frame_on_child() for group in groups for leg in group]
+    heights = [float(hip.CalcPoseInWorld(clearance.context).translation()[2]) for hip in hips]
+    return min(heights, default=0.0)
 
 
 def _equal_chains(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
