@@ -82,6 +82,46 @@ def test_former_names_of_the_walking_package_are_the_present_objects(module, for
     assert found is getattr(owner, present)
 
 
+@pytest.mark.parametrize(
+    ("module", "former", "present"),
+    [
+        ("resolved", "Surroundings", "StationContents"),
+        ("resolved", "named", "name_or_only"),
+        ("monitors.monitor", "of_axes", "axis_outputs"),
+        ("monitors.monitor", "worst", "condition_on_largest"),
+        ("controllers.loop", "Wired", "LoopPorts"),
+        ("controllers.loop", "of_state", "add_output_of_state"),
+    ],
+)
+def test_former_names_of_parts_are_the_present_objects(module, former, present):
+    owner = importlib.import_module(f"simrob_drake.parts.{module}")
+
+    with pytest.warns(DeprecationWarning, match=f"{former} is now .*{present}"):
+        found = getattr(owner, former)
+
+    assert found is getattr(owner, present)
+
+
+@pytest.mark.parametrize(
+    ("module", "owner", "former", "present"),
+    [
+        ("station_plant", "StationPlant", "stepped", "plant_block"),
+        ("station_plant", "StationPlant", "place", "set_positions"),
+        ("sensors.sensor", "Sensor", "stepped", "samples_while_stepping"),
+        ("monitors.monitor", "MonitorSection", "lasting", "hold_text"),
+        ("controllers.loop", "LoopSection", "named", "read_names"),
+        ("controllers.loop", "LoopSection", "layered", "target_axes"),
+    ],
+)
+def test_former_attributes_of_parts_are_the_present_ones(module, owner, former, present):
+    described = getattr(importlib.import_module(f"simrob_drake.parts.{module}"), owner)
+
+    with pytest.warns(DeprecationWarning, match=rf"{owner}\.{former} is now {owner}\.{present}"):
+        found = getattr(described, former)
+
+    assert found is getattr(described, present)
+
+
 def test_former_fields_of_a_stride_are_the_present_ones():
     corrections = Corrections(lean_integral=0.1j, com_offset=0.02, speed_trim=0.03 - 0.01j)
     stride = Stride(corrections=corrections)

@@ -4,7 +4,7 @@ A station is a closed diagram of robots, pieces and controllers, described by a 
 or axes together in addition to their joints, such as a gear. A solver holds a coupling if it can simulate the
 constraint, or the stiff spring in its place. The types of a station in this module:
 
-- `Surroundings` describes the station before anything is built.
+- `StationContents` describes the station before anything is built.
 - `StationPlant` is its multibody plant, with the robots in it.
 - `Site` is the station under construction: the plant, and the ports that its blocks have added so far.
 """
@@ -18,7 +18,7 @@ from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Strict
 from simrob_drake.parts.engine import Engine
-from simrob_drake.parts.resolved import Surroundings
+from simrob_drake.parts.resolved import StationContents
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationPlant
 
@@ -26,8 +26,10 @@ STIFFNESS = 2000.0**2
 """Stiffness of a coupling for each unit of the inertia that it holds [1/s²]. Under continuous schemes a coupling is a
 spring and a damper, and the parts that it holds vibrate at the square root of this value: 2000 rad/s."""
 DAMPING_TIME = 2e-4
-"""Ratio of a coupling's damping to its stiffness [s]."""
-_LARGEST_GAP_AT_START = 1e-3  # [m or rad]
+"""Ratio of a coupling's damping to its stiffness [s]. With the frequency 2000 rad/s the damping ratio is 0.2."""
+# A larger gap at the start is a mistake in the station. A smaller one comes from a rounded pose, and closes by itself
+# [m or rad].
+_LARGEST_GAP_AT_START = 1e-3
 
 
 class CouplingSection(Strict, ABC):
@@ -53,7 +55,7 @@ class CouplingSection(Strict, ABC):
         """Describe the coupling in words."""
         return self.words.format(it=self)
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check that the coupling fits the station. Here: its mode and its solver.
 
         The kinds of couplings add the checks of their axes and bodies.
@@ -74,6 +76,7 @@ class CouplingSection(Strict, ABC):
                 ),
             )
         if not self.is_held(station.engine):
+            # Stiff springs need an implicit integrator, or its steps are tiny.
             continuous = message("parts.radau_or", "radau3, or ") if self.has_springs else ""
             expected = message(
                 "parts.discrete_sap",

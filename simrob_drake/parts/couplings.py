@@ -7,9 +7,9 @@ Drake's discrete solvers hold couplings as constraints. Under an implicit contin
 a damper, so stiff that what it holds vibrates at :math:`\omega = 2000` rad/s: an acceleration :math:`a` opens it by
 :math:`a / \omega^2`.
 
-Methods get the station at different times of its construction: `Surroundings` describes the station before anything is
-built, `StationPlant` is its multibody plant with the robots in it, and `Site` adds the ports of the blocks around the
-plant.
+Methods get the station at different times of its construction: `StationContents` describes the station before anything
+is built, `StationPlant` is its multibody plant with the robots in it, and `Site` adds the ports of the blocks around
+the plant.
 """
 
 from abc import ABC, abstractmethod
@@ -40,7 +40,7 @@ from simrob_drake.blocks.block import add_and_connect, add_matrix_gain, add_mult
 from simrob_drake.parts.coupling import DAMPING_TIME, STIFFNESS, CouplingSection
 from simrob_drake.parts.engine import Engine
 from simrob_drake.parts.kinds import Kinds
-from simrob_drake.parts.resolved import WORLD, Surroundings
+from simrob_drake.parts.resolved import WORLD, StationContents
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.parts.targets import check_frame, frame_of
@@ -82,6 +82,7 @@ def add_bushing(plant: MultibodyPlant, first: Attachment, second: Attachment, *,
         mass += body.default_mass()
         # Half the trace of the inertia is at least the moment of inertia about any axis.
         inertia += body.default_spatial_inertia().CalcRotationalInertia().get_moments().sum() / 2
+    # k = omega² m: a mass m on a spring k vibrates at omega = sqrt(k / m), with omega² = STIFFNESS.
     linear = STIFFNESS * mass
     angular = STIFFNESS * float(inertia)
     stiffness_about_z = 0.0 if turns_about_z else angular
@@ -108,14 +109,14 @@ class Between(Strict, ABC):
     body: str
     """A tool or link of a robot, or a piece."""
     other: str = WORLD
-    """The other body, likewise."""
+    """The other body: a tool or link of a robot, a piece, or the world."""
 
     @property
     @abstractmethod
     def own_poses(self) -> tuple[RigidTransform, RigidTransform]:
         """Poses of the connected frames: in the frame of `body`, and in the frame of `other`."""
 
-    def check_bodies(self, key: str, station: Surroundings) -> None:
+    def check_bodies(self, key: str, station: StationContents) -> None:
         """Check that the station has both bodies.
 
         Raises:
@@ -168,7 +169,7 @@ class BetweenPoints(Between, CouplingSection):
     other_point: Triple = (0.0, 0.0, 0.0)
     """Position of the point on the other body [m]; in the world's axes unless `other` is given."""
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check the station's mode and solver, that it has both bodies, and that they are not the same.
 
         Raises:
@@ -247,7 +248,7 @@ class BetweenFrames(Between, CouplingSection):
     other_pose: Pose = ORIGIN
     """Pose of the frame on the other body."""
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check the station's mode and solver, and that it has both bodies.
 
         Raises:
@@ -306,6 +307,7 @@ class Hinge(BetweenFrames):
             add_bushing(plant.plant, *self.ends(plant), turns_about_z=True)
             return
         first, second = self.constraint_ends(plant)
+        # Two points that stay together leave only the rotation about the line through them.
         for point in np.array([[0.0, 0.0, -_HALF_HINGE], [0.0, 0.0, _HALF_HINGE]]):
             plant.plant.AddBallConstraint(
                 first.body, first.pose.multiply(point), second.body, second.pose.multiply(point)
@@ -349,7 +351,7 @@ class Gear(CouplingSection):
     total: Number | None = None
     """Constant sum of positions [rad or m] times ratios; that of the initial posture unless given."""
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check that the station has the gear's axes, and a solver that holds a gear of so many axes.
 
         Args:
@@ -381,7 +383,7 @@ class Gear(CouplingSection):
                 engine.name,
                 message("parts.radau_or_discrete", "radau3, or kind: discrete: {others}", others=others),
             )
-        # The constraint by which `add` couples more than two joints in a discrete plant.
+        # `add` couples more than two joints by a tendon, which older Drake versions do not have.
         if engine.has_discrete_states and not TENDONS.is_there:
             older = message("parts.older_drake", "of two: older Drake couples no more")
             raise InvalidParameter(
@@ -414,6 +416,7 @@ class Gear(CouplingSection):
         coupled = []
         for robot in plant.robots.values():
             ratios = self._axis_ratios(robot)
+            # The sense of a robot's axis may be opposite to that of its joint: q_axis = sign q_joint.
             for joint, axis, ratio in zip(robot.joints, robot.model.axes.values(), ratios, strict=True):
                 if ratio:
                     coupled.append(CoupledJoint(joint, float(ratio) * axis.sign))
@@ -524,6 +527,7 @@ class Spring(BetweenPoints):
 
     def add(self, plant: StationPlant) -> None:
         """Add the spring to a plant that is not finalized."""
+        # A force element acts on the world, too, so no anchor is needed as for a constraint.
         first, second = self.ends(plant)
         spring = LinearSpringDamper(
             first.body,

@@ -1,8 +1,8 @@
-"""Engines: what moves a station, and the questions that the rest of the toolbox asks about it.
+"""Engines: what moves a station, and what it can do.
 
 A station moves along its reference (``mode: kinematic``), or forces move it (``mode: dynamic``). In the second case
 its section ``solver`` names an integrator of Drake, a discrete solver of Drake, or an engine of an extension. Other
-modules compare no name of a mode, a scheme or a solver: they ask a question of this module's :class:`Engine`.
+modules compare no name of a mode, a scheme or a solver: they read a property of :class:`Engine`.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from simrob_drake.base.frames import Vector
 
 @dataclass(frozen=True, kw_only=True)
 class Engine:
-    """Answers of the engine of a station. The defaults are those of Drake's implicit integrators.
+    """Properties of the engine that moves a station. The defaults are those of Drake's implicit integrators.
 
     Attributes:
         name: name for messages, such as ``radau3``; empty for a kinematic station.

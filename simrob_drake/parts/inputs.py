@@ -34,11 +34,12 @@ class InputPorts(dict[str, InputPort]):
         Raises:
             UnknownKey: always. It is a KeyError, too.
         """
+        # The nearest name may be that of an input that the station does not have, since it does not list it.
         what = message("parts.input", "input")
         listable = {full_name: key for full_name, key in self._listable.items() if full_name not in self}
         close = nearest_name(name, [*self, *listable])
         if close not in listable:
-            raise UnknownKey(what, name, self)
+            raise UnknownKey(what, name, self)  # it proposes the nearest name among the inputs of the station
         remedy = message(
             "parts.list_the_input",
             "; the input '{input}' is there if the key inputs of the station lists it, as in "

@@ -1,7 +1,8 @@
-"""Kinds of sections of a station file, which their key ``kind`` tells apart: the kinds of sensor, of monitor, ...
+"""Kinds of sections of a station file, which differ in their key ``kind``: the kinds of sensor, of monitor, ...
 
-The class of a kind is imported when a station names the kind: a station uses few, and pydantic takes long to make such
-classes. Installed extensions add kinds to each family.
+Each kind has a class of its own, a pydantic model with the keys of the section. All kinds of sensor, for example, are a
+*family*. The class of a kind is imported when a station names the kind: a station uses few, and pydantic takes long to
+make such classes. Installed extensions add kinds to each family.
 """
 
 from collections.abc import Iterator, Mapping
@@ -45,7 +46,9 @@ class Kinds:
         self._base = base
         self._point = point
         self._base_of_extensions = base_of_extensions
+        # A cache of this object's own, so that it can be cleared: pydantic takes milliseconds to make a validator.
         self._validator = lru_cache(self._make_validator)
+        # Extensions that would add a kind of the same name are refused.
         register_core_names(point, lambda: classes)
 
     def __iter__(self) -> Iterator[str]:
@@ -65,6 +68,7 @@ class Kinds:
                 derived from that of the family.
         """
         if kind not in self._classes:
+            # A kind of an extension. Its module is imported here, when a station uses the kind.
             added: type[BaseModel] = load_addition_class(additions(self._point)[kind], self._extension_base)
             return added
         module, _, name = f"{self._family}.{self._classes[kind]}".rpartition(".")
@@ -82,50 +86,70 @@ class Kinds:
 
     @cached_property
     def models(self) -> dict[str, type[BaseModel]]:
-        """The classes of all kinds, those of extensions that cannot be imported left out."""
+        """Classes of all kinds, by kind. Kinds of extensions that cannot be imported are missing."""
         core = {kind: self.model(kind) for kind in self._classes}
         return core | classes_of_extensions(self._point, self._extension_base)
 
     def forget_extensions(self) -> None:
         """Forget the classes of extensions that were imported, for tests that install others."""
         self._validator.cache_clear()
-        self.__dict__.pop("models", None)
+        self.__dict__.pop("models", None)  # where cached_property keeps its value
 
     @property
     def names_are_kinds(self) -> BeforeValidator:
-        """Validator of a mapping of sections: a section without ``kind`` is of the kind that its name is."""
+        """Validator of a mapping of sections: a section without ``kind`` has the kind of the section's name.
+
+        For example, ``sensors: {imu: {rate: 100}}`` and ``sensors: {imu: }`` are sensors of the kind ``imu``.
+        """
 
         def with_kinds(entries: Any) -> Any:
+            """Add the missing kinds to sections by name. Wrong content is left to pydantic, which reports it."""
             if not isinstance(entries, dict):
                 return entries
             completed = {}
             for name, entry in entries.items():
                 lacks_kind = entry is None or (isinstance(entry, dict) and "kind" not in entry)
-                completed[name] = {"kind": name, **(entry or {})} if lacks_kind and name in self else entry
+                if lacks_kind and name in self:
+                    completed[name] = {"kind": name, **(entry or {})}
+                else:
+                    completed[name] = entry
             return completed
 
         return BeforeValidator(with_kinds)
 
     def __get_pydantic_core_schema__(self, _source: Any, _handler: Any) -> CoreSchema:
-        """Check a section as the kind that it names; the class of that kind is imported then."""
+        """Make pydantic check a section by the class of the kind that it names.
+
+        A plain function, instead of pydantic's own union of classes, which would import the classes of all kinds.
+        """
         return core_schema.no_info_plain_validator_function(self._check)
 
     def __get_pydantic_json_schema__(self, _schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        """Return the schema of a section of any kind."""
+        """Make the JSON schema of a section of any kind. This imports the classes of all kinds."""
         union: Any = Annotated[reduce(or_, self.models.values()), Field(discriminator="kind")]
         return handler(TypeAdapter(union).core_schema)
 
     def _check(self, section: Any) -> Any:
-        """Return a section as an object of the class of its kind; pydantic reports what is wrong with it."""
+        """Convert a section to an object of the class of its kind.
+
+        Args:
+            section: content of the section, or an object that was checked before.
+
+        Raises:
+            ValidationError: the section is wrong, by pydantic.
+            SimrobError: an extension that is not installed has this kind.
+        """
         kind = section.get("kind") if isinstance(section, dict) else getattr(section, "kind", None)
         if isinstance(kind, str) and kind not in self:
             check_provided(self._point, kind, message("parts.the_kind", "the kind {kind}", kind=kind))
-        return self._validator(kind if kind in self else None).validate_python(section)
+        # For an unknown kind, the validator of all kinds makes the error, which lists them.
+        known_kind = kind if kind in self else None
+        return self._validator(known_kind).validate_python(section)
 
     def _make_validator(self, kind: str | None) -> SchemaValidator:
         """Make the validator of a kind. Without a kind, it is one of all kinds, whose error lists them."""
         models = self.models if kind is None else {kind: self.model(kind)}
         for model in models.values():
-            model.model_rebuild()
+            model.model_rebuild()  # finds classes that were not imported yet when the model was made
         choices = {name: model.__pydantic_core_schema__ for name, model in models.items()}
         return SchemaValidator(core_schema.tagged_union_schema(choices, discriminator="kind"))

@@ -1,7 +1,8 @@
 """The kinds of reference that a station file can name: desired positions of a robot's axes over time.
 
 Values *per axis* are one number for all axes, a list in their order, or a mapping by name. Positions are in the user's
-units there: deg, or m for prismatic axes. A mapping leaves out axes that stay where they are.
+units there: deg, or m for prismatic axes. Axes that a mapping does not name stay where they are. A robot has n axes;
+trajectories are functions of time with values of shape (n, 1), as Drake's are.
 """
 
 from abc import ABC, abstractmethod
@@ -78,8 +79,9 @@ class ReferenceSection(Strict, ABC):
 
     def firmness(self, model: RobotModel) -> list[Firmness]:
         """Find how firmly the section gives the motion of each of the n axes of a robot: see :class:`Firmness`."""
-        each = [model.firmness(values) for values in self.targets_by_axis()]
-        return [max(of_axis) for of_axis in zip(*each, strict=True)]
+        # An axis is as firm as in the posture that gives it most firmly.
+        of_postures = [model.firmness(values) for values in self.targets_by_axis()]
+        return [max(of_axis) for of_axis in zip(*of_postures, strict=True)]
 
     def axis_values(self) -> dict[str, AxisValues | None]:
         """Values per axis by their keys, which are checked against a robot's axes: all keys that end in ``_deg``."""
@@ -97,6 +99,7 @@ def si_positions(
         otherwise: values of the axes that a mapping leaves out, shape (n,) [rad or m].
         key: key of the station that has the values, for errors.
     """
+    # The mapping is completed in the user's units, and all axes are converted together.
     units = robot.model.user_units
     return np.asarray(units * robot.model.axis_vector(values, key, otherwise / units))
 
@@ -161,6 +164,8 @@ class Ramp(ToOnePosture):
 
     @model_validator(mode="after")
     def _check_blend(self) -> "Ramp":
+        """Check that the speed can rise and fall within the duration."""
+        # The rise and the fall must not overlap, so each takes less than half of the duration.
         if self.blend and not self.blend < self.duration / 2:
             raise ValueError(
                 message(
@@ -202,7 +207,7 @@ class Cruise(ReferenceSection):
             InvalidParameter: an axis that moves has no limit, or a value exceeds the robot's limit.
         """
         target = si_positions(self.target_deg, robot, start)
-        is_moving = target != start
+        is_moving = target != start  # an axis that does not move needs no limits
         speeds = _checked_limits("speed_deg", self.speed_deg, robot, robot.speed_limits, is_moving)
         own_accelerations = robot.model.accelerations
         accelerations = _checked_limits("acceleration_deg", self.acceleration_deg, robot, own_accelerations, is_moving)
@@ -236,9 +241,13 @@ class SCurve(Cruise):
     """Largest jerk, per axis [deg/s³, or m/s³]. By default the acceleration rises for a third of the ramp."""
 
     def _jerks(self, robot: ResolvedRobot) -> Vector | None:
-        """Largest jerk of each axis, shape (n,) [rad/s³ or m/s³], or None if the section does not limit it."""
+        """Largest jerk of each axis, shape (n,) [rad/s³ or m/s³].
+
+        None if the section does not limit it: then the acceleration rises for a third of the ramp.
+        """
         if self.jerk_deg is None:
             return None
+        # Axes that a mapping does not name have no limit.
         unlimited = np.full(len(robot.axes), np.inf)
         return si_positions(self.jerk_deg, robot, unlimited, "reference.jerk_deg")
 
@@ -262,6 +271,7 @@ def _checked_limits(
         InvalidParameter: a value exceeds the robot's limit, or an axis that moves has no limit.
     """
     chosen = limits if values is None else si_positions(values, robot, limits, f"reference.{key}")
+    # Errors show values in the user's units.
     per_time = "s²" if key == "acceleration_deg" else "s"
     for axis, (value, limit) in enumerate(zip(chosen, limits, strict=True)):
         unit = robot.model.user_units[axis]
@@ -306,6 +316,7 @@ class Sequence(ReferenceSection):
 
     @model_validator(mode="after")
     def _check_times(self) -> "Sequence":
+        """Check that the times rise: a motion within no time would be infinitely fast."""
         times = [target.time for target in self.targets]
         if any(later - earlier < SHORTEST for earlier, later in pairwise(times)):
             raise ValueError(
@@ -327,6 +338,7 @@ class Sequence(ReferenceSection):
 
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
         """Create the trajectory, shape (n, 1) [rad or m]."""
+        # Axes that a posture does not name stay where the posture before has them.
         postures = [start]
         for waypoint in self.targets:
             postures.append(si_positions(waypoint.target_deg, robot, postures[-1]))
@@ -382,6 +394,7 @@ class SineWave(ReferenceSection):
 
 
 TIME_COLUMN = "time"
+"""Name of the column with the times in a CSV file."""
 
 MOST_VALUES = 500_000
 """Largest count of values in a table: more take a gigabyte of memory in a run."""
@@ -403,7 +416,8 @@ class Table(ReferenceSection):
         """Create the trajectory, shape (n, 1) [rad or m]. It begins at the first row of the table, not at the start."""
         times, values = self.rows(robot.axes)
         if self.interpolation == "hermite":
-            return hermite(times, *np.hsplit(np.asarray(values), 2))
+            positions, speeds = np.hsplit(np.asarray(values), 2)
+            return hermite(times, positions, speeds)
         return interpolate_samples(times, values, linear=self.interpolation == "linear")
 
     def firmness(self, model: RobotModel) -> list[Firmness]:
@@ -442,10 +456,12 @@ class Table(ReferenceSection):
                 ),
             )
         times = values[:, 0]
+        # A spline divides by the differences of the times.
         too_close = np.flatnonzero(np.diff(times) < SHORTEST)
         if too_close.size:
             row = too_close[0]
-            before, after = times[row : row + 2]
+            before = times[row]
+            after = times[row + 1]
             text = message(
                 "parts.times_must_rise",
                 "time {after:g} s after {before:g} s; times must rise by {shortest:g} s or more from row to row",

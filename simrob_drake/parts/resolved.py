@@ -1,15 +1,21 @@
-"""Robots and pieces of a station, resolved: what a part may know of its station before anything is built."""
+"""Contents of a station before anything is built: its robots, its pieces, and what surrounds them.
+
+A station file says what a station contains. It is *resolved* before the plant is built: files of robots and pieces are
+read, defaults are filled in, and each piece gets the robot that carries it. Parts of a station (sensors, monitors,
+controllers ...) check their own sections against the result, :class:`StationContents`.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydrake.math import RigidTransform
 
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import message
+from simrob_drake.base.messages import Message, compound, join_texts, message
+from simrob_drake.base.renaming import former_names_of
 from simrob_drake.base.sections import Pose
 from simrob_drake.blocks.references import Reference
 from simrob_drake.blocks.servo import ServoGains
@@ -23,8 +29,8 @@ from simrob_drake.robots.pieces import TCP, PieceModel
 WORLD = "world"
 
 
-def named(name: str | None, known: Sequence[str], *, kind: str = "robot", key: str = "robot") -> str:
-    """Find which of the known names is meant: a name means itself, and None means the only one.
+def name_or_only(name: str | None, known: Sequence[str], *, kind: str = "robot", key: str = "robot") -> str:
+    """Check that a name is known. Without a name, return the only known one.
 
     Args:
         name: the name, or None if the user gives none.
@@ -43,36 +49,38 @@ def named(name: str | None, known: Sequence[str], *, kind: str = "robot", key: s
     if not known:
         thing = kind.partition(" for ")[0]
         raise InvalidParameter(
-            key, None, message("parts.a_thing_and_there_is_none", "a {thing}, and there is none", thing=thing)
+            key,
+            None,
+            message("parts.a_thing_and_there_is_none", "a {thing}, and there is none", thing=thing),
         )
     raise InvalidParameter(key, None, message("parts.one_of", "one of {known}", known=", ".join(known)))
 
 
 @dataclass(frozen=True)
 class ResolvedRobot:
-    """A robot of a station, with all that its section and its own files say."""
+    """A robot of a station, with all values that its section and its own files give. It has n axes."""
 
-    # its key in the station, and what stands before the names of its ports
-    name: str
-    prefix: str
-    model: RobotModel  # what it is
-    base: RigidTransform  # pose of its root link in the world; where it begins if it floats
-    floats: bool  # whether its root link is held by nothing
-    gains: ServoGains  # of its servos
+    name: str  # its key in the station
+    prefix: str  # text before the names of its ports, such as "left."; empty for the only robot
+    model: RobotModel
+    base: RigidTransform  # pose of its root link in the world; only at the start if the robot floats
+    floats: bool  # whether nothing holds its root link
+    gains: ServoGains  # gains and limits of its servos
     # stiffness and damping of the stops of its axes, each shape (n,) [N·m/rad or N/m, N·m·s/rad or N·s/m]
     stops: tuple[Vector, Vector]
-    initial: Vector  # where its axes are at the start, shape (n,) [rad or m]
-    carried: tuple[str, ...]  # the pieces that it carries, each after what it hangs on
-    held: tuple[str, ...]  # those of them that hang on its tools, and not elsewhere
-    load: float  # the mass of all that it carries [kg]
-    tool_frames: Mapping[str, str]  # by tool or carried piece the name of its frame in the plant
-    tcp: str  # the tool in use; empty without any
-    # pose of the tool centre point in that tool's frame; then the tool in use is called ``tcp``
+    initial: Vector  # positions of its axes at the start, shape (n,) [rad or m]
+    carried: tuple[str, ...]  # names of the pieces that it carries, each after the piece to which it is attached
+    held: tuple[str, ...]  # those of them that are attached to its tools, directly or through other pieces
+    loads: Mapping[str, float]  # mass of each piece that it carries, by name [kg]
+    tool_frames: Mapping[str, str]  # name of the frame in the plant, by the name of a tool or of a carried piece
+    tcp: str  # name of the tool in use; empty if the robot has none
+    # pose of the tool centre point in the frame of the tool in use, which is then called ``tcp``; None if the point is
+    # the origin of this frame
     tcp_offset: Pose | None
-    feet: FootContact | None  # what it stands on; None without
-    # references of axes whose motion is prescribed in a dynamic station, of one value each, by place
+    feet: FootContact | None  # contact points of its feet; None if it has no feet
+    # references of axes whose motion is prescribed in a dynamic station, with one value each, by the axis's index
     prescribed: Mapping[int, Reference]
-    motors: tuple[Motor | None, ...]  # of its axes; None where a servo has none
+    motors: tuple[Motor | None, ...]  # motor of each axis; None for an ideal servo, which has no motor model
 
     def __repr__(self) -> str:
         tool = f", tool {self.tcp}" if self.tcp else ""
@@ -80,50 +88,72 @@ class ResolvedRobot:
 
     @property
     def axes(self) -> list[str]:
-        """The names of the axes, in order."""
+        """Names of the axes, in order."""
         return list(self.model.axes)
 
     @property
+    def load(self) -> float:
+        """Mass of everything that it carries [kg]."""
+        return float(sum(self.loads.values()))
+
+    @property
+    def load_in_words(self) -> Message:
+        """Mass of each piece that it carries, such as ``gripper 1 kg + load 5 kg``. Pieces without mass are left out."""
+        masses = [
+            compound("{piece} {mass:.3g} kg", piece=piece, mass=mass) for piece, mass in self.loads.items() if mass
+        ]
+        return join_texts(masses, " + ")
+
+    @property
     def speed_limits(self) -> Vector:
-        """How fast its axes may be, shape (n,) [rad/s or m/s]: the no-load speed of motors, else the URDF's limit."""
-        speeds = zip(self.motors, self.model.speed_limits, strict=True)
-        return np.array([limit if motor is None else motor.line[1] for motor, limit in speeds])
+        """Largest speed of each axis, shape (n,) [rad/s or m/s].
+
+        It is the no-load speed of the axis's motor, at which its torque has fallen to zero. Without a motor, it is the
+        limit in the robot's URDF.
+        """
+        limits = np.array(self.model.speed_limits, dtype=float)
+        for index, motor in enumerate(self.motors):
+            if motor is not None:
+                _, no_load_speed = motor.line
+                limits[index] = no_load_speed
+        return limits
 
     @property
     def tool_names(self) -> list[str]:
-        """The names of the tools, of carried pieces and, with an offset, of the tool centre point itself."""
-        return [*self.tool_frames, *([TCP] if self.tcp and self.tcp_offset is not None else [])]
+        """Names of the tools and of the carried pieces. With an offset, ``tcp`` is one of them."""
+        has_offset = self.tcp != "" and self.tcp_offset is not None
+        return [*self.tool_frames, TCP] if has_offset else [*self.tool_frames]
 
 
 @dataclass(frozen=True)
 class ResolvedPiece:
-    """A piece of a station, with all its figures."""
+    """A piece of a station, such as a table or a box, with all values that its section and its own file give."""
 
     name: str  # its key in the station
-    model: PieceModel  # what it is
-    parent: str  # what it hangs on: ``world``, a robot or another piece
-    carrier: str  # the robot that carries it, directly or through other pieces, or ``world``
-    mount: str  # the name of the frame of the plant that it hangs on; empty for the world
-    pose: RigidTransform  # in that frame; in the world where it is free
-    free: bool  # moved by gravity and contact alone
+    model: PieceModel
+    parent: str  # to what it is attached: ``world``, a robot or another piece
+    carrier: str  # robot that carries it, directly or through other pieces, or ``world``
+    mount: str  # name of the frame of the plant to which it is attached; empty for the world
+    pose: RigidTransform  # pose in that frame; in the world at the start if the piece is free
+    free: bool  # whether nothing holds it, so that gravity and contact alone move it
 
 
 @dataclass(frozen=True)
-class Surroundings:
-    """What a part may know of its station before anything is built."""
+class StationContents:
+    """Contents of a station, as its parts see them before anything is built."""
 
-    engine: Engine  # what moves it
-    has_contact: bool  # whether it has this section
-    ground: Ground  # what there is to stand on
+    engine: Engine  # what moves the station, with its abilities
+    has_contact: bool  # whether the station file has a section ``contact``
+    ground: Ground  # height of the ground, on which robots stand
     robots: Mapping[str, ResolvedRobot]  # by name
-    pieces: Mapping[str, ResolvedPiece]  # by name, each after what it hangs on
-    sensors: Mapping[str, Any]  # their sections by name
+    pieces: Mapping[str, ResolvedPiece]  # by name, each after the piece to which it is attached
+    sensors: Mapping[str, Any]  # sections of the sensors, by name
     # text before the names of the station's model instances in a plant that it shares with others, such as "left."
     scope: str = field(default="", kw_only=True)
 
     @property
     def free_pieces(self) -> list[str]:
-        """The names of the pieces that nothing holds."""
+        """Names of the pieces that nothing holds."""
         return [name for name, piece in self.pieces.items() if piece.free]
 
     def robot(self, name: str | None, key: str) -> ResolvedRobot:
@@ -137,8 +167,10 @@ class Surroundings:
             UnknownName: there is no such robot.
             InvalidParameter: the name is None, and the station has several robots, or none.
         """
-        return self.robots[
-            named(
-                name, list(self.robots), kind=message("parts.robot_for", "robot for {key}", key=key), key=f"{key}.robot"
-            )
-        ]
+        kind = message("parts.robot_for", "robot for {key}", key=key)
+        found = name_or_only(name, list(self.robots), kind=kind, key=f"{key}.robot")
+        return self.robots[found]
+
+
+if not TYPE_CHECKING:
+    __getattr__ = former_names_of(__name__, {"Surroundings": "StationContents", "named": "name_or_only"})

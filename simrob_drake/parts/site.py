@@ -1,4 +1,9 @@
-"""The place where a part of a station is wired: the plant and the ports that it reads and drives."""
+"""The site: a station under construction, as its parts see it while they are wired.
+
+A *part* of a station is a sensor, a monitor, a controller, a force and so on. Its method ``wire`` gets the site. There
+it finds the plant and the outputs of other parts, connects its blocks to the station's inputs, and declares its own
+outputs.
+"""
 
 import warnings
 from collections.abc import Mapping
@@ -13,7 +18,7 @@ from simrob_drake.base.messages import message
 from simrob_drake.parts.inputs import InputPorts
 from simrob_drake.parts.outputs import OutputRegistry
 from simrob_drake.parts.picture import PictureLabels
-from simrob_drake.parts.resolved import Surroundings, named
+from simrob_drake.parts.resolved import StationContents, name_or_only
 from simrob_drake.parts.station_plant import StationPlant, StationRobot
 
 
@@ -21,7 +26,7 @@ from simrob_drake.parts.station_plant import StationPlant, StationRobot
 class Site:
     """A station under construction, for the parts that are added to it.
 
-    Names carry the prefix ``<robot>.`` where there are several robots.
+    Names of inputs and outputs begin with ``<robot>.`` if the station has several robots.
 
     Attributes:
         station: what the station is made of.
@@ -29,14 +34,16 @@ class Site:
         state: positions and velocities of the whole plant, size nq + nv.
         outputs: the registry in which parts declare their outputs, and a mapping of names to output ports.
         picture: the labels of the block picture.
-        inputs: input ports by name: ``reference`` (n), and what the station lists under ``inputs``.
+        inputs: input ports by name: ``reference`` (n), and what the station lists under ``inputs``. A part that drives
+            an input connects its output to the port, and puts a new port in its place if others can still add to it.
         edges: times at which a run must end a step: corners of references, edges of pushes [s].
-        spatial_forces: ports of forces on bodies from outside, to be gathered into the plant's port.
-        generalized_forces: ports of forces on joints beside their motors, to be gathered likewise.
+        spatial_forces: ports of forces on bodies from outside. They are gathered into one port of the plant at the end,
+            since an input of a Drake system can only be connected once.
+        generalized_forces: ports of forces on joints in addition to their motors, gathered in the same way.
         blocks: controllers and other blocks of the user's own, by name.
     """
 
-    station: Surroundings
+    station: StationContents
     plant: StationPlant
     state: OutputPort
     outputs: OutputRegistry
@@ -66,15 +73,17 @@ class Site:
             UnknownName: there is no such robot.
             InvalidParameter: the name is None, and there are several robots, or none.
         """
-        return self.plant.robots[named(name, list(self.plant.robots))]
+        return self.plant.robots[name_or_only(name, list(self.plant.robots))]
 
     if not TYPE_CHECKING:  # the type checker must not accept the former names
 
         def __getattr__(self, name: str) -> Any:
             """Value of an attribute that `outputs` or `picture` has now, with a DeprecationWarning. Until 0.2."""
+            # Python only calls this for names that the class and the object do not have.
             owner = _FORMER_ATTRIBUTES.get(name)
             if owner is None:
                 raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+            # The level of the warning counts the functions from `_warn` up, so it must be called from here.
             _warn(message("parts.site_renamed", "Site.{name} is now Site.{owner}.{name}", name=name, owner=owner))
             return getattr(getattr(self, owner), name)
 
@@ -91,11 +100,12 @@ _FORMER_ATTRIBUTES: Mapping[str, str] = MappingProxyType(
 _FORMER_NAMES: Mapping[str, str] = MappingProxyType(
     dict.fromkeys(("WORLD", "ResolvedPiece", "ResolvedRobot"), "resolved") | {"FromState": "outputs"}
 )
-"""Names that this module had, and the module beside it that has them now. Until 0.2."""
+"""Names that this module had, and the module of the same package that has them now. Until 0.2."""
 
 
 def _warn(renaming: str) -> None:
-    """Warn a caller of the present caller that a name is a former one."""
+    """Warn the code that used a former name, two callers above this function."""
+    # Level 1 is this function, 2 the lookup of the former name, 3 the code that used it.
     warnings.warn(
         message("parts.former_name_goes", "{renaming}; the former name goes in 0.2", renaming=renaming),
         DeprecationWarning,

@@ -1,4 +1,9 @@
-"""The plant of a station with its robots: Drake's multibody plant, its scene graph, and where each robot is in them."""
+"""The plant of a station: Drake's multibody plant with its scene graph, and the station's robots and pieces in it.
+
+:class:`StationPlant` is made from the station's contents (`simrob_drake.parts.resolved`) when the plant is built. A
+station that another engine moves has a block of that engine in the diagram, in place of the plant. In such a station,
+and in a kinematic one, Drake's plant is outside of the diagram and only computes poses, masses and forces.
+"""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -12,6 +17,7 @@ from pydrake.systems.framework import Context, DiagramBuilder, InputPort
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.renaming import keep_former_attributes
 from simrob_drake.parts.engine import PlantBlock
 from simrob_drake.parts.ground import Ground
 from simrob_drake.parts.resolved import ResolvedRobot
@@ -20,35 +26,49 @@ from simrob_drake.robots.axis_map import AxisMap
 
 @dataclass(frozen=True, repr=False)
 class StationRobot(ResolvedRobot):
-    """A robot in the plant of a station."""
+    """A robot in the plant of a station. It has n axes."""
 
-    plant: MultibodyPlant  # that it is in
-    instance: ModelInstanceIndex  # its model instance there
-    joints: list[Joint]  # of the axes, in order
-    root: Frame  # the frame of its root link
-    tools: dict[str, Frame]  # frames of tools and carried pieces by name; ``tcp`` is the one in use
+    plant: MultibodyPlant  # plant that contains the robot
+    instance: ModelInstanceIndex  # its model instance in the plant
+    joints: list[Joint]  # joints of its axes, in order
+    root: Frame  # frame of its root link
+    tools: dict[str, Frame]  # frames of tools and carried pieces, by name; ``tcp`` is the tool in use
 
     @cached_property
     def axis_map(self) -> AxisMap:
-        """Between its axes and the vectors of the plant, which is finalized."""
-        return AxisMap.of_joints(self.plant, self.joints, [axis.sign for axis in self.model.axes.values()])
+        """Map between the robot's axes and the positions and velocities of the plant, which must be finalized."""
+        signs = [axis.sign for axis in self.model.axes.values()]
+        return AxisMap.of_joints(self.plant, self.joints, signs)
 
     def free_inertias(self, context: Context | None = None) -> Vector:
-        """Return each axis's inertia (n,) [kg m² or kg] with the others free, at the start or in a context."""
-        mass = self.plant.CalcMassMatrix(self.plant.CreateDefaultContext() if context is None else context)
-        return np.asarray(1 / np.diag(np.linalg.inv(mass))[self.axis_map.velocity_places])
+        r"""Compute the inertia that each axis feels if all other axes move freely.
+
+        It is :math:`1 / (M^{-1})_{ii}` with the plant's mass matrix M: a torque at axis i alone accelerates it by
+        :math:`\ddot q_i = (M^{-1})_{ii} \tau_i`.
+
+        Args:
+            context: context of the plant. If it is None, the plant's default positions are used.
+
+        Returns:
+            The inertias, shape (n,) [kg m² or kg].
+        """
+        if context is None:
+            context = self.plant.CreateDefaultContext()
+        mass_matrix = self.plant.CalcMassMatrix(context)
+        inverse = np.linalg.inv(mass_matrix)
+        return np.asarray(1 / np.diag(inverse)[self.axis_map.velocity_places])
 
 
 @dataclass(frozen=True)
 class StationPlant:
-    """The plant of a station and where its robots are in it."""
+    """The plant of a station, and its robots and pieces in this plant."""
 
     plant: MultibodyPlant  # finalized
-    scene_graph: SceneGraph  # with which it is registered
+    scene_graph: SceneGraph  # scene graph that contains the plant's shapes
     robots: dict[str, StationRobot]  # by name
     # the bodies of the pieces that nothing holds, by name
     free_pieces: dict[str, RigidBody] = field(default_factory=dict)
-    ground: Ground = field(default_factory=Ground)  # what there is to stand on
+    ground: Ground = field(default_factory=Ground)  # height of the ground, on which robots stand
     # small balls at the corners of flat bodies, such as boxes: contact forces act on the balls instead of the flat
     # shapes
     contact_points: frozenset[GeometryId] = frozenset()
@@ -58,21 +78,35 @@ class StationPlant:
     stand_in: PlantBlock | None = None  # block of another engine in the diagram; None if the plant itself is stepped
     # whether the solver of the plant holds couplings as constraints; otherwise stiff springs hold them
     holds_constraints: bool = False
-    scope: str = ""  # text before the names of the station's model instances, see `Surroundings.scope`
+    scope: str = ""  # text before the names of the station's model instances, see `StationContents.scope`
     is_shared: bool = False  # whether the plant is one of the user's own, with further bodies in it
 
     @property
-    def stepped(self) -> Any:
-        """What stands in the diagram of a dynamic station as ``plant``: Drake's own, or another engine's."""
+    def plant_block(self) -> Any:
+        """The block ``plant`` of a dynamic station's diagram: Drake's plant, or the block of another engine.
+
+        Both have the same ports and the methods of :class:`simrob_drake.parts.engine.PlantBlock`.
+        """
         return self.stand_in or self.plant
 
-    def place(self, root: Context, positions: Vector) -> None:
-        """Let what is stepped stand at positions (nq,), in a context of its diagram."""
-        self.stepped.SetPositions(self.stepped.GetMyMutableContextFromRoot(root), positions)
+    def set_positions(self, root: Context, positions: Vector) -> None:
+        """Set the positions of the plant's block.
+
+        Args:
+            root: context of the whole diagram, which is changed.
+            positions: positions of the plant, shape (nq,).
+        """
+        context = self.plant_block.GetMyMutableContextFromRoot(root)
+        self.plant_block.SetPositions(context, positions)
 
     def query(self, root: Context) -> QueryObject:
-        """Return what tells which shapes touch, in a context of the diagram."""
-        return self.scene_graph.get_query_output_port().Eval(self.scene_graph.GetMyContextFromRoot(root))
+        """Query object of the scene graph, which finds distances and contacts of shapes.
+
+        Args:
+            root: context of the whole diagram, whose poses the query uses.
+        """
+        context = self.scene_graph.GetMyContextFromRoot(root)
+        return self.scene_graph.get_query_output_port().Eval(context)
 
     def with_whole_shapes(self, root: Context) -> Context:
         """Clone a context of the diagram, and in the clone let the shapes of `replaced_pairs` collide themselves.
@@ -97,6 +131,7 @@ class StationPlant:
         joints = [self.plant.get_joint(index) for index in self.plant.GetJointIndices()]
         if not self.is_shared:
             return joints
+        # A shared plant also has joints of the user's own, which are not the station's.
         return [joint for joint in joints if int(joint.model_instance()) in self._own_instances]
 
     @cached_property
@@ -128,7 +163,7 @@ class StationPlant:
         return f"<StationPlant of {[*self.robots.values()]}, free pieces {[*self.free_pieces]}>"
 
     def add_geometry_poses(self, builder: DiagramBuilder, *, of_state: bool = False) -> InputPort:
-        """Add the block that poses the plant's shapes in the scene graph, for a plant outside of the diagram.
+        """Add the block that moves the plant's shapes in the scene graph, for a plant outside of the diagram.
 
         Args:
             builder: builder of the diagram, which contains the scene graph.
@@ -143,3 +178,6 @@ class StationPlant:
         assert source_id is not None  # add_plant registers the plant
         builder.Connect(poses.get_output_port(), self.scene_graph.get_source_pose_port(source_id))
         return poses.get_input_port()
+
+
+keep_former_attributes(StationPlant, stepped="plant_block", place="set_positions")

@@ -12,7 +12,7 @@ from pydrake.multibody.tree import Frame, RigidBody
 
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.messages import message
-from simrob_drake.parts.resolved import WORLD, Surroundings
+from simrob_drake.parts.resolved import WORLD, StationContents
 from simrob_drake.parts.station_plant import StationPlant
 
 FLOOR = "floor"
@@ -25,15 +25,20 @@ def own_name(inspector: SceneGraphInspector, shape: GeometryId) -> str:
     return name.rsplit("::", 1)[-1]
 
 
-def piece_of_shape(station: Surroundings, inspector: SceneGraphInspector, shape: GeometryId) -> str | None:
+def piece_of_shape(station: StationContents, inspector: SceneGraphInspector, shape: GeometryId) -> str | None:
     """Find the piece to which a shape belongs. Returns None for a robot's own shapes and those of the floor."""
+    # The name is <scope><owner>::...::<piece>.<shape> for a piece.
     scoped_owner = inspector.GetName(shape).partition("::")[0]
     if not scoped_owner.startswith(station.scope):
         return None  # it belongs to something else in a plant that the station shares
     owner = scoped_owner.removeprefix(station.scope)
-    piece, dot, _ = own_name(inspector, shape).partition(".")
-    found = station.pieces.get(piece) if dot else None
-    return piece if found is not None and owner in (piece, found.carrier) else None
+    name = own_name(inspector, shape)
+    piece = name.partition(".")[0]
+    if "." not in name or piece not in station.pieces:
+        return None
+    # A link of a robot may have a shape with a dot in its name: the owner decides.
+    owners = (piece, station.pieces[piece].carrier)
+    return piece if owner in owners else None
 
 
 def owner_of_shape(plant: StationPlant, shape: GeometryId) -> str:
@@ -41,13 +46,16 @@ def owner_of_shape(plant: StationPlant, shape: GeometryId) -> str:
     inspector = plant.scene_graph.model_inspector()
     owner = inspector.GetName(shape).partition("::")[0].removeprefix(plant.scope)
     name = own_name(inspector, shape)
+    has_dot = "." in name
+    piece = name.partition(".")[0]
     robot = plant.robots.get(owner)
-    piece, dot, _ = name.partition(".")
     if robot is None:
-        is_of_piece = bool(dot) and piece == owner
+        # A piece that no robot carries is its own owner. Other shapes are those of the ground.
+        is_of_piece = has_dot and piece == owner
         return piece if is_of_piece else name
-    if dot and piece in robot.carried:
+    if has_dot and piece in robot.carried:
         return piece
+    # A shape of a link: the link has the body that the shape moves with.
     body = plant.plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
     return f"{robot.prefix}{body.name()}"
 
@@ -62,12 +70,13 @@ def owner_and_robot(plant: StationPlant, shape: GeometryId) -> tuple[str, str]:
     owner = owner_of_shape(plant, shape)
     frame = plant.scene_graph.model_inspector().GetFrameId(shape)
     instance = plant.plant.GetBodyFromFrameId(frame).model_instance()
+    # All bodies of a robot, and of the pieces that it carries, are in the robot's model instance.
     robot = next((robot.name for robot in plant.robots.values() if robot.instance == instance), "")
     is_ground = not robot and owner.partition(".")[0] == FLOOR
     return FLOOR if is_ground else owner, robot
 
 
-def body_names(station: Surroundings) -> list[str]:
+def body_names(station: StationContents) -> list[str]:
     """Names of all bodies at which forces and distances can be measured.
 
     They are robots, links, pieces, shapes of pieces and, if there is one, the floor.
@@ -81,13 +90,13 @@ def body_names(station: Surroundings) -> list[str]:
     return names
 
 
-def frame_names(station: Surroundings) -> list[str]:
+def frame_names(station: StationContents) -> list[str]:
     """Names of all frames in whose axes vectors can be given: the world, links, tools, and pieces (at their TCP)."""
     tools = [f"{robot.prefix}{tool}" for robot in station.robots.values() for tool in robot.model.tools]
     return [WORLD, *_link_names(station), *tools, *station.pieces]
 
 
-def check_body(station: Surroundings, key: str, name: str) -> None:
+def check_body(station: StationContents, key: str, name: str) -> None:
     """Check that a body or shape exists.
 
     Args:
@@ -106,7 +115,7 @@ def check_body(station: Surroundings, key: str, name: str) -> None:
     one_of(message("parts.body_or_shape_for", "body or shape for {key}", key=key), name, body_names(station))
 
 
-def check_frame(station: Surroundings, key: str, name: str) -> None:
+def check_frame(station: StationContents, key: str, name: str) -> None:
     """Check that a frame exists: one of :func:`frame_names`.
 
     Raises:
@@ -115,7 +124,7 @@ def check_frame(station: Surroundings, key: str, name: str) -> None:
     one_of(message("parts.frame_for", "frame for {key}", key=key), name, frame_names(station))
 
 
-def shapes_of(plant: StationPlant, station: Surroundings, name: str) -> list[GeometryId]:
+def shapes_of(plant: StationPlant, station: StationContents, name: str) -> list[GeometryId]:
     """Find the collision shapes of a body: one of :func:`body_names`.
 
     Raises:
@@ -135,16 +144,19 @@ def frame_of(plant: StationPlant, name: str) -> Frame:
     """Find a frame by its name: one of :func:`frame_names`."""
     if name == WORLD:
         return plant.plant.world_frame()
+    # A tool comes before a link of the same name. The prefix of the only robot is empty, so every name begins with it.
     for robot in plant.robots.values():
+        if not name.startswith(robot.prefix):
+            continue
         own = name.removeprefix(robot.prefix)
-        if own in robot.tools and name.startswith(robot.prefix):
+        if own in robot.tools:
             return robot.tools[own]
-        if name.startswith(robot.prefix) and plant.plant.HasFrameNamed(own, robot.instance):
+        if plant.plant.HasFrameNamed(own, robot.instance):
             return plant.plant.GetFrameByName(own, robot.instance)
     return plant.piece_frame(name, f"{name}_tcp")
 
 
-def _find_shapes(plant: StationPlant, station: Surroundings, name: str) -> Iterator[GeometryId]:
+def _find_shapes(plant: StationPlant, station: StationContents, name: str) -> Iterator[GeometryId]:
     """Yield the collision shapes of a body: one of :func:`body_names`."""
     inspector = plant.scene_graph.model_inspector()
     piece = name.partition(".")[0]
@@ -179,7 +191,7 @@ def _belongs_to_robot(plant: StationPlant, body: RigidBody, name: str) -> bool:
     return has_link and plant.plant.GetFrameByName(link, robot.instance).body() is body
 
 
-def _link_names(station: Surroundings) -> list[str]:
+def _link_names(station: StationContents) -> list[str]:
     """Names of the links of all robots, with the robots' prefixes."""
     return [
         f"{robot.prefix}{link.get('name')}"

@@ -240,8 +240,10 @@ class Slow:
             surfaces: whether to compute hydroelastic surfaces instead of points.
         """
         plant = self.built.ports.plant
-        positions = plant.stepped.GetPositions(plant.stepped.GetMyContextFromRoot(root))
-        plant.place(root, positions)  # setting positions clears Drake's cache, so that contacts are computed again
+        positions = plant.plant_block.GetPositions(plant.plant_block.GetMyContextFromRoot(root))
+        plant.set_positions(
+            root, positions
+        )  # setting positions clears Drake's cache, so that contacts are computed again
         query = plant.query(root)
         if surfaces:
             query.ComputeContactSurfacesWithFallback(plant.plant.get_contact_surface_representation())

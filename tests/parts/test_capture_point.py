@@ -48,7 +48,7 @@ def test_how_far_the_capture_point_is_outside_of_the_feet(standing, ahead):
     along = np.clip(((place - starts) * ways).sum(1) / (ways**2).sum(1), 0, 1)
     distance = np.linalg.norm(place - starts - along[:, np.newaxis] * ways, axis=1).min()
     inside = (ConvexHull(points).equations @ [*place, 1] < 0).all()
-    found = CapturePoint(plant, robot, "guard").outside(state)
+    found = CapturePoint(plant, robot, "guard").distance_from_feet(state)
     assert inside == (found < 0)
     assert inside == (ahead == 0.2)
     if not inside:

@@ -95,7 +95,7 @@ class Episode:
         self._simulator, pace = stepper.simulator, stepper.pace()
         self._root = self._simulator.get_mutable_context()
         if start is not None:
-            self._ports.plant.place(self._root, self.robot.axis_map.spread_positions(start, self.positions))
+            self._ports.plant.set_positions(self._root, self.robot.axis_map.spread_positions(start, self.positions))
         if goal is not None:
             self.policy.ask(self._own(), goal=goal)
         if pace is not None:

@@ -81,9 +81,9 @@ class Policy(LoopSection):
         return self
 
     @property
-    def named(self) -> list[str]:
-        """What it reads by names of the user's."""
-        return [*super().named, *self._outputs]
+    def read_names(self) -> list[str]:
+        """Names of the sensors and outputs that the loop reads, as the section writes them."""
+        return [*super().read_names, *self._outputs]
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
         """Return the axes that it moves."""

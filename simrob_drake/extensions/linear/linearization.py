@@ -16,7 +16,7 @@ from simrob_drake.blocks.block import add_multiplexer
 from simrob_drake.dynamics import Dynamics
 from simrob_drake.extensions.linear.model import LinearModel
 from simrob_drake.parts.outputs import OutputRegistry
-from simrob_drake.parts.resolved import named
+from simrob_drake.parts.resolved import name_or_only
 from simrob_drake.robots.motors import Drives
 from simrob_drake.stations.checks import holding_torque
 from simrob_drake.stations.config import StationConfig
@@ -178,7 +178,7 @@ def _postures(ports: StationPorts, at: Posture | None) -> dict[str, Vector]:
     if at is None:
         return postures
     if not isinstance(at, Mapping):
-        at = {named(None, list(robots), key="at"): at}
+        at = {name_or_only(None, list(robots), key="at"): at}
     for name, posture in at.items():
         robot, found = robots[one_of(message("base.robot", "robot"), name, robots)], finite(posture)
         limits = robot.model.limits

@@ -12,7 +12,7 @@ from pydrake.multibody.tree import Frame, JointActuatorIndex
 
 from simrob_drake.base.frames import Vector
 from simrob_drake.extensions.mujoco.coordinates import Names
-from simrob_drake.parts.resolved import Surroundings
+from simrob_drake.parts.resolved import StationContents
 from simrob_drake.parts.sensors.shapes import Distance, Force
 from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.parts.targets import shapes_of
@@ -112,7 +112,7 @@ class OutputSensors:
 
 def add_sensors(
     spec: mujoco.MjSpec,
-    station: Surroundings,
+    station: StationContents,
     plant: StationPlant,
     names: Names,
     shapes: Mapping[GeometryId, str],

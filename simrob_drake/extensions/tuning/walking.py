@@ -25,7 +25,7 @@ from simrob_drake.extensions.tuning.journal import COMPLETED, Row, Trial
 from simrob_drake.extensions.tuning.scene import DRAKE, ENGINE, GAIT, PROGRAM, Scene
 from simrob_drake.parts.forces import place_of
 from simrob_drake.parts.monitors.sections import Fall
-from simrob_drake.parts.resolved import named
+from simrob_drake.parts.resolved import name_or_only
 from simrob_drake.parts.targets import frame_names
 from simrob_drake.programs.gaits.registry import gaits_of
 from simrob_drake.results.record.walks import headings
@@ -191,7 +191,7 @@ def subject_of(config: StationConfig, at: str | None = None) -> Subject:
     """
     resolved = resolve(config)
     frames = [frame for frame in frame_names(resolved) if config.only_robot or frame.partition(".")[0] in config.robots]
-    place = named(
+    place = name_or_only(
         at,
         [*config.robots, *(frames if at else [])],
         kind=message("tuning.robot_tool_or_link", "robot, tool or link"),

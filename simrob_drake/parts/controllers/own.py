@@ -1,4 +1,9 @@
-"""A user's own block in a station, wired by the names of its ports, and what outputs of controllers become."""
+"""Blocks of the user's own in a station, and the declaration of controllers' outputs.
+
+An *own block* is a LeafSystem of Drake from the user's Python code. It is wired by the names of its ports: an input
+that is named as an output of the station reads this output, and an output that is named as an input of the station
+drives this input. The class :class:`OwnController` is the section in a station file that names such code.
+"""
 
 import importlib
 import importlib.util
@@ -7,7 +12,7 @@ import sys
 from collections.abc import Collection, Mapping, Sequence
 from os.path import isfile
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import ConfigDict, Field
 from pydrake.systems.framework import DiagramBuilder, InputPort, LeafSystem, OutputPort, PortDataType
@@ -15,10 +20,12 @@ from pydrake.systems.primitives import PassThrough
 
 from simrob_drake.base.errors import InvalidParameter, one_of, quoted
 from simrob_drake.base.messages import compound, message
+from simrob_drake.base.renaming import former_names_of
 from simrob_drake.base.signals import Panel, Signal
 from simrob_drake.blocks.block import add_sum
-from simrob_drake.parts.captions import wrapped
+from simrob_drake.parts.captions import wrap_label
 from simrob_drake.parts.controllers.section import ControllerSection
+from simrob_drake.parts.inputs import LISTABLE
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
 
@@ -55,43 +62,64 @@ def declare_output(
     # Names of the values: axes of the first robot with as many axes as values, or numbers.
     robots = site.plant.robots.values() if robot is None else [robot]
     axes_of_size = [own_robot.axes for own_robot in robots if len(own_robot.axes) == size]
-    entries = axes_of_size[0] if axes_of_size else [str(index) for index in range(size)]
+    value_names = axes_of_size[0] if axes_of_size else [str(index) for index in range(size)]
 
-    takes_all = size == 1 or axes is None or not axes_of_size
-    indices = tuple(index for index, entry in enumerate(entries) if takes_all or entry in (axes or ()))
-    columns = (output,) if size == 1 else tuple(f"{output}.{entries[index]}" for index in indices)
+    # Indices of the values that become columns. Values without axis names, and a single value, always do.
+    indices = tuple(range(size))
+    if size > 1 and axes is not None and axes_of_size:
+        indices = tuple(index for index in indices if value_names[index] in axes)
+    columns = (output,) if size == 1 else tuple(f"{output}.{value_names[index]}" for index in indices)
     units = tuple(unit.split(", ")) if ", " in unit else (unit,) * len(columns)
+
     heading = message("parts.the_block", "the block '{name}'", name=name)
-    panel = Panel(f"controller_{name}", heading, called, f"{called} [{unit}]", columns, tuple(components))
-    picked = indices if len(indices) < size else None
-    site.outputs.add(output, port, Signal(columns, units, "own", output, picked, part=name, panel=panel))
+    panel = Panel(
+        figure=f"controller_{name}",
+        heading=heading,
+        title=called,
+        label=f"{called} [{unit}]",
+        columns=columns,
+        components=tuple(components),
+    )
+    signal = Signal(
+        names=columns,
+        units=units,
+        role="own",
+        output=output,
+        entries=indices if len(indices) < size else None,
+        part=name,
+        panel=panel,
+    )
+    site.outputs.add(output, port, signal)
 
 
 def add_to(builder: DiagramBuilder, site: Site, key: str, added: Sequence[OutputPort], *, name: str) -> None:
-    """Add ports to an input of a robot.
+    """Add ports to an input of a robot, whose former source keeps acting.
 
     Args:
         builder: builder of the diagram.
-        site: the station under construction. Its input becomes the first term of the sum.
+        site: the station under construction. Its input of this name is replaced by the first term of the sum.
         key: name of the input, such as ``feedforward``.
         added: the ports, of the input's size.
         name: suffix of the names of the blocks.
     """
-    reference = builder.AddNamedSystem(f"{key}.before_{name}", PassThrough(added[0].size()))
+    # The sum takes the robot's input, so the station needs a new port for the source that would drive this input: the
+    # port of a block that passes the values on.
+    pass_through = PassThrough(added[0].size())
+    builder.AddNamedSystem(f"{key}.before_{name}", pass_through)
     robot_input = site.inputs[key]
-    site.inputs[key] = reference.get_input_port()
-    total = add_sum(builder, f"{key}.{name}", reference.get_output_port(), *added)
+    site.inputs[key] = pass_through.get_input_port()
+    total = add_sum(builder, f"{key}.{name}", pass_through.get_output_port(), *added)
     builder.Connect(total, robot_input)
     site.picture.draw_nothing(key)
 
 
 class OwnController(ControllerSection):
-    """A block of the user's own, from Python code that is run: only where that is allowed (`--allow-code`).
+    """A block of the user's own, from Python code that is run: only if that is allowed (`--allow-code`).
 
-    Inputs that are named as outputs of the station, or of another controller (`<controller>.<output>`), read those,
-    and abstract ones called `image.<sensor>` what a camera sees;
-    outputs that are named as its inputs (`reference`, `feedforward` ...) drive those in place of the station's own
-    sources. Other outputs are signals.
+    An input that is named as an output of the station, or of another controller (`<controller>.<output>`), reads this
+    output; an abstract input called `image.<sensor>` reads the images of a camera. An output that is named as an input
+    of the station (`reference`, `feedforward` ...) drives this input in place of the station's own source. Other
+    outputs are signals.
     """
 
     model_config = ConfigDict(serialize_by_alias=True)
@@ -105,53 +133,87 @@ class OwnController(ControllerSection):
     """What its constructor takes."""
 
     def block(self, key: str) -> LeafSystem:
-        """Import the class and make the block; raises InvalidParameter: it cannot be, or is no LeafSystem."""
-        place, _, name = self.class_.partition(":")
+        """Import the class and create the block.
+
+        Args:
+            key: key of the section in the station file, for errors.
+
+        Raises:
+            InvalidParameter: the class cannot be imported, is not a LeafSystem, or does not take the parameters.
+        """
+        block_class = self._import_class(key)
         try:
-            made: Any = _module(place)
-            for part in name.split("."):
-                made = getattr(made, part)
-        except Exception as problem:
-            expected = message("parts.an_importable_class", "a class that can be imported ({problem})", problem=problem)
-            raise InvalidParameter(f"{key}.class", self.class_, expected) from problem
-        if not (isinstance(made, type) and issubclass(made, LeafSystem)):
-            raise InvalidParameter(
-                f"{key}.class",
-                self.class_,
-                message("parts.a_subclass_of_leafsystem", "a subclass of pydrake's LeafSystem"),
-            )
-        try:
-            block: LeafSystem = made(**self.parameters)
-        except Exception as problem:
+            return block_class(**self.parameters)
+        except Exception as problem:  # the user's code can raise anything
             cause = compound("{name}: {problem}", name=type(problem).__name__, problem=problem)
             raise InvalidParameter(
                 f"{key}.parameters",
                 str(self.parameters),
                 message("parts.arguments_it_takes", "what it takes ({cause})", cause=cause),
             ) from problem
-        return block
+
+    def _import_class(self, key: str) -> type[LeafSystem]:
+        """Import the class of the block.
+
+        Args:
+            key: key of the section in the station file, for errors.
+
+        Raises:
+            InvalidParameter: the class cannot be imported, or is not a LeafSystem.
+        """
+        module, _, name = self.class_.partition(":")
+        try:
+            found: Any = _import_module(module)
+            # The name may have dots, if the class is in another class.
+            for part in name.split("."):
+                found = getattr(found, part)
+        except Exception as problem:  # the user's code can raise anything
+            expected = message("parts.an_importable_class", "a class that can be imported ({problem})", problem=problem)
+            raise InvalidParameter(f"{key}.class", self.class_, expected) from problem
+        if not (isinstance(found, type) and issubclass(found, LeafSystem)):
+            raise InvalidParameter(
+                f"{key}.class",
+                self.class_,
+                message("parts.a_subclass_of_leafsystem", "a subclass of pydrake's LeafSystem"),
+            )
+        return found
 
     @classmethod
     def of(cls, block: LeafSystem) -> "OwnController":
-        """Return the section of a block given in Python, with its ``parameters`` if it has this mapping."""
-        kind, parameters = type(block), getattr(block, "parameters", {})
-        return cls.model_validate(
-            {
-                "kind": "own",
-                "class": f"{_place_of(kind)}:{kind.__qualname__.replace('<locals>.', '')}",
-                "parameters": dict(parameters) if isinstance(parameters, Mapping) else {},
-            }
-        )
+        """Make the section that describes a block given in Python, so that a run of a station can be saved with it.
+
+        Args:
+            block: the block. If it has an attribute ``parameters`` that is a mapping, the section contains these
+                parameters.
+        """
+        block_class = type(block)
+        # Classes that are defined in a function have "<locals>." in their names; an import cannot find them anyway.
+        class_name = block_class.__qualname__.replace("<locals>.", "")
+        parameters = getattr(block, "parameters", {})
+        content = {
+            "kind": "own",
+            "class": f"{_module_or_file_of(block_class)}:{class_name}",
+            "parameters": dict(parameters) if isinstance(parameters, Mapping) else {},
+        }
+        return cls.model_validate(content)
 
 
 def own_blocks(controllers: Mapping[str, Any]) -> Mapping[str, LeafSystem]:
-    """Make the blocks of the controllers that run the user's own code, by name."""
+    """Create the blocks of the controllers that run the user's own code, by name."""
     own = {name: section for name, section in controllers.items() if section.runs_code}
     return {name: section.block(f"controllers.{name}") for name, section in own.items()}
 
 
 def named_blocks(blocks: Mapping[str, LeafSystem] | Sequence[LeafSystem]) -> dict[str, LeafSystem]:
-    """Return blocks by name, their own or their class's; raises InvalidParameter: no LeafSystem, or a taken name."""
+    """Check the blocks that a user gives to a run, and return them by name.
+
+    Args:
+        blocks: blocks by name, or a list of blocks. A block of a list has its own name or, if this is no identifier,
+            the name of its class, such as ``my_block`` for ``MyBlock``.
+
+    Raises:
+        InvalidParameter: a block is not a LeafSystem or is given twice, or a name is no identifier or is given twice.
+    """
     if isinstance(blocks, Mapping):
         pairs = list(blocks.items())
     elif isinstance(blocks, Sequence) and not isinstance(blocks, str):
@@ -159,50 +221,79 @@ def named_blocks(blocks: Mapping[str, LeafSystem] | Sequence[LeafSystem]) -> dic
     else:
         expected = message("parts.a_list_of_leafsystems", "a list of LeafSystems, or a mapping of names to them")
         raise InvalidParameter("blocks", quoted(blocks), expected)
-    named: dict[str, LeafSystem] = {}
+    accepted: dict[str, LeafSystem] = {}
     for name, block in pairs:
-        if not isinstance(block, LeafSystem):
-            expected = message(
-                "parts.a_leafsystem",
-                "a LeafSystem of Drake (a Diagram that holds a station is run by simulate_diagram())",
-            )
-            raise InvalidParameter(message("parts.block_called", "blocks: {name}", name=name), quoted(block), expected)
-        if any(block is other for other in named.values()):
-            raise InvalidParameter(
-                message("parts.block_called", "blocks: {name}", name=name),
-                message("parts.given_twice", "given twice"),
-                message("parts.own_block", "a block of its own"),
-            )
-        if not (isinstance(name, str) and name.isidentifier()):
-            raise InvalidParameter(
-                message("parts.name_of_block", "the name of a block"),
-                repr(name),
-                message("parts.plain_name", "plain: letters, digits and _, no digit first"),
-            )
-        if name in named:
-            raise InvalidParameter(
-                "blocks",
-                message("parts.two_called", "two called {name}", name=name),
-                message("parts.different_names", "of different names: block.set_name(...)"),
-            )
-        named[name] = block
-    return named
+        _check_block(name, block, accepted)
+        accepted[name] = block
+    return accepted
 
 
-def driven_inputs(blocks: Mapping[str, LeafSystem]) -> dict[str, str]:
-    """Return outputs' names with the block that has each; raises InvalidParameter: two that could drive one input."""
-    drivers: dict[str, str] = {}
+def _check_block(name: Any, block: Any, accepted: Mapping[str, LeafSystem]) -> None:
+    """Check a block that a user gives, and its name.
+
+    Args:
+        name: name of the block, whatever the user has written.
+        block: the block, whatever the user has written.
+        accepted: the blocks before it, by name.
+
+    Raises:
+        InvalidParameter: the block is not a LeafSystem or is one of the others, or the name is no identifier or is
+            that of another one.
+    """
+    if not isinstance(block, LeafSystem):
+        expected = message(
+            "parts.a_leafsystem",
+            "a LeafSystem of Drake (a Diagram that holds a station is run by simulate_diagram())",
+        )
+        raise InvalidParameter(message("parts.block_called", "blocks: {name}", name=name), quoted(block), expected)
+    if any(block is other for other in accepted.values()):
+        raise InvalidParameter(
+            message("parts.block_called", "blocks: {name}", name=name),
+            message("parts.given_twice", "given twice"),
+            message("parts.own_block", "a block of its own"),
+        )
+    # Dots would be taken as the separators of output names.
+    if not (isinstance(name, str) and name.isidentifier()):
+        raise InvalidParameter(
+            message("parts.name_of_block", "the name of a block"),
+            repr(name),
+            message("parts.plain_name", "plain: letters, digits and _, no digit first"),
+        )
+    if name in accepted:
+        raise InvalidParameter(
+            "blocks",
+            message("parts.two_called", "two called {name}", name=name),
+            message("parts.different_names", "of different names: block.set_name(...)"),
+        )
+
+
+def output_owners(blocks: Mapping[str, LeafSystem]) -> dict[str, str]:
+    """Find which block has each output, and check that no two blocks drive the same input of a robot.
+
+    Args:
+        blocks: own blocks by name.
+
+    Returns:
+        The name of the first block that has an output, by the name of the output.
+
+    Raises:
+        InvalidParameter: two blocks could drive the same input.
+    """
+    owners: dict[str, str] = {}
     for name, block in blocks.items():
-        for port in _outputs(block):
-            other = drivers.setdefault(port.get_name(), name)
-            if other != name and port.get_name().rpartition(".")[2] in DRIVABLE:
-                expected = message("parts.driven_by_one", "driven by one block; {other} drives it, too", other=other)
+        for port in _vector_outputs(block):
+            output = port.get_name()
+            owner = owners.setdefault(output, name)
+            # ``left.reference`` drives the reference of the robot ``left``. Other outputs may have equal names, since
+            # they become signals with the names of their blocks.
+            is_drivable = output.rpartition(".")[2] in DRIVABLE
+            if owner != name and is_drivable:
                 raise InvalidParameter(
-                    message("parts.input_called", "the input {port}", port=port.get_name()),
+                    message("parts.input_called", "the input {port}", port=output),
                     message("parts.driven_by", "driven by {name}", name=name),
-                    expected,
+                    message("parts.driven_by_one", "driven by one block; {other} drives it, too", other=owner),
                 )
-    return drivers
+    return owners
 
 
 DRIVABLE = (
@@ -217,125 +308,199 @@ DRIVABLE = (
 
 
 def with_driven(inputs: Sequence[str], blocks: Mapping[str, LeafSystem]) -> tuple[str, ...]:
-    """Return inputs of robots, and those that blocks drive and that a station has only where they are asked for."""
-    names = {output.rpartition(".")[2] for output in driven_inputs(blocks)}
-    asked = [name for name in DRIVABLE if name in names and name not in ("reference", "reference_acceleration")]
-    return tuple(dict.fromkeys([*inputs, *asked]))
+    """Complete the list of inputs that a station makes for its robots by those that own blocks drive.
+
+    Inputs that cannot be listed need not be: the station makes them without being asked.
+
+    Args:
+        inputs: key ``inputs`` of the station.
+        blocks: own blocks by name.
+
+    Returns:
+        The inputs, each one once.
+    """
+    names = {output.rpartition(".")[2] for output in output_owners(blocks)}
+    driven = [name for name in DRIVABLE if name in names and name in LISTABLE]
+    return tuple(dict.fromkeys([*inputs, *driven]))
 
 
 def add_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, LeafSystem]) -> None:
-    """Add blocks, their outputs signals but where they drive the station; raises SimrobError: two drive one input."""
-    driven_inputs(blocks)
+    """Add own blocks to the diagram, and declare their outputs, except those that drive an input of the station.
+
+    Args:
+        builder: builder of the diagram.
+        site: the station under construction, which lists the blocks afterwards.
+        blocks: the blocks by name.
+
+    Raises:
+        InvalidParameter: two blocks drive the same input.
+    """
+    output_owners(blocks)  # it raises the error
     site.blocks.update(blocks)
     for name, block in blocks.items():
+        class_name = type(block).__name__
         builder.AddNamedSystem(f"controller.{name}", block)
-        site.outputs.notes[name] = {"kind": type(block).__name__}
-        site.picture.draw(f"controller.{name}", "own", f"{wrapped(name)}\n{type(block).__name__}")
-        for port in _outputs(block):
-            if port.get_name() not in site.inputs:
-                unit, components = (getattr(block, key, {}).get(port.get_name()) for key in ("units", "components"))
-                declare_output(site, name, port, str(unit or "1"), components=components or ())
+        site.outputs.notes[name] = {"kind": class_name}
+        site.picture.draw(f"controller.{name}", "own", f"{wrap_label(name)}\n{class_name}")
+        # A block may declare units and names of its outputs' values, in mappings by the output's name.
+        units = getattr(block, "units", {})
+        components = getattr(block, "components", {})
+        for port in _vector_outputs(block):
+            output = port.get_name()
+            if output not in site.inputs:
+                unit = str(units.get(output) or "1")
+                declare_output(site, name, port, unit, components=components.get(output) or ())
 
 
 def wire_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, LeafSystem]) -> None:
-    """Wire added blocks by the names of their ports, above all loops; raises SimrobError: a port that fits nothing."""
+    """Connect own blocks that have been added, by the names of their ports.
+
+    It is called after all loops have been added: a block that drives the reference is then the source of the loops.
+
+    Args:
+        builder: builder of the diagram.
+        site: the station under construction.
+        blocks: the blocks by name.
+
+    Raises:
+        SimrobError: an input has no source of its name and size, or an output has another size than the input of the
+            station that it drives.
+    """
     for name, block in blocks.items():
-        for port in _outputs(block):
+        for port in _vector_outputs(block):
             if port.get_name() in site.inputs:
-                target = site.inputs[port.get_name()]
-                if target.size() != port.size():
-                    sizes = (
-                        message("parts.of_size", "of size {size}", size=port.size()),
-                        message(
-                            "parts.size_of_station_input", "of size {size}, as the station's input", size=target.size()
-                        ),
-                    )
-                    raise InvalidParameter(
-                        message(
-                            "parts.output_of_block",
-                            "the output {port} of the block {name}",
-                            port=port.get_name(),
-                            name=name,
-                        ),
-                        *sizes,
-                    )
-                builder.Connect(port, target)
+                _drive_input(builder, site, name, port)
         for index in range(block.num_input_ports()):
-            _read(builder, site, name, block.get_input_port(index))
+            _connect_input(builder, site, name, block.get_input_port(index))
 
 
-def _read(builder: DiagramBuilder, site: Site, name: str, port: InputPort) -> None:
-    name_of_port = port.get_name()
+def _drive_input(builder: DiagramBuilder, site: Site, name: str, port: OutputPort) -> None:
+    """Connect an output of the block ``name`` to the input of the station that has the same name.
+
+    Raises:
+        InvalidParameter: their sizes differ.
+    """
+    target = site.inputs[port.get_name()]
+    if target.size() != port.size():
+        raise InvalidParameter(
+            message("parts.output_of_block", "the output {port} of the block {name}", port=port.get_name(), name=name),
+            message("parts.of_size", "of size {size}", size=port.size()),
+            message("parts.size_of_station_input", "of size {size}, as the station's input", size=target.size()),
+        )
+    builder.Connect(port, target)
+
+
+def _connect_input(builder: DiagramBuilder, site: Site, name: str, port: InputPort) -> None:
+    """Connect an input of the block ``name`` to the output or the camera of the station that it is named after.
+
+    Raises:
+        SimrobError: there is no such output or camera, or the sizes differ.
+    """
+    input_name = port.get_name()
+    # An abstract input can only read images.
     if port.get_data_type() != PortDataType.kVectorValued:
-        if name_of_port not in site.outputs.images:
+        if input_name not in site.outputs.images:
             known = ", ".join(site.outputs.images) or "none"
             expected = message(
-                "parts.vector_or_image", "a vector, or image.<sensor> of a camera with in_loop ({known})", known=known
+                "parts.vector_or_image",
+                "a vector, or image.<sensor> of a camera with in_loop ({known})",
+                known=known,
             )
-            raise InvalidParameter(
-                message("parts.input_of_block", "the input {port} of the block {name}", port=name_of_port, name=name),
-                "abstract",
-                expected,
-            )
-        builder.Connect(site.outputs.images[name_of_port], port)
+            raise InvalidParameter(_input_words(name, input_name), "abstract", expected)
+        builder.Connect(site.outputs.images[input_name], port)
         return
-    one_of(
-        message("parts.output_for_input", "output of the station for the input of the block {name} called", name=name),
-        name_of_port,
-        site.outputs,
+
+    what = message(
+        "parts.output_for_input", "output of the station for the input of the block {name} called", name=name
     )
-    source = site.port(builder, name_of_port)
+    one_of(what, input_name, site.outputs)
+    source = site.port(builder, input_name)
     if source.size() != port.size():
-        sizes = (
+        raise InvalidParameter(
+            _input_words(name, input_name),
             message("parts.of_size", "of size {size}", size=port.size()),
             message("parts.size_of_station_output", "of size {size}, as the station's output", size=source.size()),
-        )
-        raise InvalidParameter(
-            message("parts.input_of_block", "the input {port} of the block {name}", port=name_of_port, name=name),
-            *sizes,
         )
     builder.Connect(source, port)
 
 
-def _outputs(block: LeafSystem) -> list[OutputPort]:
+def _input_words(block: str, port: str) -> str:
+    """Words for an input of a block, for errors."""
+    return message("parts.input_of_block", "the input {port} of the block {name}", port=port, name=block)
+
+
+def _vector_outputs(block: LeafSystem) -> list[OutputPort]:
+    """Output ports of a block that are vectors. Only these can be recorded, or drive an input."""
     ports = [block.get_output_port(index) for index in range(block.num_output_ports())]
     return [port for port in ports if port.get_data_type() == PortDataType.kVectorValued]
 
 
 def _name_of(block: Any) -> str:
-    own = block.get_name() if isinstance(block, LeafSystem) else ""
-    return own if own.isidentifier() else re.sub(r"(?<!^)(?=[A-Z])", "_", type(block).__name__).lower()
+    """Name of a block that is given without one: its own name, or else its class's, as ``my_block`` for ``MyBlock``."""
+    own_name = block.get_name() if isinstance(block, LeafSystem) else ""
+    if own_name.isidentifier():
+        return own_name
+    # An underscore before each capital letter but the first.
+    return re.sub(r"(?<!^)(?=[A-Z])", "_", type(block).__name__).lower()
 
 
 def class_from(text: str, folder: Path) -> str:
-    """Return a station's ``module:Class`` or ``file.py:Class``, found in ``folder`` before Python's search path."""
-    place, colon, name = text.partition(":")
-    file = folder / (place if place.endswith(".py") else f"{place}.py")
-    return f"{file}{colon}{name}" if place.endswith(".py") or isfile(file) else text
+    """Complete the key ``class`` of a station file with the folder of the file, if the class is in a file there.
+
+    Args:
+        text: ``module:Class`` or ``path/to/file.py:Class``. A module that is a file of the folder is preferred to one
+            that Python would find itself.
+        folder: folder of the station file.
+
+    Returns:
+        ``<folder>/file.py:Class``, or the text itself if it names a module elsewhere.
+    """
+    module, colon, name = text.partition(":")
+    is_file_name = module.endswith(".py")
+    file = folder / (module if is_file_name else f"{module}.py")
+    if is_file_name or isfile(file):
+        return f"{file}{colon}{name}"
+    return text
 
 
-def _place_of(kind: Any) -> str:
-    """Return where a class is found: the name of its module in a package, else its file."""
-    loaded_by_hand = getattr(getattr(kind.__init__, "__code__", None), "co_filename", "")
-    file = Path(getattr(sys.modules.get(kind.__module__), "__file__", None) or loaded_by_hand)
-    return str(file.resolve()) if "." not in kind.__module__ and file.suffix == ".py" else kind.__module__
+def _module_or_file_of(block_class: Any) -> str:
+    """Find how a class can be imported again: by the name of its module if that is in a package, else by its file."""
+    module = block_class.__module__
+    # A module that was loaded by a test or a notebook may have no file: then the code of the constructor names it.
+    file_of_code = getattr(getattr(block_class.__init__, "__code__", None), "co_filename", "")
+    file = Path(getattr(sys.modules.get(module), "__file__", None) or file_of_code)
+    is_single_file = "." not in module and file.suffix == ".py"
+    return str(file.resolve()) if is_single_file else module
 
 
-def _module(place: str) -> Any:
-    """Return a module by its name, or by its file; that may import what lies beside it, as a script may."""
-    if not place.endswith(".py"):
-        return importlib.import_module(place)
-    file = Path(place)
+def _import_module(module: str) -> Any:
+    """Import a module by its name, or by its file if the text ends with ``.py``.
+
+    While a file is imported, its folder is the first of Python's search path, so that it can import files next to it as
+    a script can.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+    """
+    if not module.endswith(".py"):
+        return importlib.import_module(module)
+    file = Path(module)
     if not file.is_file():
         raise FileNotFoundError(message("parts.no_file", "there is no file {file}", file=file))
+    # A name of its own, so that the file does not replace an installed module of the same name.
     spec = importlib.util.spec_from_file_location(f"own_code_{file.stem}", file)
     assert spec is not None
     assert spec.loader is not None  # a .py file has one
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[module.__name__] = module
+    imported = importlib.util.module_from_spec(spec)
+    # Python's own import does the same before it runs a module; dataclasses, for example, look for their module there.
+    sys.modules[imported.__name__] = imported
     sys.path.insert(0, str(file.parent))
     try:
-        spec.loader.exec_module(module)
+        spec.loader.exec_module(imported)
     finally:
         sys.path.remove(str(file.parent))
-    return module
+    return imported
+
+
+if not TYPE_CHECKING:
+    __getattr__ = former_names_of(__name__, {"driven_inputs": "output_owners"})

@@ -1,12 +1,17 @@
-"""Loops that take postures: cell by cell as the robot has reached the last, or a protective one once it falls."""
+"""Loops that move a robot to postures: a sequencer, which goes through a list of them, and a guard against falls.
+
+The sequencer's postures are called *cells*: it goes to the next cell when the measured joints have reached the last.
+The guard moves axes to a protective posture, such as arms forward, once the robot's base falls. Both drive the
+reference of the servos by a *ramp*: a motion at constant speed from the present reference to the posture.
+"""
 
 import math
-import operator
 import weakref
 from collections.abc import Callable, Sequence
-from typing import ClassVar, Literal, Self
+from typing import ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field, model_validator
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder, OutputPort
@@ -23,20 +28,21 @@ from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.catalog import RobotModel
 
-REACHED = "reached"  # what the block remembers last: when each cell was reached [s], -1 until then
+REACHED = "reached"
+"""Name of the last vector in the memory of a sequencer's block: when each cell was reached [s], -1 until then."""
 
 
 class Cell(Strict):
-    """Targets that are approached at the same time; other axes stay where they were asked to be."""
+    """Targets that are approached at the same time; other axes keep their last target."""
 
     targets_deg: dict[str, Number] = Field(min_length=1)
     """Positions to go to, by axis."""
     duration: NotNegative = 1.0
-    """How long the way there is [s]; the cell itself lasts until the robot has followed."""
+    """Duration of the motion to the targets [s]; the cell itself lasts until the robot has followed."""
 
 
 class Pace(Strict):
-    """What counts as a cell that is reached."""
+    """Keys that determine when a cell counts as reached, and what happens if it is not."""
 
     tolerance_deg: Positive = 2.0
     """How near the measured joints must come to a cell's targets [deg, or m where they slide]."""
@@ -48,7 +54,8 @@ class Pace(Strict):
     """What happens then: the run ends with the names of the joints that are late, or the next cell begins."""
 
     @model_validator(mode="after")
-    def _can_time_out(self) -> Self:
+    def _check_timeout(self) -> Self:
+        """Check that a timeout is given if something is to happen at the timeout."""
         if self.on_timeout == "go_on" and self.timeout is None:
             raise ValueError(message("parts.go_on_needs_timeout", "on_timeout: go_on needs a timeout [s]"))
         return self
@@ -57,8 +64,8 @@ class Pace(Strict):
 class Sequencer(Pace, LoopSection):
     """Go through cells of joint targets; to the next one when the measured joints have reached the last.
 
-    It drives all axes of its robot. The thesis's automatic controller of joint positions (p. 98 to 102): the robot sets
-    the time, not the program.
+    It drives all axes of its robot. It is the thesis's automatic controller of joint positions (p. 98 to 102): the
+    robot determines the times of the cells, not the program.
     """
 
     label: ClassVar[str] = message("parts.loop_sequencer", "sequencer")
@@ -69,14 +76,17 @@ class Sequencer(Pace, LoopSection):
 
     kind: Literal["sequencer"]
     cells: list[Cell] = Field(min_length=1)
-    """What to do, one after the other."""
+    """The cells, in the order in which they are done."""
     ends: bool = False
     """Whether the run ends as soon as the last cell is done."""
 
     @model_validator(mode="after")
-    def _has_time_for_its_ways(self) -> Self:
+    def _check_durations(self) -> Self:
+        """Check that each cell's motion ends before the timeout: no cell could be reached otherwise."""
+        if self.timeout is None:
+            return self
         for number, cell in enumerate(self.cells):
-            if self.timeout is not None and cell.duration >= self.timeout:
+            if cell.duration >= self.timeout:
                 raise ValueError(
                     message(
                         "parts.cell_without_timeout",
@@ -88,20 +98,14 @@ class Sequencer(Pace, LoopSection):
         return self
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
-        """Return all axes; the targets are checked."""
-        model = robot.model
+        """Names of all axes of the robot. It also checks the targets of the cells.
+
+        Raises:
+            SimrobError: a cell has a target for an axis that the robot does not have, or beyond the axis's limits.
+        """
         for number, cell in enumerate(self.cells):
             for axis, target in cell.targets_deg.items():
-                index = model.axis_index(axis, f"cells[{number}].targets_deg")
-                position = np.array([[target * model.user_units[index]]])
-                violation = model.limits.of_axes([index]).find_violation(position)
-                if violation is not None:
-                    key = f"cells[{number}].targets_deg.{axis}"
-                    raise InvalidParameter(
-                        key,
-                        compound("{value} {unit}", value=violation.value, unit=violation.unit),
-                        message("parts.within", "within {limits}", limits=violation.limits),
-                    )
+                _check_target(robot.model, f"cells[{number}].targets_deg", axis, target)
         return robot.axes
 
     def cell_times(self, groups: Sequence[Vector]) -> list[float | None]:
@@ -118,91 +122,183 @@ class Sequencer(Pace, LoopSection):
         return [round(time, 9) if time >= 0 else None for time in times]
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        model = robot.model
-        targets, units = [_targets(cell, model) for cell in self.cells], model.user_units
-        return CellSequence(self, targets, units * self.tolerance_deg, units * self.speed_deg, robot.axes)
+        """Create the block of the sequencer."""
+        units = robot.model.user_units
+        return CellSequence(
+            self,
+            targets=[_targets(cell, robot.model) for cell in self.cells],
+            tolerance=units * self.tolerance_deg,
+            largest_speed=units * self.speed_deg,
+            axes=robot.axes,
+        )
+
+
+def _check_target(model: RobotModel, key: str, axis: str, target: float) -> None:
+    """Check a target of a cell.
+
+    Args:
+        model: model of the robot.
+        key: key of the cell's targets, for errors.
+        axis: name of the axis.
+        target: target of the axis [deg or m].
+
+    Raises:
+        SimrobError: the robot has no such axis, or the target is beyond the axis's limits.
+    """
+    index = model.axis_index(axis, key)
+    position = np.array([[target * model.user_units[index]]])
+    violation = model.limits.of_axes([index]).find_violation(position)
+    if violation is not None:
+        raise InvalidParameter(
+            f"{key}.{axis}",
+            compound("{value} {unit}", value=violation.value, unit=violation.unit),
+            message("parts.within", "within {limits}", limits=violation.limits),
+        )
 
 
 def _targets(cell: Cell, model: RobotModel) -> Vector:
-    """Return the targets of all axes, shape (n,) [rad or m]; nan where the cell has none."""
+    """Targets of all axes in a cell, shape (n,) [rad or m]. They are nan for axes without a target."""
     return model.user_units * model.axis_vector(dict(cell.targets_deg), "targets_deg", np.nan)
 
 
 class CellSequence(SampledBlock):
     """Ramp from cell to cell, each when the one before is reached.
 
+    With the origin o at which a cell's ramp begins, its goal g and its duration T, the target at the time t since the
+    beginning of the cell is o + min(t / T, 1) (g - o).
+
     Ports:
         in  ``position``, ``velocity`` (n) [rad, rad/s]: measured; ``reference`` (n): where the first ramp begins.
-        out ``target`` (n) [rad]; ``cell`` (1): the number of the cell, counted from 0; ``done`` (1): 1 once the last is
-        reached.
+        out ``target`` (n) [rad]; ``active`` (1): 1 from the first sample on; ``cell`` (1): the number of the cell,
+        counted from 0; ``done`` (1): 1 once the last is reached.
     """
 
     def __init__(
-        self, section: Sequencer, targets: Sequence[Vector], tolerance: Vector, speed: Vector, names: Sequence[str]
+        self,
+        section: Sequencer,
+        *,
+        targets: Sequence[Vector],
+        tolerance: Vector,
+        largest_speed: Vector,
+        axes: Sequence[str],
     ) -> None:
-        """Make the block of a section, for axes by name; targets of each cell (n,) [rad] are nan where one stays.
+        """Create the block.
 
-        Each axis must come as near as ``tolerance`` (n,) [rad], below ``speed`` (n,) [rad/s].
+        Args:
+            section: section of the sequencer.
+            targets: targets of each cell, shape (n,) [rad]. They are nan for axes that keep their last target.
+            tolerance: largest distance of each axis from its target at which a cell is reached, shape (n,) [rad].
+            largest_speed: largest speed of each axis at which a cell is reached, shape (n,) [rad/s].
+            axes: names of the axes.
         """
-        size = len(tolerance)
+        size = len(axes)
         self.units = {"target": "rad"}
-        self._targets, self._durations = targets, [cell.duration for cell in section.cells]
-        self._tolerance, self._speed, self._section, self._names = tolerance, speed, section, names
-        self._timeout = np.inf if section.timeout is None else section.timeout
-        reads, one = {"position": size, "velocity": size, "reference": size}, np.zeros(1)
-        outputs = {"target": np.zeros(size), "active": one, "cell": one, "done": one}
-        memory = {**outputs, "elapsed": one, "origin": np.zeros(size), "clock": one}  # since the first sample [s]
-        memory[REACHED] = np.full(len(targets), -1.0)  # by that clock; results look for it at the end
-        super().__init__(period=1 / section.rate, reads=reads, memory=memory, gives=tuple(outputs))
+        self._section = section
+        self._targets = targets
+        self._durations = [cell.duration for cell in section.cells]
+        self._tolerance = tolerance
+        self._largest_speed = largest_speed
+        self._axes = axes
+        self._timeout = math.inf if section.timeout is None else section.timeout
+        number = np.zeros(1)
+        outputs = {"target": np.zeros(size), "active": number, "cell": number, "done": number}
+        memory = {
+            **outputs,
+            "elapsed": number,  # time since the beginning of the cell [s]
+            "origin": np.zeros(size),  # where the ramp of the cell begins [rad]
+            "clock": number,  # time since the first sample [s]
+        }
+        # The last vector of the memory: `Sequencer.cell_times` finds it at the end of the discrete state.
+        memory[REACHED] = np.full(len(targets), -1.0)
+        super().__init__(
+            period=1 / section.rate,
+            reads={"position": size, "velocity": size, "reference": size},
+            memory=memory,
+            gives=tuple(outputs),
+        )
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Return the next point of the ramp, or the beginning of the next cell."""
-        if not memory["active"][0]:
+        """Compute the next point of the ramp, and begin the next cell if this one is reached or has timed out.
+
+        Raises:
+            RunEnds: the last cell is done, or a cell has timed out, and the section asks for the end of the run.
+        """
+        if not memory["active"][0]:  # the first sample
             return {"active": 1.0, "target": read["reference"], "origin": read["reference"]}
-        if memory["done"][0] and self._section.ends:
+        is_done = bool(memory["done"][0])
+        if is_done and self._section.ends:
             raise RunEnds(
                 message("parts.last_cell_done", "the last of {count} cells is done", count=len(self._targets))
             )
-        number, elapsed = int(memory["cell"][0]), memory["elapsed"][0] + self.period
-        goal, duration, clock = self._targets[number], self._durations[number], memory["clock"][0] + self.period
-        part = min(elapsed / duration, 1.0) if duration > 0 else 1.0
-        full = np.where(np.isnan(goal), memory["origin"], goal)
-        target = memory["origin"] + part * (full - memory["origin"])
-        changed: dict[str, Vector | float] = {"target": target, "elapsed": elapsed, "clock": clock}
-        if memory["done"][0]:
-            return changed
-        late = ~np.isnan(goal) & (abs(read["position"] - goal) > self._tolerance) | (
-            abs(read["velocity"]) > self._speed
-        )
-        if part == 1.0 and not late.any():
-            changed[REACHED] = np.where(np.arange(len(self._targets)) == number, clock, memory[REACHED])
+
+        number = int(memory["cell"][0])
+        elapsed = memory["elapsed"][0] + self.period
+        clock = memory["clock"][0] + self.period
+        duration = self._durations[number]
+        progress = min(elapsed / duration, 1.0) if duration > 0 else 1.0
+        targets = self._targets[number]
+        origin = memory["origin"]
+        # target = o + min(t / T, 1) (g - o); axes without a target stay at the origin.
+        goal = np.where(np.isnan(targets), origin, targets)
+        target = origin + progress * (goal - origin)
+        changes: dict[str, Vector | float] = {"target": target, "elapsed": elapsed, "clock": clock}
+        if is_done:
+            return changes
+
+        late = self._late_axes(targets, read)
+        is_reached = progress == 1.0 and not late.any()
+        if is_reached:
+            reached_times = memory[REACHED].copy()
+            reached_times[number] = clock
+            changes[REACHED] = reached_times
         elif elapsed < self._timeout:
-            return changed
+            return changes
         elif self._section.on_timeout == "stop":
-            who = ", ".join(self._names[index] for index in np.flatnonzero(late).tolist()) or message(
-                "parts.its_ramp", "its ramp"
-            )
-            raise RunEnds(
-                message(
-                    "parts.cell_not_reached",
-                    "cell {number} was not reached within {timeout:g} s: {late} is late",
-                    number=number,
-                    timeout=self._timeout,
-                    late=who,
-                )
-            )
-        if number + 1 < len(self._targets):
-            return {**changed, "cell": number + 1, "elapsed": 0.0, "origin": full}
-        return {**changed, "done": 1.0}
+            raise RunEnds(self._timeout_text(number, late))
+
+        is_last = number + 1 == len(self._targets)
+        if is_last:
+            return {**changes, "done": 1.0}
+        return {**changes, "cell": number + 1, "elapsed": 0.0, "origin": goal}
+
+    def _late_axes(self, targets: Vector, read: Named) -> npt.NDArray[np.bool_]:
+        """Find the axes that are too far from their targets, or too fast, shape (n,).
+
+        An axis without a target is only late if it is too fast.
+
+        Args:
+            targets: targets of the cell, shape (n,) [rad]; nan for axes without one.
+            read: inputs of the sample.
+        """
+        has_target = ~np.isnan(targets)
+        is_far = abs(read["position"] - targets) > self._tolerance  # False if the target is nan
+        is_fast = abs(read["velocity"]) > self._largest_speed
+        return np.asarray(has_target & is_far | is_fast)
+
+    def _timeout_text(self, number: int, late: npt.NDArray[np.bool_]) -> str:
+        """Reason of a run that ends at the timeout of a cell.
+
+        Args:
+            number: index of the cell.
+            late: whether each axis is late, shape (n,). If none is, the ramp itself has not ended.
+        """
+        late_names = ", ".join(self._axes[index] for index in np.flatnonzero(late).tolist())
+        return message(
+            "parts.cell_not_reached",
+            "cell {number} was not reached within {timeout:g} s: {late} is late",
+            number=number,
+            timeout=self._timeout,
+            late=late_names or message("parts.its_ramp", "its ramp"),
+        )
 
 
+# Directions in which the area between the feet is measured: 64 make distances at most 0.13 % too short.
 _ANGLES = np.linspace(0, 2 * np.pi, 64, endpoint=False)
-_DIRECTIONS = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)])
-"""Unit vectors along which the feet's area is measured, shape (64, 2): distances are at most 0.13 % too short."""
+_DIRECTIONS = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)])  # unit vectors, shape (64, 2)
 
 
 class CapturePoint:
-    r"""Computes the distance of a robot's capture point from the area that its feet span.
+    r"""Distance of a robot's capture point from the area that its feet span.
 
     A robot that steps onto its capture point comes to rest there, if it is a linear inverted pendulum. With the centre
     of mass c at height z over the feet, the point is :math:`c_{xy} + \dot c_{xy} \sqrt{z / g}` (Pratt and others,
@@ -222,15 +318,15 @@ class CapturePoint:
         """
         if robot.feet is None:
             raise Unsuitable(key, message("parts.no_feet", "{model} has no feet", model=robot.model.name))
-        self._plant = weakref.proxy(plant)
+        self._plant = weakref.proxy(plant)  # the block in the diagram must not keep the plant in memory
         self._instance = robot.instance
         # Contact points of each foot in the frame of its link, shape (3, points) [m].
         self._soles = {link: robot.feet.support_points(link).T for link in robot.feet.links}
         self._gravity = np.linalg.norm(plant.gravity_field().gravity_vector())
         self._scratch = plant.CreateDefaultContext()  # work space: every evaluation sets its state anew
 
-    def outside(self, state: Vector) -> float:
-        """Compute the distance of the capture point from the feet [m]; negative between them.
+    def distance_from_feet(self, state: Vector) -> float:
+        """Compute the distance of the capture point from the area between the feet [m]; negative in the area.
 
         Lifted feet count, too.
 
@@ -249,6 +345,7 @@ class CapturePoint:
             points_of_feet.append(plant.CalcPointsPositions(context, frame, sole, plant.world_frame()))
         points = np.hstack(points_of_feet)
 
+        # c_xy + c'_xy sqrt(z / g); the height is not negative, since a fallen robot may have its feet above itself.
         height = max(com[2] - points[2].min(), 0.0)
         capture_point = com[:2] + velocity[:2] * np.sqrt(height / self._gravity)
         # The distance of a point from a convex area is the largest of its distances beyond the area's edge, over all
@@ -258,10 +355,10 @@ class CapturePoint:
 
 
 class FallGuard(LoopSection):
-    """Move axes to a posture, such as arms forward, once the base is too low or leans too far; it stays until reset.
+    """Move axes to a posture, such as arms forward, once the base is too low or leans too far.
 
-    So does the thesis (p. 108 and 109). It drives the axes of its posture alone. Several, each `toward` another side,
-    take another posture for each.
+    The axes stay in the posture until the guard is reset. The thesis does the same (p. 108 and 109). A guard only
+    drives the axes of its posture. Several guards, each with another `toward_deg`, take another posture for each side.
     """
 
     label: ClassVar[str] = message("parts.loop_fall_guard", "fall guard")
@@ -275,22 +372,23 @@ class FallGuard(LoopSection):
     height: Positive | None = None
     """Height of the base over the ground beneath, below which it acts [m]."""
     tilt_deg: Positive | None = None
-    """Angle from how the base stood at the start beyond which it acts."""
+    """Angle between the direction of the base that is up at the start and the vertical, beyond which it acts."""
     toward_deg: Number | None = None
-    """Where to the base must lean, within 90° to either side: 0 along the world's x axis at the start, 90 along y; it
-    turns with the base. Anywhere unless given."""
+    """Direction in which the base must lean, within 90° to either side: 0 along the world's x axis at the start, 90
+    along y; it turns with the base. Any direction unless given."""
     capture_point: NotNegative | None = None
-    """How far outside of the area between its feet the capture point may come [m]: where it would have to step to stop.
-    It is that of the true state."""
+    """Largest distance of the capture point from the area between the feet [m]: the robot would have to step onto this
+    point to stop. It is computed from the true state."""
     posture_deg: dict[str, Number] = Field(min_length=1)
-    """Where axes go then, by name."""
+    """Positions to which axes move then, by axis."""
     duration: NotNegative = 0.2
-    """How long they take [s]."""
+    """Duration of this motion [s]."""
     reset_after: Positive | None = None
-    """How long all must be well again before it lets go [s]; never unless given."""
+    """Time without any exceeded bound after which the guard ends [s]; it never does unless given."""
 
     @model_validator(mode="after")
-    def _some_bound(self) -> "FallGuard":
+    def _check_has_bound(self) -> "FallGuard":
+        """Check that at least one bound is given."""
         if self.height is None and self.tilt_deg is None and self.capture_point is None:
             raise ValueError(
                 message(
@@ -300,38 +398,65 @@ class FallGuard(LoopSection):
         return self
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
-        """Return the axes of the posture."""
+        """Names of the axes of the posture."""
         return [robot.axes[robot.model.axis_index(axis, "posture_deg")] for axis in self.posture_deg]
 
     def source(self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site, key: str) -> OutputPort:
-        """Return what an input reads; ``state`` is that of the whole plant."""
+        """Find the port that an input reads. The input ``state`` reads the state of the whole plant."""
         return site.state if name == "state" else super().source(builder, name, robot, site, key)
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        plant, step = site.plant.plant, None
-        if self.capture_point is not None:
-            point, far = CapturePoint(plant, robot, f"{key}.capture_point"), self.capture_point
-            step = plant.num_multibody_states(), lambda state: point.outside(state) > far
-        upright, toward = robot.base.rotation().inverse(), None
+        """Create the block of the guard."""
+        # From the world to the base, as it stands at the start.
+        to_base = robot.base.rotation().inverse()
+        toward = None
         if self.toward_deg is not None:
             angle = math.radians(self.toward_deg)
-            toward = upright @ np.array([math.cos(angle), math.sin(angle), 0.0])
+            toward = to_base @ np.array([math.cos(angle), math.sin(angle), 0.0])
+        posture = robot.model.axis_vector(dict(self.posture_deg), f"{key}.posture_deg")
         return ProtectivePosture(
             self,
-            posture=robot.model.user_units * robot.model.axis_vector(dict(self.posture_deg), f"{key}.posture_deg"),
-            up=upright @ np.array([0.0, 0.0, 1.0]),
+            posture=robot.model.user_units * posture,
+            up=to_base @ np.array([0.0, 0.0, 1.0]),
             toward=toward,
             ground=site.plant.ground,
-            must_step=step,
+            must_step=self._step_condition(key, robot, site),
+        )
+
+    def _step_condition(self, key: str, robot: StationRobot, site: Site) -> "StepCondition | None":
+        """Condition that the capture point is too far from the feet. None if the section sets no bound."""
+        if self.capture_point is None:
+            return None
+        plant = site.plant.plant
+        point = CapturePoint(plant, robot, f"{key}.capture_point")
+        largest_distance = self.capture_point
+        return StepCondition(
+            state_size=plant.num_multibody_states(),
+            holds=lambda state: point.distance_from_feet(state) > largest_distance,
         )
 
 
+class StepCondition(NamedTuple):
+    """Condition in which a robot would have to step to stop its fall.
+
+    Attributes:
+        state_size: size of the plant's state, nq + nv.
+        holds: whether the condition holds, by the plant's state (nq + nv,).
+    """
+
+    state_size: int
+    holds: Callable[[Vector], bool]
+
+
 class ProtectivePosture(SampledBlock):
-    """Ramp to a posture from where the robot is asked to be, once the base falls.
+    """Ramp from the reference to a posture, once the base falls.
+
+    With the reference o at that moment, the posture p and the duration T, the target at the time t since then is
+    o + min(t / T, 1) (p - o).
 
     Ports:
         in  ``base_pose`` (7): x y z [m] and a quaternion; ``reference`` (n) [rad]: where the ramp begins; ``state``
-        (nq + nv): of the whole plant, where that is asked for.
+        (nq + nv): of the whole plant, only with a `StepCondition`.
         out ``target`` (n) [rad]; ``active`` (1): 1 while it acts.
     """
 
@@ -343,48 +468,82 @@ class ProtectivePosture(SampledBlock):
         up: Vector,
         toward: Vector | None = None,
         ground: Ground | None = None,
-        must_step: tuple[int, Callable[[Vector], bool]] | None = None,
+        must_step: StepCondition | None = None,
     ) -> None:
-        """Make the block of a section: where all axes go, shape (n,) [rad].
+        """Create the block.
 
-        ``up`` (3,) of the base points up while it stands; it must lean ``toward`` (3,), anywhere unless given, over the
-        ground, z = 0 unless given. ``must_step``: size of a state, and what tells by it that standing will not do.
+        Args:
+            section: section of the guard.
+            posture: the posture of all axes, shape (n,) [rad].
+            up: direction in the base that points up while the robot stands, shape (3,).
+            toward: horizontal direction in the base towards which it must lean, shape (3,). If it is None, any
+                direction counts.
+            ground: the ground, above which heights are measured. If it is None, it is the plane z = 0.
+            must_step: condition in which the guard acts, too. If it is None, the state is not read.
         """
         self.units = {"target": "rad"}
-        self._posture, self._duration, self._up = posture, section.duration, up.tolist()
-        self._height = -math.inf if section.height is None else section.height
-        self._tilt = math.inf if section.tilt_deg is None else math.radians(section.tilt_deg)
+        self._section = section
+        self._posture = posture
+        # Plain numbers instead of arrays: they are faster for vectors of three entries.
+        self._up: list[float] = up.tolist()
+        self._toward: list[float] | None = None if toward is None else toward.tolist()
+        self._ground = ground or Ground()
+        self._must_step = None if must_step is None else must_step.holds
+        self._largest_tilt = None if section.tilt_deg is None else math.radians(section.tilt_deg)
         self._reset_after = math.inf if section.reset_after is None else section.reset_after
-        self._ground, self._toward = ground or Ground(), None if toward is None else toward.tolist()
         zero = np.zeros(len(posture))
-        memory = {"target": zero, "active": np.zeros(1), "elapsed": np.zeros(1), "origin": zero, "well": np.zeros(1)}
         reads = {"base_pose": 7, "reference": len(posture)}
-        self._must_step = None
         if must_step is not None:
-            reads["state"], self._must_step = must_step
+            reads["state"] = must_step.state_size
+        memory = {
+            "target": zero,
+            "active": np.zeros(1),
+            "elapsed": np.zeros(1),  # time since the guard acts [s]
+            "origin": zero,  # where the ramp begins [rad]
+            "well": np.zeros(1),  # time since the last sample at which the robot fell [s]
+        }
         super().__init__(period=1 / section.rate, reads=reads, memory=memory, gives=("target", "active"))
 
     def falls(self, read: Named) -> bool:
-        """Tell whether what is read is beyond a threshold, and leans where to it must."""
+        """Whether a bound is exceeded, and the base leans in the direction of the guard.
+
+        Bounds are checked in the order of their cost: an input that is not needed is not evaluated.
+
+        Args:
+            read: inputs of the sample.
+        """
         pose = read["base_pose"]
-        if self._toward is not None and sum(map(operator.mul, vertical(*pose[3:].tolist()), self._toward)) >= 0:
-            return False  # its upward direction, seen from the base, goes the other way
-        if not math.isinf(self._tilt) and lean(self._up, *pose[3:].tolist()) > self._tilt:
+        quaternion = pose[3:].tolist()
+        if self._toward is not None:
+            # The vertical in the axes of the base. If the base leans towards a direction, the vertical moves the other
+            # way, so its component along this direction is negative.
+            up_x, up_y, up_z = vertical(*quaternion)
+            toward_x, toward_y, toward_z = self._toward
+            component = up_x * toward_x + up_y * toward_y + up_z * toward_z
+            if component >= 0:
+                return False
+        if self._largest_tilt is not None and lean(self._up, *quaternion) > self._largest_tilt:
             return True
-        low = not math.isinf(self._height) and self._ground.height(pose) < self._height
-        return low or (self._must_step is not None and self._must_step(read["state"]))
+        smallest_height = self._section.height
+        if smallest_height is not None and self._ground.height(pose) < smallest_height:
+            return True
+        return self._must_step is not None and self._must_step(read["state"])
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Return the next point of the way to the posture, if the robot falls or has fallen."""
+        """Begin to act if the robot falls, compute the next point of the ramp while acting, and end after a reset."""
         falls = self.falls(read)
         if not memory["active"][0]:
             if not falls:
                 return {}
             return {"active": 1.0, "target": read["reference"], "origin": read["reference"], "elapsed": 0.0}
+
         well = 0.0 if falls else memory["well"][0] + self.period
         if well >= self._reset_after:
             return {"active": 0.0, "well": 0.0}
         elapsed = memory["elapsed"][0] + self.period
-        part = min(elapsed / self._duration, 1.0) if self._duration > 0 else 1.0
-        target = memory["origin"] + part * (self._posture - memory["origin"])
+        duration = self._section.duration
+        progress = min(elapsed / duration, 1.0) if duration > 0 else 1.0
+        # target = o + min(t / T, 1) (p - o)
+        origin = memory["origin"]
+        target = origin + progress * (self._posture - origin)
         return {"target": target, "elapsed": elapsed, "well": well}

@@ -13,7 +13,7 @@ from simrob_drake.base.sections import NotNegative, Number, Positive
 from simrob_drake.blocks.sampled import SampledBlock
 from simrob_drake.blocks.swing_up import LqrWeights, SwingUp, SwingUpGains, nearest_error
 from simrob_drake.parts.controllers.loop import LoopSection
-from simrob_drake.parts.resolved import ResolvedRobot, Surroundings
+from simrob_drake.parts.resolved import ResolvedRobot, StationContents
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.axis_map import NotNegativeAxisValues, PositiveAxisValues
@@ -36,8 +36,9 @@ class SwingUpController(LoopSection):
     posture_deg: dict[str, Number] = Field(min_length=1)
     """Posture in which the robot is balanced, by axis [deg, or m where it slides]; 0 of axes that are not named."""
     energy_of: Literal["robot", "passive_axis"] = "robot"
-    """Whose energy the swing-up brings to that of the posture: the whole robot's, as for an acrobot, or that of the
-    passive axis as seen from the others, as for a pole on a cart, whose own motion does not count."""
+    """Energy that the swing-up brings to its value in the posture: `robot`, that of the whole robot, as for an acrobot;
+    `passive_axis`, that of the passive axis as seen from the others, as for a pole on a cart, whose own motion does not
+    count."""
     energy_gain: NotNegative = 1.0
     """How strongly the swing-up accelerates the driven axes, for an error of the energy of 1 J."""
     position_gain: NotNegative = 1.0
@@ -53,7 +54,7 @@ class SwingUpController(LoopSection):
     catch: Positive = 1.0
     """When the regulator takes over: at 1 as soon as no motor will reach its limit on the way, by the linear model."""
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check the robot.
 
         Raises:
@@ -61,6 +62,7 @@ class SwingUpController(LoopSection):
         """
         super().check(key, station)
         robot = station.robot(self.robot, key)
+        # The law of the swing-up is that of one passive axis: the motors accelerate the others, and so move it.
         is_usable = not robot.floats and len(robot.axes) > 1 and int(robot.gains.passive.sum()) == 1
         if not is_usable:
             raise InvalidParameter(
@@ -71,6 +73,7 @@ class SwingUpController(LoopSection):
                     "of a robot on a fixed base with one passive axis and at least one motor",
                 ),
             )
+        # The linear model of the regulator has no constraints between axes.
         if robot.model.followers:
             raise InvalidParameter(
                 key,
@@ -84,6 +87,7 @@ class SwingUpController(LoopSection):
                 compound("{value} {unit}", value=violation.value, unit=violation.unit),
                 message("parts.within", "within {limits}", limits=violation.limits),
             )
+        # A servo with gains would add its own torque to the one of the loop.
         for name in ("kp", "ki", "kd"):
             gains = getattr(robot.gains, name)
             if gains.any():

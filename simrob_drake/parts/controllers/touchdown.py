@@ -1,6 +1,10 @@
 """Loop for walking on ground of unknown height: a foot that touches early stays, another one moves on downward.
 
-The thesis proposes it for four legs (p. 120): a foot sphere that, on touching, holds what was applied last.
+The thesis proposes it for four legs (p. 120): when the sphere of a foot touches, its leg holds what was applied last.
+
+The *plan* is the reference of the servos without the offsets that the loop itself adds. A leg is in one of three
+*phases*. It follows the plan; or its foot has touched early, while the plan still has the foot in the air; or it
+stands, until the plan lifts the foot.
 """
 
 import math
@@ -28,10 +32,10 @@ _STANDS = 2.0  # the leg stands, until the reference lifts it
 
 
 class Touchdown(LoopSection):
-    """Hold a leg as it is when its foot touches, and let it seek the ground where that is lower than planned.
+    """Hold a leg in its posture when its foot touches, and move a foot on downward if it does not touch when it should.
 
-    `reads` names the feet and what tells their forces: `{left_foot: force.left}` for a tool `left_foot` and a force
-    sensor `left`. A foot is in the air while the reference has it higher over its lowest foot than the clearance.
+    `reads` names the feet and the sensors of their forces: `{left_foot: force.left}` for a tool `left_foot` and a force
+    sensor `left`. The reference has a foot in the air if it is higher above the lowest foot than the clearance.
     """
 
     needs: ClassVar[tuple[Literal["feedforward"], ...]] = ("feedforward",)
@@ -47,21 +51,26 @@ class Touchdown(LoopSection):
     force: Positive = 15.0
     """Force from which a foot touches [N]."""
     holds: Literal["positions", "torques"] = "positions"
-    """What of that moment: the joints' positions while the reference has the foot in the air, and their distance from
-    the reference while it stands; or their torques, for both."""
+    """Values at this moment that a leg holds. `positions`: the positions of its joints while the reference has the
+    foot in the air, and then their distance from the reference while the leg stands. `torques`: the torques of its
+    joints."""
     clearance: Positive = 0.008
-    """How high the reference has a foot that is in the air, over the lowest one [m]."""
+    """Height above the lowest foot from which the reference has a foot in the air [m]."""
     search: NotNegative = 0.3
-    """How fast a foot that does not touch when it should goes on downward [m/s]; 0 if it stays."""
+    """Speed at which a foot that does not touch when it should moves on downward [m/s]; 0 if it stays."""
     reach: NotNegative = 0.03
-    """How far at most [m]."""
+    """Largest distance of this motion [m]."""
     settle: Positive = 0.1
     """Time constant with which a leg that stands comes to the reference, which sets the trunk upright [s]."""
     release: Positive = 0.05
     """Time constant with which a leg goes back to the reference when that lifts it [s]."""
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
-        """Return the axes of the legs that end in its feet."""
+        """Names of the axes of the legs that end in the feet of `reads`.
+
+        Raises:
+            InvalidParameter: `reads` names no tool of the robot.
+        """
         feet = [foot for foot in self.reads if foot in robot.model.tools]
         if not feet:
             known = ", ".join(robot.model.tools) or "none"
@@ -75,16 +84,19 @@ class Touchdown(LoopSection):
                 f"{list(self.reads)}",
                 expected,
             )
-        inward = {link_of(joint, "child"): joint for joint in robot.model.element.iterfind("joint")}
+        # Joint by which each link hangs on its parent. The way from a foot to the root link has all joints of its leg.
+        joint_of_link = {link_of(joint, "child"): joint for joint in robot.model.element.iterfind("joint")}
         joints = set[str]()
         for foot in feet:
             link = robot.model.tools[foot]
-            while link in inward:
-                joints.add(name_of(inward[link]))
-                link = link_of(inward[link], "parent")
+            while link in joint_of_link:
+                joint = joint_of_link[link]
+                joints.add(name_of(joint))
+                link = link_of(joint, "parent")
         return [name for name, axis in robot.model.axes.items() if axis.joint in joints]
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
+        """Create the block of the loop."""
         limbs = {foot: limb_to(robot, robot.tools[foot]) for foot in self.reads if foot in robot.model.tools}
         return UnknownGround(self, limbs, len(robot.axes))
 
@@ -112,7 +124,7 @@ class UnknownGround(SampledBlock):
         self.components = {"phase": tuple(limbs)}
         self._limbs = dict(limbs)
         self._section = section
-        # Factors of the offsets per sample, with the time constants of the section.
+        # An offset that decays with a time constant is multiplied by exp(-period / constant) at each sample.
         self._release_factor = np.exp(-period / section.release)
         self._settle_factor = np.exp(-period / section.settle)
         zero = np.zeros(size)
@@ -137,12 +149,16 @@ class UnknownGround(SampledBlock):
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Compute the offset and the feedforward of each leg."""
+        # Copies of the vectors that are changed leg by leg.
         new = {name: memory[name].copy() for name in ("offset", "posture", "torques", "phase", "sought")}
+        # The reference that the servos get contains the loop's own offset of the last sample.
         plan = read["reference"] - memory["offset"]
-        velocity = (plan - memory["plan"]) / self.period  # it is not used before a leg has been lifted
+        # At the first sample the plan before is not known, so this is wrong; it is not used before a leg was lifted.
+        velocity = (plan - memory["plan"]) / self.period
         new["offset_velocity"] = np.zeros(len(plan))
         new["feedforward"] = np.zeros(len(plan))
 
+        # Heights of the feet in the plan, along the z axis of the robot's root link [m].
         angles = plan.tolist()
         heights = [limb.place(angles)[2] for limb in self._limbs.values()]
         last_heights = memory["heights"].tolist()
@@ -155,6 +171,7 @@ class UnknownGround(SampledBlock):
             is_lowering = heights[number] < last_heights[number]
             phase = self._next_phase(last_phase, foot, read, is_raised=is_raised, is_lowering=is_lowering)
             new["phase"][number] = phase
+            # At the moment of the touch, what is to be held is remembered.
             if phase == _TOUCHED and last_phase == _FOLLOWS:
                 new["posture"][leg] = read["position"][leg]
                 new["torques"][leg] = read["torque"][leg]
@@ -162,9 +179,11 @@ class UnknownGround(SampledBlock):
             if phase == _FOLLOWS:
                 self._follow(new, number, limb, plan, is_raised=is_raised)
             elif phase == _TOUCHED:
+                # plan + offset = posture, and the sum does not move: the leg stays as it was when its foot touched.
                 new["offset"][leg] = (new["posture"] - plan)[leg]
                 new["offset_velocity"][leg] = -velocity[leg]
             else:
+                # A leg that stands slowly returns to the plan. This sets the trunk upright.
                 new["offset"][leg] *= self._settle_factor
             if self._section.holds == "torques":
                 self._hold_torques(new, leg, read["position"] - plan, velocity, follows=phase == _FOLLOWS)
@@ -208,14 +227,16 @@ class UnknownGround(SampledBlock):
             new["sought"][number] = 0.0
             return
         step = min(self._section.search * self.period, self._section.reach - new["sought"][number])
-        motion = [0.0, 0.0, -step]
-        new["offset"][limb.places] += np.linalg.lstsq(limb.rates(plan + new["offset"]), motion)[0]
+        motion = [0.0, 0.0, -step]  # straight down
+        # J dq = motion with the foot's Jacobian J; least squares, since a leg need not have exactly three axes.
+        jacobian = limb.rates(plan + new["offset"])
+        new["offset"][limb.places] += np.linalg.lstsq(jacobian, motion)[0]
         new["sought"][number] += step
 
     def _hold_torques(
         self, new: dict[str, Vector], leg: slice | list[int], to_position: Vector, velocity: Vector, *, follows: bool
     ) -> None:
-        """Let the servos of a leg that touched early apply the torques of that moment, and no other ones.
+        """Change offset and feedforward of a leg that touched early so that only the torques of that moment act.
 
         It writes to the new memory. With the reference at the measured position, the servos themselves apply nothing.
 

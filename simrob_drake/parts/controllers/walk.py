@@ -1,7 +1,9 @@
 """Walking loop: from commands and the measured motion of the robot to the reference of its legs.
 
-The walk itself is in :mod:`simrob_drake.walking`. A loop's output ``target`` replaces the reference of its robot while
-its output ``active`` is 1.
+The walk itself is in :mod:`simrob_drake.walking`: its *engine* computes the next posture from a *stride*, the state of
+the walk (which foot stands, where the other one lands, how the trunk moves), and from a *command*, the desired speeds
+ahead and to the left and the turn. A loop's output ``target`` replaces the reference of its robot while its output
+``active`` is 1.
 """
 
 import math
@@ -21,7 +23,7 @@ from simrob_drake.blocks.sampled import TIME, Changes, Named, RunEnds, SampledBl
 from simrob_drake.parts.controllers.loop import LoopSection
 from simrob_drake.parts.controllers.section import CommandPart, TimedCommand
 from simrob_drake.parts.controllers.support import axes_to
-from simrob_drake.parts.resolved import ResolvedRobot, Surroundings
+from simrob_drake.parts.resolved import ResolvedRobot, StationContents
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.robots.gaits_file import gaits_file
@@ -80,19 +82,21 @@ class Walk(LoopSection):
     gait: dict[str, Any] = Field(default_factory=dict)
     """Parameters in place of those under `reacting` in the robot's `gaits.yaml`."""
     commands: tuple[Commanded, ...] = ()
-    """What to do when, in the order of the times; before the first one it follows its path, or stands. An input
-    `command` (3) that `reads` names comes before them, where it is a number: ahead, to the left [m/s], turn [rad/s].
-    While `waits` (1) is not 0, if `reads` names it, such as `get_up.active`, it rests; then it begins anew."""
+    """Commands and their times, in the order of the times; before the first one the robot follows its path, or stands.
+    An input `command` (3) that `reads` names has priority while its values are numbers: ahead, to the left [m/s], turn
+    [rad/s]. While an input `waits` (1) that `reads` names, such as `get_up.active`, is not 0, the walk rests; then it
+    begins anew."""
     path: Waypoints | None = None
-    """Where to go, by the pose of the root that it reads."""
+    """Path that the robot follows, by the pose of its root that the loop reads."""
     height_map: Boolean = False
-    """Know how high the ground of the station is, seen from above, around where the pose that is read has the robot:
-    feet lift to it, and land where it is even, within 60 mm of where they would."""
+    """Use the height of the station's ground, seen from above, around the measured pose of the robot: feet are lifted
+    to this height, and land on even ground, within 60 mm of where they would land otherwise."""
     strict: Boolean = False
-    """Refuse commands that the legs cannot follow, as `max_speed` of the gait says; they are clipped otherwise."""
+    """Refuse commands that the legs cannot follow, by `max_speed` of the gait; otherwise they are clipped."""
 
     @model_validator(mode="after")
-    def _in_order(self) -> "Walk":
+    def _check_times(self) -> "Walk":
+        """Check that the commands are in the order of their times."""
         times = [command.time for command in self.commands]
         if times != sorted(times):
             raise ValueError(
@@ -101,86 +105,136 @@ class Walk(LoopSection):
         return self
 
     def walking(self, robot: ResolvedRobot) -> WalkingParameters:
-        """Return the parameters of the walk."""
+        """Parameters of the walk: those of the robot's `gaits.yaml`, with the section's own values in their place.
+
+        Args:
+            robot: robot of the loop.
+
+        Raises:
+            SimrobError: the robot has no such parameters, or a value of the section is wrong.
+        """
         return load_walking(robot.model, self.gait)
 
-    def check(self, key: str, station: Surroundings) -> None:
-        """Check that the robot stands on feet of its own and can walk.
+    def check(self, key: str, station: StationContents) -> None:
+        """Check that the robot stands on feet of its own and can walk, and that commands and path suit it.
 
-        Raises SimrobError: it does not, it cannot, or what every loop checks.
+        Args:
+            key: key of the section in the station file, for errors.
+            station: contents of the station.
+
+        Raises:
+            SimrobError: something does not fit; the message says what.
         """
         super().check(key, station)
         robot = self.on_feet(key, station)
         parameters = self.walking(robot)
-        feet = [foot for group in parameters.groups for foot in group]
-        for foot in feet:
-            one_of(
-                message("parts.foot_for_groups", "foot of {robot} for {key}.gait.groups", robot=robot.name, key=key),
-                foot,
-                robot.model.tools,
-            )
-        read = [foot for foot in feet if foot in self.reads]
-        if read and (read != feet or parameters.feedback is None or parameters.feedback.touch_force is None):
-            expected = message(
-                "parts.force_sensors_of_feet",
-                "with a force sensor for each of {feet}, and gait.feedback.touch_force, or with none",
-                feet=", ".join(feet),
-            )
-            raise InvalidParameter(
-                f"{key}.reads", message("parts.forces_on", "forces on {read}", read=", ".join(read)), expected
-            )
+        self._check_feet(key, robot, parameters)
         if self.height_map and parameters.feedback is None:
             raise InvalidParameter(
                 f"{key}.height_map",
                 True,
                 message("parts.false_without_feedback", "false without gait.feedback, which tells where feet are"),
             )
-        self.warnings(key, robot)
+        self.warnings(key, robot)  # it raises an error in a strict section
         if self.path is not None:
-            begins, stands = complex(*self.path.points[0]), complex(*robot.base.translation()[:2])
-            if abs(begins - stands) > _LARGEST_START_DISTANCE:
-                where = message("parts.at_place", "at ({x:g}, {y:g}) m", x=begins.real, y=begins.imag)
-                near = message(
-                    "parts.near_robot",
-                    "within {near:g} m of where {robot} stands, ({x:g}, {y:g}) m",
-                    near=_LARGEST_START_DISTANCE,
-                    robot=robot.name,
-                    x=stands.real,
-                    y=stands.imag,
-                )
-                raise InvalidParameter(
-                    f"{key}.path.points",
-                    message("parts.path_from", "a path that starts {where}", where=where),
-                    message("parts.path_near", "one that starts {near}", near=near),
-                )
+            self._check_path_start(key, robot, self.path)
+
+    def _check_feet(self, key: str, robot: ResolvedRobot, parameters: WalkingParameters) -> None:
+        """Check that the feet of the gait are tools of the robot, and that all of them have force sensors, or none.
+
+        Args:
+            key: key of the section in the station file, for errors.
+            robot: robot of the loop.
+            parameters: parameters of the walk.
+
+        Raises:
+            SimrobError: a foot is no tool, some feet have no force sensor, or the forces are not used.
+        """
+        feet = [foot for group in parameters.groups for foot in group]
+        what = message("parts.foot_for_groups", "foot of {robot} for {key}.gait.groups", robot=robot.name, key=key)
+        for foot in feet:
+            one_of(what, foot, robot.model.tools)
+        measured = [foot for foot in feet if foot in self.reads]
+        if not measured:
+            return
+        feedback = parameters.feedback
+        uses_forces = feedback is not None and feedback.touch_force is not None
+        if measured != feet or not uses_forces:
+            expected = message(
+                "parts.force_sensors_of_feet",
+                "with a force sensor for each of {feet}, and gait.feedback.touch_force, or with none",
+                feet=", ".join(feet),
+            )
+            forces = message("parts.forces_on", "forces on {read}", read=", ".join(measured))
+            raise InvalidParameter(f"{key}.reads", forces, expected)
+
+    def _check_path_start(self, key: str, robot: ResolvedRobot, path: Waypoints) -> None:
+        """Check that the robot stands near the first point of its path at the start.
+
+        Args:
+            key: key of the section in the station file, for errors.
+            robot: robot of the loop.
+            path: path of the section.
+
+        Raises:
+            InvalidParameter: the point is too far away.
+        """
+        # Complex numbers x + i y stand for points of the floor [m].
+        path_start = complex(*path.points[0])
+        robot_start = complex(*robot.base.translation()[:2])
+        if abs(path_start - robot_start) > _LARGEST_START_DISTANCE:
+            where = message("parts.at_place", "at ({x:g}, {y:g}) m", x=path_start.real, y=path_start.imag)
+            near = message(
+                "parts.near_robot",
+                "within {near:g} m of where {robot} stands, ({x:g}, {y:g}) m",
+                near=_LARGEST_START_DISTANCE,
+                robot=robot.name,
+                x=robot_start.real,
+                y=robot_start.imag,
+            )
+            raise InvalidParameter(
+                f"{key}.path.points",
+                message("parts.path_from", "a path that starts {where}", where=where),
+                message("parts.path_near", "one that starts {near}", near=near),
+            )
 
     def warnings(self, key: str, robot: ResolvedRobot) -> list[str]:
-        """Return, in words, which known commands are clipped; raises InvalidParameter: one, in a strict section."""
+        """Find the commands of the section that are faster than the legs, and will be clipped, in words.
+
+        Args:
+            key: key of the section in the station file.
+            robot: robot of the loop.
+
+        Raises:
+            InvalidParameter: there is such a command, and the section is strict.
+        """
         max_speed = self.walking(robot).max_speed
-        commands = {f"commands[{n}]": row.command for n, row in enumerate(self.commands)}
+        commands = {f"commands[{number}]": entry.command for number, entry in enumerate(self.commands)}
         if self.path is not None:
             commands["path"] = Command(complex(self.path.speed))
         found = list[str]()
-        for place, command in commands.items():
-            for part, value, limit, unit in find_excess(command, max_speed):
-                name = f"{key}.{place}.{'speed' if place == 'path' else part}"
+        for own_key, command in commands.items():
+            for part in find_excess(command, max_speed):
+                part_name = "speed" if own_key == "path" else part.key
+                name = f"{key}.{own_key}.{part_name}"
                 if self.strict:
+                    value = compound("{value:g} {unit}", value=part.value, unit=part.unit)
                     expected = message(
                         "parts.speed_of_legs",
                         "at most {limit:g} {unit}, which the legs of {robot} can follow",
-                        limit=abs(limit),
-                        unit=unit,
+                        limit=abs(part.limit),
+                        unit=part.unit,
                         robot=robot.name,
                     )
-                    raise InvalidParameter(name, compound("{value:g} {unit}", value=value, unit=unit), expected)
+                    raise InvalidParameter(name, value, expected)
                 found.append(
                     message(
                         "parts.command_clipped",
                         "{name}, {value:g} {unit}, is clipped to {limit:g} {unit}",
                         name=name,
-                        value=value,
-                        unit=unit,
-                        limit=limit,
+                        value=part.value,
+                        unit=part.unit,
+                        limit=part.limit,
                     )
                 )
         return found
@@ -202,8 +256,9 @@ class Walk(LoopSection):
 
         They are zero before the first command.
         """
-        begun = [entry for entry in self.commands if entry.time <= time]
-        return _command_values(begun[-1] if begun else Commanded())
+        # The last command whose time has come holds.
+        due = [entry for entry in self.commands if entry.time <= time]
+        return _command_values(due[-1] if due else Commanded())
 
     def rounded_command(self, command: TimedCommand) -> TimedCommand:
         """Round the turn of a command to what the section's file can hold in degrees."""
@@ -374,6 +429,7 @@ class WalkingLoop(SampledBlock):
     def sample(self, memory: Named, read: Named) -> Changes:
         """Compute the next posture."""
         measured = np.concatenate([read[name] for name in _MEASURED])
+        # The sum of the squares is not finite if one of the values is not: this is the fastest test of all values.
         is_blind = not math.isfinite(measured.dot(measured))
         changes: dict[str, Vector | float] = {}
         if memory["blind"][0] != is_blind:
@@ -393,6 +449,7 @@ class WalkingLoop(SampledBlock):
         """Move on from the posture at the beginning to the first posture of the walk."""
         begin = memory["begun"]
         end = memory["posture"]
+        # With the same largest acceleration for all distances, the time of a motion grows with their square root.
         duration = _READY_TIME * math.sqrt(np.abs(end - begin).max() / _READY_DISTANCE)
         ready = min(memory["ready"][0] + self.period / max(duration, self.period), 1.0)
         target = begin + smoothstep(ready) * (end - begin)
@@ -409,6 +466,7 @@ class WalkingLoop(SampledBlock):
         """
         engine = self.engine
         stride = self._last_stride
+        # The memory differs after a jump to another state, such as the beginning of a run.
         if memory["stride"].tobytes() != self._last_numbers:
             stride = Stride.of(memory["stride"])
         selected = self._select_command(memory, read)
@@ -458,15 +516,15 @@ class WalkingLoop(SampledBlock):
         command = clip_command(desired, self.engine.max_speed)
         is_clipped = command is not desired
         if is_clipped and self._strict:
-            part, value, limit, unit = find_excess(desired, self.engine.max_speed)[0]
+            excess = find_excess(desired, self.engine.max_speed)[0]
             raise RunEnds(
                 message(
                     "parts.command_beyond_legs",
                     "the command {part} of {value:g} {unit} is beyond the {limit:g} {unit} that the legs can follow",
-                    part=part,
-                    value=value,
-                    unit=unit,
-                    limit=limit,
+                    part=excess.key,
+                    value=excess.value,
+                    unit=excess.unit,
+                    limit=excess.limit,
                 )
             )
         # Unchanged values are not written: each write takes time.
@@ -495,6 +553,7 @@ class WalkingLoop(SampledBlock):
         engine = self.engine
         state = engine.body.observe(np.concatenate([read[name] for name in _MEASURED]))
         stride, posture = engine.stand(self.start, engine.estimator.slope(state))
+        # A robot that stands in another posture first moves to the one of the walk, see `_approach_start`.
         distance = np.abs(posture - read["position"]).max()
         is_there = distance <= _SAME_POSTURE
         return {

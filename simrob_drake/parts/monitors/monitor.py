@@ -1,7 +1,15 @@
-"""What the sections of monitors share: of all, of those that watch a pose or a sensor; how conditions are made."""
+"""Base classes of monitors, and the functions that make their conditions and their blocks.
+
+A monitor ends a run when a condition has held for some time. Its section in a station file, a class derived from
+:class:`MonitorSection`, makes the :class:`~simrob_drake.blocks.monitor.Condition`: the names and sizes of the outputs
+of the station that are watched, the *excess* (by how much the condition is exceeded; it holds if the excess is not
+negative), and a function that gives the reason in words. Outputs of a robot have its prefix, such as ``left.``, if the
+station has several robots.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -10,9 +18,10 @@ from pydrake.systems.framework import DiagramBuilder
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.frames import XYZ_QUATERNION_NAMES, Vector
 from simrob_drake.base.messages import compound, message
+from simrob_drake.base.renaming import former_names_of, keep_former_attributes
 from simrob_drake.base.sections import NotNegative, Strict
 from simrob_drake.blocks.monitor import Condition, Monitor, Trigger
-from simrob_drake.parts.resolved import ResolvedRobot, Surroundings, named
+from simrob_drake.parts.resolved import ResolvedRobot, StationContents, name_or_only
 from simrob_drake.parts.site import Site
 
 
@@ -21,101 +30,159 @@ class MonitorSection(Strict, ABC):
 
     kind: str
     robot: str | None = None
-    """Whom it watches; the only robot unless given."""
+    """Robot that it watches; the only robot unless given."""
     after: NotNegative = 0.0
     """When watching begins [s]."""
     hold: NotNegative = 0.0
     """How long the condition must last [s]."""
 
     @property
-    def lasting(self) -> str:
-        """The end of a reason: how long the condition lasted; empty where it need not."""
+    def hold_text(self) -> str:
+        """Words for the end of a reason, such as " for 0.5 s". Empty if the condition need not last."""
         return message("parts.for_seconds", " for {hold:g} s", hold=self.hold) if self.hold > 0 else ""
 
     @abstractmethod
-    def condition(self, name: str, station: Surroundings) -> Condition:
-        """Return what ends a run: functions of outputs, by the section's name; raises SimrobError: a wrong section."""
+    def condition(self, name: str, station: StationContents) -> Condition:
+        """Make the condition that ends a run.
 
-    def check(self, name: str, station: Surroundings) -> None:
-        """Check that the robot exists."""
+        Args:
+            name: name of the section.
+            station: contents of the station.
+
+        Raises:
+            SimrobError: the section does not fit the station, for example its robot does not exist.
+        """
+
+    def check(self, name: str, station: StationContents) -> None:
+        """Check that the robot exists.
+
+        Args:
+            name: name of the section.
+            station: contents of the station.
+
+        Raises:
+            SimrobError: the section does not fit the station.
+        """
         if self.robot is not None:
             station.robot(self.robot, f"monitors.{name}")
 
 
-def of_axes(robot: ResolvedRobot, *outputs: str) -> dict[str, int]:
-    """Return outputs of a robot that hold a value an axis, with their sizes."""
+keep_former_attributes(MonitorSection, lasting="hold_text")
+
+
+def axis_outputs(robot: ResolvedRobot, *outputs: str) -> dict[str, int]:
+    """Names and sizes of outputs of a robot that have one value for each axis.
+
+    Args:
+        robot: the robot.
+        *outputs: names of the outputs without the robot's prefix, such as ``position``.
+    """
     return {f"{robot.prefix}{output}": len(robot.axes) for output in outputs}
 
 
-def worst(watched: Mapping[str, int], excesses: Callable[..., Vector], why: Callable[[int, float], str]) -> Condition:
-    """Return a condition that holds where any of several does.
+def condition_on_largest(
+    watched: Mapping[str, int],
+    excesses: Callable[..., Vector],
+    why: Callable[[int, float], str],
+) -> Condition:
+    """Make a condition that holds if at least one of k excesses is not negative.
 
-    ``excesses`` tells by how much each is exceeded, shape (k,), by the values of the watched signals; nan counts as
-    infinite. ``why`` gives the reason by the place of the largest of them and its size.
+    Args:
+        watched: sizes of the watched outputs, by their names.
+        excesses: function of the values of these outputs that returns the excesses, shape (k,). An excess that is not
+            a number counts as infinite.
+        why: function of the index and the value of the largest excess that returns the reason.
     """
 
-    def largest(*values: Vector) -> tuple[int, float]:
+    def find_largest(*values: Vector) -> tuple[int, float]:
+        """Find the index and the value of the largest excess."""
         found = excesses(*values)
         found = np.where(np.isnan(found), np.inf, found)
         index = int(np.argmax(found))
         return index, float(found[index])
 
-    return Condition(watched, lambda *values: largest(*values)[1], lambda *values: why(*largest(*values)))
+    def largest_excess(*values: Vector) -> float:
+        return find_largest(*values)[1]
+
+    def reason(*values: Vector) -> str:
+        return why(*find_largest(*values))
+
+    return Condition(watched, largest_excess, reason)
 
 
 def add_monitor(
-    builder: DiagramBuilder | None, site: Site, name: str, trigger: Trigger, robot: str | None = None
+    builder: DiagramBuilder | None,
+    site: Site,
+    name: str,
+    trigger: Trigger,
+    robot: str | None = None,
 ) -> None:
-    """Add a monitor, of a robot perhaps; without a builder only the site knows it, for who records the run."""
+    """Register a monitor in the station's outputs, and add its block to the diagram.
+
+    Args:
+        builder: builder of the diagram. If it is None, no block is added: then the code that steps the station
+            evaluates the registered trigger itself.
+        site: the station under construction.
+        name: name of the monitor.
+        trigger: condition of the monitor, and how long it must last.
+        robot: robot whose part of the block picture contains the block; None if it belongs to none.
+    """
     site.outputs.monitors[name] = trigger
-    if builder is not None:
-        monitor = Monitor(trigger.condition, hold=trigger.hold, after=trigger.after)
-        builder.AddNamedSystem(f"monitor.{name}", monitor)
-        site.picture.draw(
-            f"monitor.{name}",
-            "sensor",
-            message("parts.block_monitor", "Monitor\n{name}", name=name),
-            None if robot is None else site.robot(robot),
-        )
-        for output in trigger.condition.watched:
-            builder.Connect(site.port(builder, output), monitor.GetInputPort(output))
+    if builder is None:
+        return
+    system_name = f"monitor.{name}"
+    block = Monitor(trigger.condition, hold=trigger.hold, after=trigger.after)
+    builder.AddNamedSystem(system_name, block)
+    label = message("parts.block_monitor", "Monitor\n{name}", name=name)
+    owner = None if robot is None else site.robot(robot)
+    site.picture.draw(system_name, "sensor", label, owner)
+    # The block's input ports have the names of the outputs that they read.
+    for output in trigger.condition.watched:
+        builder.Connect(site.port(builder, output), block.GetInputPort(output))
+
+
+class WatchedPose(NamedTuple):
+    """The pose that a monitor watches.
+
+    Attributes:
+        subject: name of the piece, the robot or the tool that has the pose, for messages.
+        watched: size of the output that is the pose, by its name.
+        start: pose of the piece, or of the robot's root link, in the world at the start.
+    """
+
+    subject: str
+    watched: dict[str, int]
+    start: RigidTransform
 
 
 class PoseMonitorSection(MonitorSection):
-    """A section of ``monitors`` that watches a pose."""
+    """A section of ``monitors`` that watches the pose of a free piece, of a robot's base or of a robot's tool."""
 
     piece: str | None = None
     """A free piece to watch, in place of a robot."""
 
-    def watched_pose(self, name: str, station: Surroundings, port: str) -> tuple[str, dict[str, int], RigidTransform]:
-        """Return who is watched, the output that is its pose with its size, and where it is at the start.
+    def watched_pose(self, name: str, station: StationContents, port: str) -> WatchedPose:
+        """Find the pose that is watched.
 
-        That is a free piece, the only one of a station without robots unless named, or the ``port`` of the robot:
-        ``base_pose``, ``tcp_pose`` or ``tcp_pose.<tool>``. Raises SimrobError: no such free piece, no such robot, or a
-        robot without such a tool.
+        It is the pose of the free piece that the section names. If it names none, it is the pose of the only free
+        piece of a station without robots, and otherwise an output of the robot.
+
+        Args:
+            name: name of the section.
+            station: contents of the station.
+            port: output of a robot: ``base_pose``, ``tcp_pose`` or ``tcp_pose.<tool>``.
+
+        Raises:
+            UnknownName: there is no such free piece or robot.
+            InvalidParameter: no robot is named, and the station has none or several; or the robot has no such tool.
         """
-        size, free = len(XYZ_QUATERNION_NAMES), station.free_pieces
+        free = station.free_pieces
         if self.piece is not None:
-            one_of(
-                message("parts.free_piece_for_monitor", "free piece for monitors.{name}.piece", name=name),
-                self.piece,
-                free,
-            )
-        if self.piece is not None or (not station.robots and len(free) == 1):
-            piece = self.piece or free[0]
-            return piece, {f"piece_pose.{piece}": size}, station.pieces[piece].pose
-        robot = station.robot(self.robot, f"monitors.{name}")
-        output = f"{robot.prefix}{port}"
-        if port == "base_pose":
-            return robot.name, {output: size}, robot.base
-        tool = port.partition(".")[2]
-        if not (tool in robot.tool_names if tool else robot.tcp):
-            raise InvalidParameter(
-                f"monitors.{name}",
-                message("parts.at_output", "at {output}", output=output),
-                message("parts.tool_of_robot", "a tool that the robot has"),
-            )
-        return _name_of_tool(robot, tool), {output: size}, robot.base
+            what = message("parts.free_piece_for_monitor", "free piece for monitors.{name}.piece", name=name)
+            return _pose_of_piece(station, one_of(what, self.piece, free))
+        if not station.robots and len(free) == 1:
+            return _pose_of_piece(station, free[0])
+        return _pose_of_robot(name, station.robot(self.robot, f"monitors.{name}"), port)
 
 
 class SensorMonitorSection(MonitorSection):
@@ -124,14 +191,58 @@ class SensorMonitorSection(MonitorSection):
     sensor: str | None = None
     """The sensor, by its name; the only one of its kind unless given."""
 
-    def watched_sensor(self, name: str, station: Surroundings, kind: str) -> str:
-        """Return the watched sensor's name; raises UnknownName: none; InvalidParameter: several, none named."""
-        key, known = f"monitors.{name}.sensor", [own for own, one in station.sensors.items() if one.kind == kind]
-        return named(
-            self.sensor, known, kind=message("parts.sensor_for", "{kind} sensor for {key}", kind=kind, key=key), key=key
+    def watched_sensor(self, name: str, station: StationContents, kind: str) -> str:
+        """Find the name of the sensor that is watched.
+
+        Args:
+            name: name of the section.
+            station: contents of the station.
+            kind: kind that the sensor must have, such as ``force``.
+
+        Raises:
+            UnknownName: there is no sensor of this name and kind.
+            InvalidParameter: no sensor is named, and the station has none or several of this kind.
+        """
+        key = f"monitors.{name}.sensor"
+        known = [own for own, sensor in station.sensors.items() if sensor.kind == kind]
+        what = message("parts.sensor_for", "{kind} sensor for {key}", kind=kind, key=key)
+        return name_or_only(self.sensor, known, kind=what, key=key)
+
+
+def _pose_of_piece(station: StationContents, piece: str) -> WatchedPose:
+    """Pose of a free piece, by its name."""
+    watched = {f"piece_pose.{piece}": len(XYZ_QUATERNION_NAMES)}
+    return WatchedPose(subject=piece, watched=watched, start=station.pieces[piece].pose)
+
+
+def _pose_of_robot(name: str, robot: ResolvedRobot, port: str) -> WatchedPose:
+    """Pose of a robot's base or tool.
+
+    Args:
+        name: name of the monitor's section.
+        robot: the robot.
+        port: ``base_pose``, ``tcp_pose`` or ``tcp_pose.<tool>``.
+
+    Raises:
+        InvalidParameter: the robot has no such tool, or no tool in use.
+    """
+    output = f"{robot.prefix}{port}"
+    watched = {output: len(XYZ_QUATERNION_NAMES)}
+    if port == "base_pose":
+        return WatchedPose(subject=robot.name, watched=watched, start=robot.base)
+    # ``tcp_pose`` alone is the pose of the tool in use.
+    tool = port.partition(".")[2]
+    has_tool = tool in robot.tool_names if tool else robot.tcp != ""
+    if not has_tool:
+        raise InvalidParameter(
+            f"monitors.{name}",
+            message("parts.at_output", "at {output}", output=output),
+            message("parts.tool_of_robot", "a tool that the robot has"),
         )
+    tool_text = tool or message("parts.the_tool", "the tool")
+    subject = compound("{prefix}{tool}", prefix=robot.prefix, tool=tool_text)
+    return WatchedPose(subject=subject, watched=watched, start=robot.base)
 
 
-def _name_of_tool(robot: ResolvedRobot, tool: str | None) -> str:
-    """Name of a tool for messages: with the robot's name in front if a station has several robots."""
-    return compound("{prefix}{tool}", prefix=robot.prefix, tool=tool or message("parts.the_tool", "the tool"))
+if not TYPE_CHECKING:
+    __getattr__ = former_names_of(__name__, {"of_axes": "axis_outputs", "worst": "condition_on_largest"})

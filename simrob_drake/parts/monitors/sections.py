@@ -1,8 +1,13 @@
-"""What axes and bodies may come to that ends a run: limits, standing still, running away, touching, falling."""
+"""Kinds of monitor: limits of joints and motors, standing still, running away, contact, falls, and limits of a box.
+
+Each class is a kind of section under ``monitors`` in a station file. Its method `condition` returns the condition that
+ends a run, with a function *excess* of the watched signals: the condition holds if the excess is not negative. Most of
+the classes compute one excess for each axis or side, and the largest of them decides.
+"""
 
 import math
 from functools import cache
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from pydantic import model_validator
@@ -11,14 +16,33 @@ from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.files import models_root
 from simrob_drake.base.frames import Vector, lean
 from simrob_drake.base.messages import compound, join_texts, message
-from simrob_drake.base.sections import NotNegative, Number, Positive, Strict, Triple, validated
+from simrob_drake.base.sections import (
+    NotNegative,
+    Number,
+    Positive,
+    Strict,
+    Triple,
+    validated,
+)
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.blocks.monitor import Condition
-from simrob_drake.parts.monitors.monitor import MonitorSection, PoseMonitorSection, SensorMonitorSection, of_axes, worst
-from simrob_drake.parts.resolved import ResolvedRobot, Surroundings
+from simrob_drake.parts.monitors.monitor import (
+    MonitorSection,
+    PoseMonitorSection,
+    SensorMonitorSection,
+    axis_outputs,
+    condition_on_largest,
+)
+from simrob_drake.parts.resolved import ResolvedRobot, StationContents
 from simrob_drake.robots.axis_map import AxisValues
 from simrob_drake.robots.description_files import gripper_advice
 from simrob_drake.robots.grasps import stroke_of
+
+_UPPER = message("base.upper", "upper")
+_LOWER = message("base.lower", "lower")
+_ABOVE = message("parts.above", "above")
+_BELOW = message("parts.below", "below")
+_XYZ = "xyz"
 
 
 class JointLimit(MonitorSection):
@@ -30,31 +54,38 @@ class JointLimit(MonitorSection):
     margin_m: Number = 0.0
     """The same for axes that slide [m]."""
 
-    def condition(self, name: str, station: Surroundings) -> Condition:
-        """Return what ends a run; its excess is the largest overshoot of a limit [rad or m]."""
+    def condition(self, name: str, station: StationContents) -> Condition:
+        """Make the condition; its excess is the largest overshoot of a limit, with the margin [rad or m]."""
         robot = station.robot(self.robot, f"monitors.{name}")
-        count, margin = len(robot.axes), robot.model.bounds(self.margin_deg, self.margin_m)
-        lower, upper = robot.model.axis_limits
-        lower, upper = lower + margin, upper - margin
+        count = len(robot.axes)
+        margin = robot.model.bounds(self.margin_deg, self.margin_m)
+        all_lower, all_upper = robot.model.axis_limits
+        lower = all_lower + margin
+        upper = all_upper - margin
 
         def overshoots(position: Vector) -> Vector:
+            """Overshoots of the upper limits of all axes, then of the lower ones, shape (2 n,)."""
             return np.concatenate([position - upper, lower - position])
 
         def why(index: int, _: float) -> str:
-            """Tell which limit was reached. An overshoot below ``count`` is of an upper limit, else of a lower."""
-            side, limits, axis = (_UPPER, upper, index) if index < count else (_LOWER, lower, index - count)
+            """Reason of the end of the run, by the index of the largest overshoot."""
+            is_upper = index < count
+            axis = index if is_upper else index - count
+            limit = upper[axis] if is_upper else lower[axis]
             return message(
                 "parts.reached_limit",
                 "{axis} reached its {side} limit of {limit}",
                 axis=robot.axes[axis],
-                side=side,
-                limit=robot.model.units[axis].shown(limits[axis]),
+                side=_UPPER if is_upper else _LOWER,
+                limit=robot.model.units[axis].shown(limit),
             )
 
-        return worst(of_axes(robot, "position"), overshoots, why)
+        return condition_on_largest(axis_outputs(robot, "position"), overshoots, why)
 
 
-_AT_LIMIT = 1e-6  # part of a torque limit that may be missing where a servo counts as saturated
+# A servo counts as saturated if less than this part of its torque limit is missing [1], since rounding errors keep the
+# recorded torque of a saturated servo slightly below its limit.
+_AT_LIMIT = 1e-6
 
 
 class TorqueLimit(MonitorSection):
@@ -67,27 +98,39 @@ class TorqueLimit(MonitorSection):
     """What counts as the limit, per axis [N·m or N]: of the servo unless given, and of a motor whose torque falls with
     its speed what it gives at that speed. Axes that a mapping leaves out keep the limit of their servo."""
 
-    def check(self, name: str, station: Surroundings) -> None:
-        """Check that the limits are positive."""
+    def check(self, name: str, station: StationContents) -> None:
+        """Check that the robot exists, and that the limits are positive."""
         super().check(name, station)
-        limit = self._limits(station.robot(self.robot, f"monitors.{name}"))
-        if not (limit > 0).all():
+        limits = self._limits(station.robot(self.robot, f"monitors.{name}"))
+        if not (limits > 0).all():
             raise InvalidParameter(
-                f"monitors.{name}.limit", float(limit.min()), message("parts.positive_torque", "positive [N·m or N]")
+                f"monitors.{name}.limit",
+                float(limits.min()),
+                message("parts.positive_torque", "positive [N·m or N]"),
             )
 
     def _limits(self, robot: ResolvedRobot) -> Vector:
-        own = robot.gains.judged_limit
-        return own if self.limit is None else robot.model.axis_vector(self.limit, "limit", own)
+        """Torque limit of each axis, shape (n,) [N·m or N]: that of the section, or else that of the servo."""
+        servo_limits = robot.gains.judged_limit
+        if self.limit is None:
+            return servo_limits
+        return robot.model.axis_vector(self.limit, "limit", servo_limits)
 
-    def condition(self, name: str, station: Surroundings) -> Condition:
-        """Return what ends a run; its excess is the largest part of a limit that is used, minus one."""
+    def condition(self, name: str, station: StationContents) -> Condition:
+        """Make the condition; its excess is the largest used part of a limit, minus one [1]."""
         robot = station.robot(self.robot, f"monitors.{name}")
-        limit = self._limits(robot)
-        gains = robot.gains
-        has_lines = self.limit is None and gains.line is not None and station.engine.moves_by_forces
+        # The torque of a motor falls with its speed, along a line. Limits of the section's own replace these lines. In
+        # a kinematic station torques are computed from the motion, and only compared with constant limits.
+        motors_count = self.limit is None and robot.gains.line is not None and station.engine.moves_by_forces
+        return self._condition_of_motors(robot) if motors_count else self._condition_of_limits(robot)
 
-        def why_of_motor(index: int, _: float) -> str:
+    def _condition_of_motors(self, robot: ResolvedRobot) -> Condition:
+        """Condition on the torque that each motor can give at its speed."""
+
+        def excesses(torque: Vector, speed: Vector) -> Vector:
+            return robot.gains.torque_shares(torque, speed) - 1 + _AT_LIMIT
+
+        def why(index: int, _: float) -> str:
             return message(
                 "parts.stayed_at_motor_limit",
                 "{axis} stayed at the limit of its motor for {hold:g} s",
@@ -95,29 +138,31 @@ class TorqueLimit(MonitorSection):
                 hold=self.hold,
             )
 
-        def excess_of_motors(torque: Vector, speed: Vector) -> Vector:
-            return gains.torque_shares(torque, speed) - 1 + _AT_LIMIT
+        return condition_on_largest(axis_outputs(robot, "torque", "velocity"), excesses, why)
 
-        if has_lines:
-            return worst(of_axes(robot, "torque", "velocity"), excess_of_motors, why_of_motor)
+    def _condition_of_limits(self, robot: ResolvedRobot) -> Condition:
+        """Condition on constant torque limits."""
+        limits = self._limits(robot)
+        if self.limit is None:
+            what = message("parts.its_torque_limit", "its torque limit")
+        else:
+            what = message("parts.the_limit", "the limit")
+
+        def excesses(torque: Vector) -> Vector:
+            return np.abs(torque) / limits - 1 + _AT_LIMIT
 
         def why(index: int, _: float) -> str:
-            bound = compound("{limit:g} {effort}", limit=limit[index], effort=robot.model.units[index].effort)
-            what = (
-                message("parts.its_torque_limit", "its torque limit")
-                if self.limit is None
-                else message("parts.the_limit", "the limit")
-            )
+            unit = robot.model.units[index].effort
             return message(
                 "parts.stayed_at_limit",
                 "{axis} stayed at {what} of {bound} for {hold:g} s",
                 axis=robot.axes[index],
                 what=what,
-                bound=bound,
+                bound=compound("{limit:g} {effort}", limit=limits[index], effort=unit),
                 hold=self.hold,
             )
 
-        return worst(of_axes(robot, "torque"), lambda torque: np.abs(torque) / limit - 1 + _AT_LIMIT, why)
+        return condition_on_largest(axis_outputs(robot, "torque"), excesses, why)
 
 
 class Settled(MonitorSection):
@@ -135,33 +180,47 @@ class Settled(MonitorSection):
     error_m: Positive | None = None
     """Largest position error of axes that slide [m]; unless given any error counts as settled."""
 
-    def condition(self, name: str, station: Surroundings) -> Condition:
-        """Return what ends a run; its excess is how far below the bounds the worst joint is, as a part of them."""
-        robot = station.robot(self.robot, f"monitors.{name}")
-        speed = robot.model.bounds(self.speed_deg, self.speed_m)
-        errors = [np.inf if bound is None else bound for bound in (self.error_deg, self.error_m)]
-        error, more = robot.model.bounds(*errors), () if np.isinf(errors).all() else ("position", "reference")
+    def condition(self, name: str, station: StationContents) -> Condition:
+        r"""Make the condition; its excess is how far below its bound the worst axis is, as a part of the bound [1].
 
-        def excess(velocity: Vector, *places: Vector) -> float:
-            use = float((np.abs(velocity) / speed).max())
-            if places:
-                position, reference = places
-                use = max(use, float((np.abs(reference - position) / error).max()))
-            return 1 - use
+        With the speeds v, the position errors e and their bounds it is
+        :math:`1 - \max_i \max(|v_i| / v_{max,i}, |e_i| / e_{max,i})`, without the errors if none is bounded.
+        """
+        robot = station.robot(self.robot, f"monitors.{name}")
+        speed_bounds = robot.model.bounds(self.speed_deg, self.speed_m)
+        error_bounds = robot.model.bounds(
+            math.inf if self.error_deg is None else self.error_deg,
+            math.inf if self.error_m is None else self.error_m,
+        )
+
+        def used_speed(velocity: Vector) -> float:
+            """Largest speed as a part of its bound."""
+            return float((np.abs(velocity) / speed_bounds).max())
+
+        def excess_of_speed(velocity: Vector) -> float:
+            return 1 - used_speed(velocity)
+
+        def excess_with_error(velocity: Vector, position: Vector, reference: Vector) -> float:
+            used_error = float((np.abs(reference - position) / error_bounds).max())
+            return 1 - max(used_speed(velocity), used_error)
 
         def why(*_: Vector) -> str:
-            bounds = zip(speed, robot.model.units, strict=True)
-            speeds = dict.fromkeys(
-                compound("{bound:g} {unit}/s", bound=bound / unit.size, unit=unit.name) for bound, unit in bounds
-            )
+            # Axes with the same bound are named once.
+            bounds = dict[str, None]()
+            for bound, unit in zip(speed_bounds, robot.model.units, strict=True):
+                bounds[compound("{bound:g} {unit}/s", bound=bound / unit.size, unit=unit.name)] = None
             return message(
                 "parts.stood_still",
                 "the robot has stood still (below {speeds}) for {hold:g} s",
-                speeds=join_texts(speeds, message("base.and", " and ")),
+                speeds=join_texts(bounds, message("base.and", " and ")),
                 hold=self.hold,
             )
 
-        return Condition(of_axes(robot, "velocity", *more), excess, why)
+        # Positions and references are only watched if errors count: each input costs time at every step.
+        if self.error_deg is None and self.error_m is None:
+            return Condition(axis_outputs(robot, "velocity"), excess_of_speed, why)
+        watched = axis_outputs(robot, "velocity", "position", "reference")
+        return Condition(watched, excess_with_error, why)
 
 
 class Divergence(MonitorSection):
@@ -171,22 +230,25 @@ class Divergence(MonitorSection):
     speed_limit: Positive = 100.0
     """Speed that counts as running away [rad/s, or m/s of axes that slide]."""
 
-    def condition(self, name: str, station: Surroundings) -> Condition:
-        """Return what ends a run; its excess is the largest speed over the bound [rad/s or m/s]."""
+    def condition(self, name: str, station: StationContents) -> Condition:
+        """Make the condition; its excess is the largest speed minus the limit [rad/s or m/s]."""
         robot = station.robot(self.robot, f"monitors.{name}")
 
+        def excesses(velocity: Vector) -> Vector:
+            return np.abs(velocity) - self.speed_limit
+
         def why(index: int, excess: float) -> str:
-            unit, speed = f"{robot.model.units[index].si}/s", excess + self.speed_limit
+            unit = f"{robot.model.units[index].si}/s"
             return message(
                 "parts.ran_away",
                 "{axis} ran away: {speed:.4g} {unit}, above {limit:g} {unit}",
                 axis=robot.axes[index],
-                speed=speed,
+                speed=excess + self.speed_limit,
                 unit=unit,
                 limit=self.speed_limit,
             )
 
-        return worst(of_axes(robot, "velocity"), lambda velocity: np.abs(velocity) - self.speed_limit, why)
+        return condition_on_largest(axis_outputs(robot, "velocity"), excesses, why)
 
 
 class PowerLimit(MonitorSection):
@@ -196,21 +258,24 @@ class PowerLimit(MonitorSection):
     limit: Positive
     """Largest power of all joints together [W]; braking counts as driving does."""
 
-    def condition(self, name: str, station: Surroundings) -> Condition:
-        """Return what ends a run; its excess is the power over the limit [W]."""
+    def condition(self, name: str, station: StationContents) -> Condition:
+        """Make the condition; its excess is the power minus the limit [W]."""
         robot = station.robot(self.robot, f"monitors.{name}")
-        why = message(
+        reason = message(
             "parts.power_reached_limit",
             "the power of the joints of {robot} reached the limit of {limit:g} W{lasting}",
             robot=robot.name,
             limit=self.limit,
-            lasting=self.lasting,
+            lasting=self.hold_text,
         )
 
-        def power(torque: Vector, velocity: Vector) -> Vector:
-            return np.array([np.abs(torque * velocity).sum() - self.limit])
+        def excesses(torque: Vector, velocity: Vector) -> Vector:
+            # Absolute values of the products, so that braking counts as driving does.
+            power = np.abs(torque * velocity).sum()
+            return np.array([power - self.limit])
 
-        return worst(of_axes(robot, "torque", "velocity"), power, lambda *_: why)
+        watched = axis_outputs(robot, "torque", "velocity")
+        return condition_on_largest(watched, excesses, lambda *_: reason)
 
 
 class EmptyGrip(MonitorSection):
@@ -222,8 +287,8 @@ class EmptyGrip(MonitorSection):
     part: Positive = 0.02
     """How near to closed, or to where their shapes meet before, counts, as a part of the way from closed to open."""
 
-    def check(self, name: str, station: Surroundings) -> None:
-        """Check that the robot has fingers."""
+    def check(self, name: str, station: StationContents) -> None:
+        """Check that the robot exists and has fingers."""
         super().check(name, station)
         robot = station.robot(self.robot, f"monitors.{name}")
         if not robot.model.fingers:
@@ -234,22 +299,31 @@ class EmptyGrip(MonitorSection):
             )
             raise InvalidParameter(f"monitors.{name}.robot", robot.name, expected)
 
-    def condition(self, name: str, station: Surroundings) -> Condition:
-        """Return what ends a run; its excess is how much nearer to closed the most open finger is."""
-        robot = station.robot(self.robot, f"monitors.{name}")
-        places = list(robot.model.fingers)
-        closed, opened = np.array(list(robot.model.fingers.values())).T
+    def condition(self, name: str, station: StationContents) -> Condition:
+        """Make the condition; its excess is the opening that counts as closed minus that of the most open finger [1].
 
+        The opening of a finger is 0 if it is closed, and 1 if it is open.
+        """
+        robot = station.robot(self.robot, f"monitors.{name}")
+        indices = list(robot.model.fingers)
+        closed = np.array([ends[0] for ends in robot.model.fingers.values()])
+        opened = np.array([ends[1] for ends in robot.model.fingers.values()])
+
+        # Shapes of fingers may meet before their joints are closed: then the opening without a gap is above 0.
         stroke = stroke_of(robot.model)
-        nothing = self.part + (stroke.opening(0.0) if stroke else 0.0)
+        opening_at_touch = stroke.opening(0.0) if stroke else 0.0
+        largest_opening = self.part + opening_at_touch
 
         def excess(position: Vector) -> float:
-            return nothing - float(((position[places] - closed) / (opened - closed)).max())
+            openings = (position[indices] - closed) / (opened - closed)
+            return largest_opening - float(openings.max())
 
-        why = message(
-            "parts.fingers_closed", "the fingers of {robot} closed with nothing between them", robot=robot.name
+        reason = message(
+            "parts.fingers_closed",
+            "the fingers of {robot} closed with nothing between them",
+            robot=robot.name,
         )
-        return Condition(of_axes(robot, "position"), excess, lambda _: why)
+        return Condition(axis_outputs(robot, "position"), excess, lambda _: reason)
 
 
 class Contact(SensorMonitorSection):
@@ -259,26 +333,34 @@ class Contact(SensorMonitorSection):
     distance: NotNegative = 0.0
     """Distance that counts as contact [m]."""
 
-    def condition(self, name: str, station: Surroundings) -> Condition:
-        """Return what ends a run, as the proximity switch of the Simulink library does; its excess is in metres."""
+    def condition(self, name: str, station: StationContents) -> Condition:
+        """Make the condition; its excess is the distance that counts as contact minus the measured one [m].
+
+        The proximity switch of the Simulink library works like this.
+        """
         sensor = self.watched_sensor(name, station, "distance")
+        section = station.sensors[sensor]
         names = message(
             "parts.body_and_other",
             "{body} and {other}",
-            body=station.sensors[sensor].body,
-            other=station.sensors[sensor].other,
+            body=section.body,
+            other=section.other,
         )
-        why = (
-            message(
+        if self.distance:
+            millimetres = 1e3 * self.distance
+            reason = message(
                 "parts.nearer_than",
                 "{names} are nearer than {distance:g} mm",
                 names=names,
-                distance=1e3 * self.distance,
+                distance=millimetres,
             )
-            if self.distance
-            else message("parts.touch", "{names} touch", names=names)
-        )
-        return worst({f"distance.{sensor}": 1}, lambda distance: self.distance - distance, lambda *_: why)
+        else:
+            reason = message("parts.touch", "{names} touch", names=names)
+
+        def excesses(distance: Vector) -> Vector:
+            return self.distance - distance
+
+        return condition_on_largest({f"distance.{sensor}": 1}, excesses, lambda *_: reason)
 
 
 class ForceLimit(SensorMonitorSection):
@@ -288,27 +370,37 @@ class ForceLimit(SensorMonitorSection):
     limit: Positive | str
     """Largest force [N], or a body region of ISO/TS 15066 such as `hands_and_fingers`."""
 
-    def condition(self, name: str, station: Surroundings) -> Condition:
-        """Return what ends a run; its excess is the size of the force over the limit [N]."""
+    def condition(self, name: str, station: StationContents) -> Condition:
+        """Make the condition; its excess is the magnitude of the force minus the limit [N]."""
         sensor = self.watched_sensor(name, station, "force")
-        body, limit = station.sensors[sensor].body, force_limit(self.limit)
-        region = (
-            message("parts.of_region", " of {limit}", limit=self.limit.replace("_", " "))
-            if isinstance(self.limit, str)
-            else ""
-        )
-        why = message(
+        limit = force_limit(self.limit)
+        region = ""
+        if isinstance(self.limit, str):
+            region = message("parts.of_region", " of {limit}", limit=self.limit.replace("_", " "))
+        reason = message(
             "parts.force_reached_limit",
             "the force on {body} reached the limit of {limit:g} N{region}{lasting}",
-            body=body,
+            body=station.sensors[sensor].body,
             limit=limit,
             region=region,
-            lasting=self.lasting,
+            lasting=self.hold_text,
         )
-        return worst({f"force.{sensor}": 3}, lambda force: np.array([np.linalg.norm(force) - limit]), lambda *_: why)
+
+        def excesses(force: Vector) -> Vector:
+            return np.array([np.linalg.norm(force) - limit])
+
+        return condition_on_largest({f"force.{sensor}": 3}, excesses, lambda *_: reason)
 
 
-class _Table(Strict):
+class _LimitTable(Strict):
+    """Content of the file with the limits of ISO/TS 15066.
+
+    Attributes:
+        source: where the limits are from.
+        unit: unit of the limits.
+        quasi_static_force: largest force on a clamped body region, by the name of the region.
+    """
+
     source: str
     unit: str
     quasi_static_force: dict[str, Positive]
@@ -316,19 +408,42 @@ class _Table(Strict):
 
 @cache
 def quasi_static_limits() -> dict[str, float]:
-    """Return the largest quasi-static forces [N] by body region."""
+    """Read the largest forces [N] on clamped body regions (quasi-static contact), by the name of the region."""
     file = models_root() / "limits" / "iso_ts_15066.yaml"
-    return dict(validated(_Table, read_yaml(file), file).quasi_static_force)
+    return dict(validated(_LimitTable, read_yaml(file), file).quasi_static_force)
 
 
 def force_limit(limit: float | str) -> float:
-    """Return a limit [N]: a number as it is, a body region's from the table; raises UnknownName: no such region."""
+    """Find the force [N] of a limit.
+
+    Args:
+        limit: the force itself [N], or the name of a body region of ISO/TS 15066.
+
+    Raises:
+        UnknownName: there is no such body region.
+    """
+    if not isinstance(limit, str):
+        return limit
     regions = quasi_static_limits()
-    return (
-        regions[one_of(message("parts.body_region", "body region"), limit, regions)]
-        if isinstance(limit, str)
-        else limit
-    )
+    region = one_of(message("parts.body_region", "body region"), limit, regions)
+    return regions[region]
+
+
+class _FallExcess(NamedTuple):
+    """Excesses of a fall's two bounds, as parts of the bounds [1]. A bound that is not given has -1.
+
+    Attributes:
+        low: 1 - height / bound. It is not negative if the height is too small.
+        leaning: tilt / bound - 1. It is not negative if the tilt is too large.
+    """
+
+    low: float
+    leaning: float
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether both are finite. They are not if the simulation has diverged."""
+        return math.isfinite(self.low) and math.isfinite(self.leaning)
 
 
 class Fall(PoseMonitorSection):
@@ -341,50 +456,71 @@ class Fall(PoseMonitorSection):
     """Angle from how it stood at the start beyond which it has fallen."""
 
     @model_validator(mode="after")
-    def _some_bound(self) -> "Fall":
+    def _check_has_bound(self) -> "Fall":
+        """Check that at least one bound is given."""
         if self.height is None and self.tilt_deg is None:
             raise ValueError(message("parts.fall_needs_bound", "a fall needs a bound: height or tilt_deg"))
         return self
 
     def faller(self, only_robot: str | None) -> str | None:
-        """Return the robot that it watches, of a station with one robot or several; None if it watches a piece."""
-        return None if self.piece is not None else self.robot or only_robot
+        """Name of the robot that the section watches.
 
-    def condition(self, name: str, station: Surroundings) -> Condition:
-        """Return what ends a run; its excess is the larger part of a bound by which it is exceeded."""
-        who, watched, start = self.watched_pose(name, station, "base_pose")
+        Args:
+            only_robot: name of the station's only robot; None if it has none or several.
+
+        Returns:
+            The name, or None if the section watches a piece, or names no robot of several.
+        """
+        if self.piece is not None:
+            return None
+        return self.robot or only_robot
+
+    def condition(self, name: str, station: StationContents) -> Condition:
+        """Make the condition; its excess is the larger excess of the two bounds, as a part of the bound [1]."""
+        pose_source = self.watched_pose(name, station, "base_pose")
+        subject = pose_source.subject
         ground = station.ground
-        tilt = None if self.tilt_deg is None else math.radians(self.tilt_deg)
-        up: list[float] = (start.rotation().inverse() @ np.array([0.0, 0.0, 1.0])).tolist()
+        largest_tilt = None if self.tilt_deg is None else math.radians(self.tilt_deg)
+        # Direction in the body that points up at the start. A plain list, since `lean` is called at each step and is
+        # faster without arrays.
+        world_up = np.array([0.0, 0.0, 1.0])
+        up: list[float] = (pose_source.start.rotation().inverse() @ world_up).tolist()
 
-        def parts(pose: Vector) -> tuple[float, float]:
-            """Return the parts by which height and tilt exceed their bounds, -1 for a bound that is not given."""
-            _, _, _, *quaternion = pose.tolist()
-            low = -1.0 if self.height is None else 1 - ground.height(pose) / self.height
-            return low, -1.0 if tilt is None else lean(up, *quaternion) / tilt - 1
+        def excesses(pose: Vector) -> _FallExcess:
+            """Excesses of a pose, x y z [m] qw qx qy qz."""
+            quaternion = pose.tolist()[3:]
+            low = -1.0
+            if self.height is not None:
+                low = 1 - ground.height(pose) / self.height
+            leaning = -1.0
+            if largest_tilt is not None:
+                leaning = lean(up, *quaternion) / largest_tilt - 1
+            return _FallExcess(low=low, leaning=leaning)
 
         def excess(pose: Vector) -> float:
-            found = parts(pose)
-            return max(found) if all(map(math.isfinite, found)) else math.inf
+            found = excesses(pose)
+            # A pose that is not finite ends the run: max() would ignore a value that is not a number.
+            return max(found.low, found.leaning) if found.is_finite else math.inf
 
         def why(pose: Vector) -> str:
-            low, leaning = parts(pose)
-            if not (math.isfinite(low) and math.isfinite(leaning)):
-                return message("parts.is_nowhere", "{who} is nowhere", who=who)
-            if tilt is None or low >= leaning:
+            found = excesses(pose)
+            if not found.is_finite:
+                return message("parts.is_nowhere", "{who} is nowhere", who=subject)
+            if found.low >= found.leaning or largest_tilt is None:
                 return message(
-                    "parts.fell_too_low", "{who} fell: its height is below {height:g} m", who=who, height=self.height
+                    "parts.fell_too_low",
+                    "{who} fell: its height is below {height:g} m",
+                    who=subject,
+                    height=self.height,
                 )
             return message(
-                "parts.fell_leaning", "{who} fell: it leans by more than {tilt:g} deg", who=who, tilt=self.tilt_deg
+                "parts.fell_leaning",
+                "{who} fell: it leans by more than {tilt:g} deg",
+                who=subject,
+                tilt=self.tilt_deg,
             )
 
-        return Condition(watched, excess, why)
-
-
-_UPPER, _LOWER = message("base.upper", "upper"), message("base.lower", "lower")
-_ABOVE, _BELOW = message("parts.above", "above"), message("parts.below", "below")
-_XYZ = "xyz"
+        return Condition(pose_source.watched, excess, why)
 
 
 class Workspace(PoseMonitorSection):
@@ -399,30 +535,39 @@ class Workspace(PoseMonitorSection):
     """The robot's tool that is watched; its `tcp` unless given."""
 
     @model_validator(mode="after")
-    def _not_empty(self) -> "Workspace":
+    def _check_box(self) -> "Workspace":
+        """Check that the box is not empty."""
         if any(low >= high for low, high in zip(self.lower, self.upper, strict=True)):
             raise ValueError(
-                message("parts.lower_below_upper", "lower must be below upper, {upper}", upper=list(self.upper))
+                message(
+                    "parts.lower_below_upper",
+                    "lower must be below upper, {upper}",
+                    upper=list(self.upper),
+                )
             )
         return self
 
-    def condition(self, name: str, station: Surroundings) -> Condition:
-        """Return what ends a run; its excess is how far outside the origin of the pose is [m]."""
-        who, watched, _ = self.watched_pose(name, station, f"tcp_pose.{self.tool}" if self.tool else "tcp_pose")
+    def condition(self, name: str, station: StationContents) -> Condition:
+        """Make the condition; its excess is how far outside of the box the pose's origin is along an axis [m]."""
+        port = f"tcp_pose.{self.tool}" if self.tool else "tcp_pose"
+        pose_source = self.watched_pose(name, station, port)
 
         def overshoots(pose: Vector) -> Vector:
-            return np.concatenate([pose[:3] - self.upper, self.lower - pose[:3]])
+            """Overshoots of the upper bounds of x, y and z, then of the lower ones, shape (6,)."""
+            position = pose[:3]
+            return np.concatenate([position - self.upper, self.lower - position])
 
         def why(index: int, _: float) -> str:
+            """Reason of the end of the run, by the index of the largest overshoot."""
+            is_upper = index < len(_XYZ)
             axis = index % len(_XYZ)
-            side, bound = (_ABOVE, self.upper[axis]) if index < len(_XYZ) else (_BELOW, self.lower[axis])
             return message(
                 "parts.left_workspace",
                 "{who} left its workspace: {axis} {side} {bound:g} m",
-                who=who,
+                who=pose_source.subject,
                 axis=_XYZ[axis],
-                side=side,
-                bound=bound,
+                side=_ABOVE if is_upper else _BELOW,
+                bound=self.upper[axis] if is_upper else self.lower[axis],
             )
 
-        return worst(watched, overshoots, why)
+        return condition_on_largest(pose_source.watched, overshoots, why)

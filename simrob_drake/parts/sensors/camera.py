@@ -49,7 +49,7 @@ from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.parts.targets import frame_of, owner_of_shape
 
-# Name of the renderer in the scene graph.
+# Name of the renderer in the scene graph. All cameras of a station share it.
 _RENDERER = "cameras"
 # Distance at which VTK begins to draw, as a part of the nearest measured depth [1].
 _NEAR_CLIPPING = 0.1
@@ -97,14 +97,23 @@ class Image:
         Returns:
             The points, shape (m, 3) [m].
         """
-        is_used = self.has_depth if where is None else self.has_depth & where
+        is_used = self.has_depth
+        if where is not None:
+            is_used = is_used & where
         rows, columns = np.nonzero(is_used)
         depth = self.depth[rows, columns].astype(float)
-        centre = (np.array(self.depth.shape) - 1) / 2
-        right = (columns - centre[1]) / self.focal
-        down = (rows - centre[0]) / self.focal
-        in_camera = depth * np.array([right, down, np.ones_like(right)])
-        return np.asarray((self.pose @ in_camera).T)
+
+        # p = z ((u - c_u) / f, (v - c_v) / f, 1), where u is the column and v the row of the pixel.
+        height, width = self.depth.shape
+        centre_u = (width - 1) / 2
+        centre_v = (height - 1) / 2
+        right = (columns - centre_u) / self.focal
+        down = (rows - centre_v) / self.focal
+        ahead = np.ones_like(right)
+        in_camera = depth * np.array([right, down, ahead])  # shape (3, m)
+
+        in_world = self.pose @ in_camera
+        return np.asarray(in_world.T)
 
 
 keep_former_attributes(Image, seen="has_depth")
@@ -142,6 +151,7 @@ class Lens:
         """Drake's descriptions of the camera, for colours and labels, and for depth."""
         # VTK's coordinates begin at a corner of the first pixel, not in its middle.
         info = CameraInfo(self.width, self.height, self.focal, self.focal, self.width / 2, self.height / 2)
+        # VTK draws a little more than the range of depths: colour images also show what is too near or too far.
         clipping = ClippingRange(_NEAR_CLIPPING * self.near, 2 * self.far)
         core = RenderCameraCore(_RENDERER, info, clipping, RigidTransform())
         return ColorRenderCamera(core), DepthRenderCamera(core, DepthRange(self.near, self.far))
@@ -156,12 +166,16 @@ class Lens:
             time: time of the run [s], from which the noise is drawn.
         """
         color_camera, depth_camera = self._cameras
+        # Copies of the channels, since a view would keep the whole of Drake's image in memory. The fourth channel of a
+        # colour image, which is not used, is the opacity.
         color = query.RenderColorImage(color_camera, parent, pose).data[:, :, :3].copy()
         depth = query.RenderDepthImage(depth_camera, parent, pose).data[:, :, 0].copy()
         labels = query.RenderLabelImage(color_camera, parent, pose).data[:, :, 0].copy()
         if self.noise > 0:
+            # The time is a part of the seed, so an image is the same whether or not others were taken before it.
             generator = np.random.default_rng([self.seed, round(time / _TIME_RESOLUTION)])
             noise = generator.standard_normal(depth.shape)
+            # sigma(z) = noise z²; infinite depths, where nothing is, stay infinite.
             finite_depth = np.where(np.isfinite(depth), depth, 0.0)
             depth = (depth + self.noise * finite_depth**2 * noise).astype(np.float32)
         return Image(
@@ -204,6 +218,7 @@ class CameraBlock(Block):
         self.DeclareAbstractOutputPort("image", Value[object], weakly(self._calc_image))
 
     def _calc_image(self, context: Context, output: AbstractValue) -> None:
+        """Take an image at the time of the context."""
         query = self._query.Eval(context)
         output.set_value(self._lens.image(query, self._parent, self._pose, context.get_time()))
 
@@ -258,7 +273,7 @@ class CameraSensor(Sensor):
         return self
 
     @property
-    def stepped(self) -> bool:
+    def samples_while_stepping(self) -> bool:
         """Whether blocks can read its images while the station is stepped."""
         return self.in_loop
 
@@ -269,16 +284,25 @@ class CameraSensor(Sensor):
         return Lens(self.width, self.height, opening, self.near, self.far, self.depth_noise, self.seed)
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
-        """Add the block that other blocks can read, if it is in a loop. A camera has no signals."""
+        """Add the block that other blocks can read, if the camera is in a loop. A camera has no signals.
+
+        Raises:
+            InvalidParameter: the camera is inside of a shape at the start.
+        """
         parent, pose = self.mount(site.plant)
         self._check_outside(name, site.plant, parent, pose)
         site.outputs.notes[name] = {"kind": self.kind, "frame": self.frame}
-        if self.in_loop:
-            add_renderer(site.plant.scene_graph)
-            block = CameraBlock(self.lens, parent=parent, pose=pose)
-            query = site.plant.scene_graph.get_query_output_port()
-            site.outputs.images[f"image.{name}"] = add_and_connect(builder, f"sensor.{name}", block, query)
-            site.picture.draw(f"sensor.{name}", "sensor", sensor_label(message("parts.block_camera", "Camera"), name))
+        if not self.in_loop:
+            return
+
+        scene_graph = site.plant.scene_graph
+        add_renderer(scene_graph)
+        block = CameraBlock(self.lens, parent=parent, pose=pose)
+        system_name = f"sensor.{name}"
+        port = add_and_connect(builder, system_name, block, scene_graph.get_query_output_port())
+        site.outputs.images[f"image.{name}"] = port
+        label = sensor_label(message("parts.block_camera", "Camera"), name)
+        site.picture.draw(system_name, "sensor", label)
 
     def mount(self, plant: StationPlant) -> tuple[FrameId, RigidTransform]:
         """Find the frame of the scene graph to which the camera is fixed, and the camera's pose in it."""
@@ -300,6 +324,7 @@ class CameraSensor(Sensor):
         """
         plant = station.plant
         scene_graph = station.scene_graph
+        # The diagram is not built yet, so the scene graph gets the poses of all bodies from here.
         state = plant.CreateDefaultContext()
         poses = FramePoseVector()
         for frame in scene_graph.model_inspector().FramesForSource(plant.get_source_id()):
@@ -308,6 +333,7 @@ class CameraSensor(Sensor):
         scene_graph.get_source_pose_port(plant.get_source_id()).FixValue(context, poses)
         query = scene_graph.get_query_output_port().Eval(context)
         eye = (query.GetPoseInWorld(parent) @ pose).translation()
+        # With the threshold 0, only shapes around the point are found: their distance is negative.
         for found in query.ComputeSignedDistanceToPoint(eye, 0.0):
             if found.distance >= -_INSIDE:
                 continue

@@ -21,7 +21,7 @@ from simrob_drake.base.sections import ORIGIN, Boolean, Integer, NotNegative, Po
 from simrob_drake.base.signals import POSE, QUANTITY_WORDS, VELOCITY, Panel, Role, Signal
 from simrob_drake.blocks.block import Block, add_and_connect
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.parts.resolved import WORLD, Surroundings
+from simrob_drake.parts.resolved import WORLD, StationContents
 from simrob_drake.parts.sensors.sensor import SampledSensor, Sensor, axis_names, normal_noise, sensor_label
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.targets import check_frame, frame_of
@@ -67,7 +67,7 @@ class Imu(SampledSensor):
     gyroscope_bias: NotNegative = 0.0
     """Standard deviation of the constant error of each axis, drawn from the seed [rad/s]."""
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check that the frame exists."""
         check_frame(station, f"{key}.frame", self._frame_name(station, key))
 
@@ -75,12 +75,14 @@ class Imu(SampledSensor):
         """Add ``specific_force.<sensor>`` (3) [m/s²], ``angular_velocity`` (3) [rad/s] and ``orientation`` (4)."""
         frame = self._frame_name(site.station, f"sensors.{name}")
         block = InertialUnit(self, site.plant.plant, frame_of(site.plant, frame))
+        # One plot panel for each output, all in one figure.
         signals = {}
         heading = message("parts.the_imu", "the IMU '{name}'", name=name)
         for part, output in _INERTIAL.items():
             columns = axis_names(part, name, output.components)
             units = (output.unit,) * len(columns)
-            panel = Panel(f"imu_{name}", heading, QUANTITY_WORDS[part], QUANTITY_WORDS[part], columns)
+            quantity = QUANTITY_WORDS[part]
+            panel = Panel(f"imu_{name}", heading, title=quantity, label=quantity, columns=columns)
             signals[part] = Signal(columns, units, "inertial", part=name, panel=panel)
         self._add_block(
             builder,
@@ -93,7 +95,7 @@ class Imu(SampledSensor):
         )
         site.outputs.notes[name] = {"kind": self.kind, "frame": frame}
 
-    def _frame_name(self, station: Surroundings, key: str) -> str:
+    def _frame_name(self, station: StationContents, key: str) -> str:
         """Name of the frame in the station.
 
         Args:
@@ -149,6 +151,7 @@ class InertialUnit(SampledBlock):
             delay=section.delay_samples,
             at_once=True,
         )
+        # A weak reference, and an index instead of a frame: the block must not keep the plant in memory.
         self._plant = weakref.proxy(plant)
         self._frame = frame.index()
         self._gravity = plant.gravity_field().gravity_vector()
@@ -168,13 +171,16 @@ class InertialUnit(SampledBlock):
         velocity = motion.translational()
         orientation = xyz_quaternion_from_transform(pose)[3:]
 
+        # At the first sample there is no motion since the last one.
         is_first = count == 0
         last_orientation = orientation if is_first else memory["orientation"]
         last_velocity = velocity if is_first else memory["velocity"]
-        # The sum of two quaternions of the same sign is the rotation midway between them.
+        # The sum of two quaternions of the same sign is the rotation midway between them. A quaternion and its negative
+        # are the same rotation.
         same_sign = np.copysign(1.0, last_orientation @ orientation)
         middle = last_orientation + same_sign * orientation
         to_frame = transform_from_xyz_quaternion([0, 0, 0, *middle]).rotation().inverse()
+        # f = R' ((v_k - v_(k-1)) / T - g)
         force = to_frame @ ((velocity - last_velocity) / self.period - self._gravity)
         rates = pose.rotation().inverse() @ motion.rotational()
 
@@ -214,13 +220,16 @@ class FrameSensor(Sensor):
     turning: Boolean = True
     """Whether the velocity is relative to these axes as they turn; otherwise, to axes that do not turn."""
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check that the frames exist."""
         check_frame(station, f"{key}.frame", self.frame)
         check_frame(station, f"{key}.base", self.base)
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
-        """Add ``frame_pose.<sensor>`` (7) [m], and ``frame_velocity.<sensor>`` (6): linear, then angular."""
+        """Add ``frame_pose.<sensor>`` (7): x y z [m] and a quaternion, and ``frame_velocity.<sensor>`` (6).
+
+        The velocity is the linear one [m/s], then the angular one [rad/s].
+        """
         base = AttachedFrame(frame_of(site.plant, self.base), transform_from_pose(self.base_offset))
         frame = AttachedFrame(frame_of(site.plant, self.frame), transform_from_pose(self.offset))
         block = RelativeMotion(plant=site.plant.plant, base=base, frame=frame, axes=self.axes, turning=self.turning)
@@ -231,11 +240,17 @@ class FrameSensor(Sensor):
         for part, (components, units, quantity) in _RELATIVE.items():
             columns = axis_names("frame", name, components)
             output = f"frame_{part}.{name}"
-            panel = Panel(f"frame_{name}", heading, QUANTITY_WORDS[part], quantity, columns[:3])
-            role: Role = "pose" if part == "pose" else "motion"
-            site.outputs.add(
-                output, block.GetOutputPort(part), Signal(columns, units, role, output, part=name, panel=panel)
+            # Only the linear components are plotted: a panel has one unit.
+            panel = Panel(
+                figure=f"frame_{name}",
+                heading=heading,
+                title=QUANTITY_WORDS[part],
+                label=quantity,
+                columns=columns[:3],
             )
+            role: Role = "pose" if part == "pose" else "motion"
+            signal = Signal(columns, units, role, output, part=name, panel=panel)
+            site.outputs.add(output, block.GetOutputPort(part), signal)
         site.outputs.notes[name] = {"kind": self.kind, "frame": self.frame, "base": self.base}
 
 
@@ -314,6 +329,8 @@ class RelativeMotion(Block):
         self.DeclareVectorOutputPort("velocity", 6, weakly(self._calc_velocity))
         self._motion = self.DeclareVectorOutputPort("motion", 13, weakly(self._calc_motion))
 
+    # Both read the port of the whole motion, whose value Drake caches, so that it is computed once for both.
+
     def _calc_pose(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(self._motion.Eval(context)[:7])
 
@@ -345,6 +362,7 @@ class RelativeMotion(Block):
                 position = frame_in_base.translation()
                 velocity = velocity.Rotate(base.pose.rotation().inverse())
             case "frame":
+                # From the base's axes to the frame's: the rotation of the frame in the base, inverted.
                 position = frame_in_base.rotation().inverse().multiply(frame_in_base.translation())
                 velocity = velocity.Rotate(frame.pose.rotation().inverse())
         orientation = frame_in_base.rotation().ToQuaternion().wxyz()
@@ -359,5 +377,6 @@ class RelativeMotion(Block):
         parent = self._plant.get_frame(index)
         pose = parent.CalcPoseInWorld(self._scratch)
         velocity = parent.CalcSpatialVelocityInWorld(self._scratch)
+        # v_point = v + omega x r, with the vector r from the frame's origin to the point, in the world's axes.
         to_offset = pose.rotation().multiply(offset.translation())
         return _FrameMotion(pose=pose.multiply(offset), velocity=velocity.Shift(to_offset))

@@ -19,7 +19,7 @@ from simrob_drake.blocks.command_bus import round_to_resolution
 from simrob_drake.blocks.joint_torque import JointTorqueSensor
 from simrob_drake.blocks.momentum_observer import MomentumObserver
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.parts.resolved import ResolvedRobot, Surroundings
+from simrob_drake.parts.resolved import ResolvedRobot, StationContents
 from simrob_drake.parts.sensors.sensor import SampledSensor, Sensor, axis_names, normal_noise, sensor_label
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
@@ -45,18 +45,22 @@ class Encoders(SampledSensor):
         """Resolution of each axis, shape (n,) [deg, or m for a prismatic axis]; 0 for an axis that is not rounded."""
         if self.resolution_deg is not None:
             return np.full(len(robot.axes), self.resolution_deg)
-        resolutions = [0.0 if motor is None else motor.resolution_deg or 0.0 for motor in robot.motors]
-        return np.array(resolutions)
+        # An axis without a motor, or whose motor's encoder is not described, is not rounded.
+        resolutions = np.zeros(len(robot.axes))
+        for index, motor in enumerate(robot.motors):
+            if motor is not None and motor.resolution_deg is not None:
+                resolutions[index] = motor.resolution_deg
+        return resolutions
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
         """Add ``position.<sensor>`` and ``velocity.<sensor>`` (n) [rad and rad/s, or m and m/s]."""
         robot = site.robot(self.robot)
         block = JointEncoders(self, robot.model.user_units, self.resolution(robot))
         signals = {}
-        for output, suffix in (("position", ""), ("velocity", "/s")):
+        heading = message("parts.the_encoders", "the encoders '{name}'", name=name)
+        for output, per_time in (("position", ""), ("velocity", "/s")):
             names = axis_names(output, name, robot.axes)
-            units = tuple(f"{unit.si}{suffix}" for unit in robot.model.units)
-            heading = message("parts.the_encoders", "the encoders '{name}'", name=name)
+            units = tuple(f"{unit.si}{per_time}" for unit in robot.model.units)
             quantity = QUANTITY_WORDS[output]
             panel = Panel(f"encoders_{name}", heading, quantity, quantity, names)
             signals[output] = Signal(names, units, "motion", part=name, panel=panel)
@@ -108,7 +112,7 @@ class JointEncoders(SampledBlock):
         )
         self._resolution = units * resolution
         self._noise = units * section.noise_deg
-        self._filter_share = period / (period + section.smoothing)
+        self._filter_share = period / (period + section.smoothing)  # T / (T + T_s)
         self.seed = section.seed
 
     def sample(self, memory: Named, read: Named) -> Changes:
@@ -116,6 +120,7 @@ class JointEncoders(SampledBlock):
         count = int(memory["count"][0])
         noise = self._noise * normal_noise(self.seed, count, len(self._noise))
         position = round_to_resolution(read["position"] + noise, self._resolution)
+        # At the first sample there is no position before, and the speed is zero.
         is_first = count == 0
         difference = np.zeros_like(position) if is_first else (position - memory["position"]) / self.period
         velocity = memory["velocity"] + self._filter_share * (difference - memory["velocity"])
@@ -129,7 +134,7 @@ class JointTorque(Sensor):
     robot: str | None = None
     """Robot whose joints are measured; the only robot if it is left out."""
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check, in addition to the base class, that the solver reports reaction forces of joints."""
         super().check(key, station)
         if not station.engine.reports_forces_of_joints:
@@ -197,6 +202,7 @@ class ExternalTorque(SampledSensor):
             period=1 / self.rate,
             tool=robot.tools.get(robot.tcp),
         )
+        # The tool in use, if there is one, gives the point and the axes of the estimated force.
         title = message("parts.external_torque_of", "external torque '{name}'", name=name)
         panel = sensor_panel(title, "torque", axis_names("external_torque", name, robot.axes))
         signals = {
@@ -244,6 +250,8 @@ def _add_motor_torque(builder: DiagramBuilder, site: Site, name: str, robot: Sta
     damping = robot.gains.damping
     if not damping.any():
         return torque
+    # tau_motor = tau + D v, as a product of the matrix [1, D V] with the vector (tau, state). The rows V of the robot's
+    # state matrix give the velocities of its axes from the plant's state.
     count = len(damping)
     velocity_rows = robot.axis_map.state_matrix[count:]
     matrix = np.hstack([np.eye(count), np.diag(damping) @ velocity_rows])

@@ -42,7 +42,7 @@ from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Boolean, Positive
 from simrob_drake.base.signals import POSE, QUANTITY_WORDS, VELOCITY, Panel, Signal
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.parts.resolved import ResolvedRobot, Surroundings, named
+from simrob_drake.parts.resolved import ResolvedRobot, StationContents, name_or_only
 from simrob_drake.parts.sensors.sensor import SampledSensor, axis_names
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.soles import shares_by_height
@@ -96,7 +96,7 @@ class LegOdometry(SampledSensor):
                 found[kind] = names[0]
         return found | self.reads
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check that the robot stands on feet of its own, and that the sensors exist and fit.
 
         Args:
@@ -118,7 +118,7 @@ class LegOdometry(SampledSensor):
             one_of(message("parts.input_for", "input for {key}.reads", key=key), purpose, kind_of_purpose)
             kind = kind_of_purpose[purpose]
             where = f"{key}.reads.{purpose}"
-            named(
+            name_or_only(
                 self.reads.get(purpose),
                 _names_of_kind(station.sensors, kind),
                 kind=message("parts.sensor_of_kind", "sensor of kind {kind} for {where}", kind=kind, where=where),
@@ -133,7 +133,7 @@ class LegOdometry(SampledSensor):
             )
         self._check_sensors(key, station, robot)
 
-    def _check_sensors(self, key: str, station: Surroundings, robot: ResolvedRobot) -> None:
+    def _check_sensors(self, key: str, station: StationContents, robot: ResolvedRobot) -> None:
         """Check that IMU and encoders are at the robot, and sample as often as the estimator.
 
         Args:
@@ -148,6 +148,7 @@ class LegOdometry(SampledSensor):
         root = f"{robot.prefix}{robot.model.root}"
         imu = station.sensors[read["imu"]]
         encoders = station.sensors[read["encoders"]]
+        # The equations need the accelerations of the base's own origin.
         if imu.frame not in (None, root):
             raise InvalidParameter(
                 f"sensors.{read['imu']}.frame",
@@ -179,6 +180,7 @@ class LegOdometry(SampledSensor):
         read = self.read(site.station.sensors)
         soles = Soles(robot)
         force = None
+        # Without force sensors, only the heights of the points say which feet stand.
         if any(foot in read for foot in soles.feet):
             weight = robot.plant.CalcTotalMass(soles.scratch, [robot.instance]) * float(np.linalg.norm(soles.gravity))
             force = self.force or weight / len(soles.feet)
@@ -199,6 +201,7 @@ class LegOdometry(SampledSensor):
         # Outputs of the sensors that it reads, by the names of the block's input ports.
         source_names = {port: f"{port}.{read[purpose]}" for port, purpose in _READS.items()}
         source_names |= {foot: f"force.{read[foot]}" for foot in soles.feet if foot in read}
+        # A sensor in a loop has a port; the outputs of others are computed after the run, like this sensor then.
         sources = {**site.outputs.after_run, **site.outputs}
         inputs = {port: sources[output] for port, output in source_names.items()}
         self._add_block(
@@ -233,6 +236,7 @@ class Soles:
     """
 
     def __init__(self, robot: StationRobot) -> None:
+        """Collect the points of a robot's feet. Its plant is only used to compute postures."""
         assert robot.feet is not None  # the sensor's section has checked it
         plant = robot.plant
         self._plant = weakref.proxy(plant)
@@ -246,10 +250,11 @@ class Soles:
 
         has_balls = bool(robot.feet.points)
         self.radius = robot.feet.radius if has_balls else 0.0
-        points_of_feet = [
-            np.array(robot.feet.points[link]) if has_balls else robot.feet.support_points(link)
-            for link in robot.feet.links
-        ]
+        if has_balls:
+            points_of_feet = [np.array(robot.feet.points[link]) for link in robot.feet.links]
+        else:
+            points_of_feet = [robot.feet.support_points(link) for link in robot.feet.links]
+        # The points of all feet, one foot after the other.
         counts = [len(points) for points in points_of_feet]
         ends = np.cumsum([0, *counts]).tolist()
         self.feet = {
@@ -339,6 +344,7 @@ class BaseEstimator(SampledBlock):
         soles = self._soles
         period = self.period
         measured = {name: read[name] for name in self._reads}
+        # A sum is not finite if one of its terms is not. Without shares, the feet do not count at the next sample.
         if not math.isfinite(np.concatenate([*measured.values()]).sum()):
             position = pose[:3] + period * velocity
             return {"base_pose": np.concatenate([position, pose[3:]]), "shares": np.zeros(len(soles.arms))}
@@ -371,6 +377,7 @@ class BaseEstimator(SampledBlock):
         weights = shares * memory["shares"] / (1.0 + (errors * errors).sum(axis=1) / self._squared_slip)
         total = float(weights.sum())
         if total > 0:
+            # e = min(1, W) / W sum(w_i e_i) with the sum W of the weights: feet that hardly count correct only a part.
             trust = min(total, 1.0)
             error = trust / total * (weights @ errors)
             step = step + error

@@ -23,7 +23,7 @@ from simrob_drake.base.renaming import former_names_of, keep_former_attributes
 from simrob_drake.base.sections import Boolean, NotNegative, Positive, Strict
 from simrob_drake.base.signals import Compute, Recorded, Signal
 from simrob_drake.blocks.block import add_and_connect
-from simrob_drake.parts.resolved import Surroundings
+from simrob_drake.parts.resolved import StationContents
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.parts.targets import check_frame
@@ -39,7 +39,7 @@ class Sensor(Strict, ABC):
 
     kind: str
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check before anything is built that the sensor's robot and frame exist.
 
         Args:
@@ -49,6 +49,7 @@ class Sensor(Strict, ABC):
         Raises:
             SimrobError: something does not exist; the message says what.
         """
+        # Kinds of sensor declare a field ``robot`` or ``frame`` if they need one.
         if hasattr(self, "robot"):
             station.robot(self.robot, key)
         if hasattr(self, "frame"):
@@ -65,7 +66,7 @@ class Sensor(Strict, ABC):
         """
 
     @property
-    def stepped(self) -> bool:
+    def samples_while_stepping(self) -> bool:
         """Whether the sensor takes samples while the station is stepped.
 
         Other sensors are added to the diagram only if something reads them: a block that nothing reads still costs a
@@ -85,21 +86,24 @@ class Sensor(Strict, ABC):
         return {}
 
 
+keep_former_attributes(Sensor, stepped="samples_while_stepping")
+
+
 class ShapeSensor(Sensor):
     """Base class of sensors at the collision shapes of a body."""
 
     body: str
-    """What it is at: a robot, a link, a piece, or a shape of a piece (`<piece>.<shape>`)."""
+    """Body at which it measures: a robot, a link, a piece, or a shape of a piece (`<piece>.<shape>`)."""
     rate: Positive | None = None
     """Samples a second that a loop or a monitor gets [Hz]; if it is left out, they get the present value."""
 
     @property
-    def stepped(self) -> bool:
+    def samples_while_stepping(self) -> bool:
         """Whether the sensor takes samples."""
         return self.rate is not None
 
 
-def check_contact(key: str, sensor: str, station: Surroundings) -> None:
+def check_contact(key: str, sensor: str, station: StationContents) -> None:
     """Check that a station has the contact section that a sensor needs.
 
     Args:
@@ -167,7 +171,7 @@ class SampledSensor(Sensor):
         return round(self.delay * self.rate)
 
     @property
-    def stepped(self) -> bool:
+    def samples_while_stepping(self) -> bool:
         """Whether the sensor takes samples while the station is stepped."""
         return self.in_loop
 
@@ -199,6 +203,7 @@ class SampledSensor(Sensor):
             robot: robot in whose part of the block picture the block is drawn, or None.
         """
         if not self.in_loop:
+            # No diagram owns the block, so it is kept as long as the plant. All of its outputs share one replay.
             release_with(site.plant.plant, block)
             for port, signal in signals.items():
                 compute = partial(_compute_after_run, block=block, inputs=inputs, output=port)
@@ -261,6 +266,7 @@ def _compute_after_run(
     """
     if block not in recorded.memo:
         recorded.memo[block] = replay(recorded, block=block, inputs=inputs)
+    # Between two samples the values of the earlier one hold.
     replayed: Replay = recorded.memo[block]
     values = replayed.outputs[output]
     samples = (times / replayed.period + _SAME_SAMPLE).astype(int)
@@ -286,7 +292,7 @@ def replay(recorded: Recorded, *, block: LeafSystem, inputs: Mapping[str, Output
     end_sample = int(np.floor(recorded.step_times[-1] / period + _SAME_SAMPLE)) + 1
     sample_times = period * np.arange(_first_sample(recorded, period), end_sample)
 
-    # Values of the inputs at all samples, shape (k, size), by port.
+    # Values of the inputs at all samples, shape (k, size), by port. Ports are evaluated together, which is faster.
     ports = {name: source for name, source in inputs.items() if isinstance(source, OutputPort)}
     values = dict(zip(ports, recorded.sample(list(ports.values()), sample_times), strict=True))
     # While stepping, sensors that sample at the same time read each other's last sample. So does the replay.
@@ -298,6 +304,7 @@ def replay(recorded: Recorded, *, block: LeafSystem, inputs: Mapping[str, Output
     context = block.CreateDefaultContext()
     output_ports = [block.get_output_port(index) for index in range(block.num_output_ports())]
     outputs = {port.get_name(): np.empty((len(sample_times), port.size())) for port in output_ports}
+    # The same as a simulator does: at each sample the update sees the inputs, and the outputs follow from its result.
     for row, time in enumerate(sample_times):
         context.SetTime(time)
         for name, input_values in values.items():

@@ -24,7 +24,7 @@ from simrob_drake.blocks.block import add_and_connect
 from simrob_drake.blocks.command_bus import round_to_resolution
 from simrob_drake.blocks.contacts import ContactReader, Contacts, DistanceSensor, ForceSensor
 from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
-from simrob_drake.parts.resolved import Surroundings
+from simrob_drake.parts.resolved import StationContents
 from simrob_drake.parts.sensors.sensor import (
     ShapeSensor,
     add_sample_and_hold,
@@ -46,7 +46,7 @@ class Distance(ShapeSensor):
     other: str = "floor"
     """A robot, a link, a piece, a shape of a piece, or `floor`."""
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check that both things exist, and that the plant has shapes."""
         check_body(station, f"{key}.body", self.body)
         check_body(station, f"{key}.other", self.other)
@@ -59,13 +59,17 @@ class Distance(ShapeSensor):
         other = shapes_of(site.plant, site.station, self.other)
         scene_graph = site.plant.scene_graph
         block = DistanceSensor(body=body, other=other, inspector=scene_graph.model_inspector())
-        distance = add_and_connect(builder, f"sensor.{name}", block, scene_graph.get_query_output_port())
+        system_name = f"sensor.{name}"
+        distance = add_and_connect(builder, system_name, block, scene_graph.get_query_output_port())
         label = sensor_label(message("parts.block_distance_sensor", "Distance sensor"), name, self.rate)
-        site.picture.draw(f"sensor.{name}", "sensor", label)
-        port = add_sample_and_hold(builder, f"sensor.{name}.hold", distance, self.rate)
+        site.picture.draw(system_name, "sensor", label)
+        port = add_sample_and_hold(builder, f"{system_name}.hold", distance, self.rate)
+
         output = f"distance.{name}"
-        panel = sensor_panel(message("parts.distance_of", "distance '{name}'", name=name), "distance", [output])
-        site.outputs.add(output, port, Signal((output,), ("m",), "distance", output, part=name, panel=panel))
+        title = message("parts.distance_of", "distance '{name}'", name=name)
+        panel = sensor_panel(title, "distance", [output])
+        signal = Signal((output,), ("m",), "distance", output, part=name, panel=panel)
+        site.outputs.add(output, port, signal)
 
 
 # Name of the block that reads the plant's contacts for all sensors.
@@ -119,7 +123,7 @@ class Force(ShapeSensor):
             )
         return self
 
-    def check(self, key: str, station: Surroundings) -> None:
+    def check(self, key: str, station: StationContents) -> None:
         """Check that its bodies and its frame exist, and that the station computes contacts."""
         check_body(station, f"{key}.body", self.body)
         if self.other is not None:
@@ -149,8 +153,9 @@ class Force(ShapeSensor):
             frame=frame,
             normal_only=not site.station.engine.reports_friction_of_contacts,
         )
+        # The wrench (6): force [N], then moment [N·m].
         contacts = _contacts_port(builder, site)
-        poses = site.plant.stepped.get_body_poses_output_port()
+        poses = site.plant.plant_block.get_body_poses_output_port()
         wrench = add_and_connect(builder, f"sensor.{name}", block, contacts, poses)
         label = sensor_label(message("parts.block_force_sensor", "Force sensor"), name, self.rate)
         site.picture.draw(f"sensor.{name}", "sensor", label)
@@ -158,6 +163,7 @@ class Force(ShapeSensor):
         split = Demultiplexer([3, 3])
         add_and_connect(builder, f"sensor.{name}.split", split, reported)
 
+        # If the contact results lack friction, it is added after the run, or the result says that it is missing.
         tangential = self._tangential_source(site, body[0])
         site.outputs.notes[name]["tangential"] = tangential
         title = message("parts.contact_force_of", "contact force '{name}'", name=name)
@@ -198,6 +204,7 @@ class Force(ShapeSensor):
         inspector = site.plant.scene_graph.model_inspector()
         instance = plant.GetBodyFromFrameId(inspector.GetFrameId(shape)).model_instance()
         bodies = [plant.get_body(index) for index in plant.GetBodyIndices(instance)]
+        # On a model that is fixed in the world, an unknown force acts at its base, too.
         is_free = any(body.is_floating_base_body() for body in bodies)
         return "momentum balance" if is_free and self.rate is None else "left out"
 
@@ -225,6 +232,7 @@ class MeasuredWrench(SampledBlock):
 
     def sample(self, memory: Named, read: Named) -> Changes:
         """Compute the measured wrench at this sample."""
+        # The noise of a sample is drawn from its number, so it is the same in every run with the same seed.
         count = int(memory["count"].item())
         noise = self._noise * normal_noise(self.seed, count, 6)
         measured = round_to_resolution(read["wrench"] + noise, self._resolution)
@@ -233,10 +241,10 @@ class MeasuredWrench(SampledBlock):
 
 def _contacts_port(builder: DiagramBuilder, site: Site) -> OutputPort:
     """Port of the plant's contacts. The first call adds the block that reads them for all sensors."""
-    if site.plant.stand_in is not None:
+    if site.plant.stand_in is not None:  # a block of another engine gives contacts that need no reading
         return site.plant.stand_in.get_contact_results_output_port()
     if not builder.HasSubsystemNamed(_CONTACTS):
-        add_and_connect(builder, _CONTACTS, ContactReader(), site.plant.stepped.get_contact_results_output_port())
+        add_and_connect(builder, _CONTACTS, ContactReader(), site.plant.plant_block.get_contact_results_output_port())
         site.picture.draw_nothing(_CONTACTS)
     return builder.GetSubsystemByName(_CONTACTS).get_output_port()
 
@@ -309,6 +317,7 @@ class MomentumBalance:
         if len(recorded.step_times) < 2:
             return forces  # without a step there is no change of momentum
         timed_contacts = self._contacts_at(recorded, times)
+        # All sensors at a model need the same forces.
         key = ("contact force", int(self._instance), times.tobytes())
         if key not in recorded.memo:
             recorded.memo[key] = self._mean_contact_forces(recorded, times)
@@ -349,7 +358,8 @@ class MomentumBalance:
             """Add up values of contacts (k,) for each time, shape (m,)."""
             return np.asarray(np.bincount(timed_contacts.rows, values, len(model_forces)), dtype=float)
 
-        # Normal forces on the model, and their sizes.
+        # Normal forces on the model, and their magnitudes. The sign of a contact is 1 or -1 if its first or second
+        # shape belongs to the model, and 0 if none or both do.
         signs = contacts.force_signs(self._model_shapes)
         normal_forces = signs[:, np.newaxis] * contacts.normal_forces
         sizes = np.linalg.norm(normal_forces, axis=1)
@@ -363,6 +373,7 @@ class MomentumBalance:
         normals = np.divide(sums, lengths, out=np.zeros_like(sums), where=is_loaded[:, np.newaxis])
         along = (model_forces * normals).sum(axis=1, keepdims=True)
         across = model_forces - along * normals
+        # The sensor's share of the friction is its share of the load, as by Coulomb's law with equal coefficients.
         share = np.divide(sensor_load, model_load, out=np.zeros_like(sensor_load), where=is_loaded)
         return np.asarray(share[:, np.newaxis] * across)
 

@@ -196,7 +196,7 @@ class Sampler:
 
     def contact_results(self, times: Vector) -> Iterator[ContactResults]:
         """Yield the plant's contact results at times (k,) [s] of the run."""
-        yield from self.sample([self._site.plant.stepped.get_contact_results_output_port()], times)[0]
+        yield from self.sample([self._site.plant.plant_block.get_contact_results_output_port()], times)[0]
 
     def context_at(self, time: float) -> Context:
         """The diagram's context at a time of the run [s]. The next evaluation changes it."""

@@ -194,7 +194,7 @@ class State:
                     values[robot.name] = np.full(len(robot.axes), np.nan)
             return values
 
-        plant, blocks = ports.plant.stepped, {}
+        plant, blocks = ports.plant.plant_block, {}
         for system in _with_memory(diagram, plant):
             own = system.GetMyContextFromRoot(context)
             if own.num_continuous_states() or own.num_discrete_state_groups() or own.num_abstract_states():
@@ -267,7 +267,7 @@ class State:
         for robot in ports.plant.robots.values():
             for values in (self.positions, self.velocities):
                 self._check(robot.name, values.get(robot.name), len(robot.axes))
-        plant = ports.plant.stepped
+        plant = ports.plant.plant_block
         for system in _with_memory(diagram, plant):
             kept = self.blocks.get(_block_name(system, ports))
             if kept is not None:
@@ -373,7 +373,7 @@ class State:
                 message(
                     "results.start_names_file", "{problem}; `start` names the start.json of a result", problem=what
                 ),
-            ) from problem
+            ) from None
 
     def _put_block(self, system: System, kept: BlockState, context: Context) -> None:
         own = system.GetMyMutableContextFromRoot(context)

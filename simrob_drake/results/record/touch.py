@@ -121,7 +121,7 @@ class Touch:
             for foot, frame in enumerate(frames):
                 poses[foot, row] = frame.CalcPoseInWorld(context).GetAsMatrix4()
             if pressed and root is not None:
-                station.place(root, positions)
+                station.set_positions(root, positions)
                 _keep_deepest(station.query(root), time, depths)
         slides = {
             (robot.name, link): _slide(robot, link, station.ground, own)

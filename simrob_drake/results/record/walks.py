@@ -15,7 +15,7 @@ import numpy as np
 from simrob_drake.base.frames import Vector, transform_from_xyz_quaternion
 from simrob_drake.base.messages import message
 from simrob_drake.blocks.servo import AT_LIMIT
-from simrob_drake.parts.resolved import named
+from simrob_drake.parts.resolved import name_or_only
 from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.results.record.run import RecordedRun, fallen
 from simrob_drake.results.record.torques import torque_shares
@@ -67,7 +67,7 @@ def locomotion(result: RecordedRun, robot: str | None = None) -> Locomotion:
         UnknownName: no such legged robot.
         InvalidParameter: none named, and there is not just one.
     """
-    name = named(robot, legged_robots(result), kind=message("results.legged_robot", "legged robot"))
+    name = name_or_only(robot, legged_robots(result), kind=message("results.legged_robot", "legged robot"))
     own = result.plant.robots[name]
     base = result.pose("base", name)
     way = base[-1, :2] - base[0, :2]
