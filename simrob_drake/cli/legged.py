@@ -84,7 +84,7 @@ def walk(
 
     def perform(legged_robot: "LeggedRobot") -> tuple[SimulationResult, str]:
         """Walk. Returns the run, and a sentence about the count of steps."""
-        changes = {} if step_time is None else {"step_time": step_time}
+        changes: dict[str, Any] = {} if step_time is None else {"step_time": step_time}
         result = legged_robot.walk(steps, amplitude, gait, **changes)
         return result, _steps_taken(legged_robot, gait, steps)
 

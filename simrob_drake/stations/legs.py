@@ -113,8 +113,8 @@ def legs_of(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
 
     The chains of a group have equal lengths and equally many axes. A group may be legs if it reaches about as low as
     the lowest group. The reach is measured at home and stretched out. Only if no group reaches below the root there
-    (legs that are level, or folded up), random postures are tried as well. If none of them does, the root's frame is
-    under the feet, and the reach is measured from the lowest hip instead.
+    (legs that are level, or folded up), random postures are tried as well. If none of them does, and the end of a
+    chain is the lowest part of the robot, the root's frame is under the feet. Then the lowest hip takes its place.
 
     Returns:
         the groups, the lowest first; empty if no two chains have equal lengths.
@@ -123,9 +123,10 @@ def legs_of(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
     natural = [robot.model.home, straight(robot)]
     # A fixed seed, so that the same robot has the same legs in every run.
     random = np.random.default_rng(0).uniform(*posture_range(robot), (_RANDOM_POSTURES, len(robot.axes)))
-    everything = [*natural, *random]
-    hip = _lowest_hip(clearance, robot, groups)
-    for postures, zero in ((natural, 0.0), (everything, 0.0), (natural, hip), (everything, hip)):
+    trials = [(natural, 0.0), ([*natural, *random], 0.0)]
+    if _stands_on_ends(clearance, robot, groups):
+        trials.append((natural, _lowest_hip(clearance, robot, groups)))
+    for postures, zero in trials:
         heights = [_lowest_height(clearance, robot, group, postures) - zero for group in groups]
         lowest_first = np.argsort(heights, kind="stable")
         # Heights below the root, or the hip, are negative: a low group has less than a fraction of the lowest height.
@@ -134,6 +135,14 @@ def legs_of(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
         if low:
             return low
     return []
+
+
+def _stands_on_ends(clearance: Clearance, robot: StationRobot, groups: Sequence[Sequence[Leg]]) -> bool:
+    """Whether the lowest part of a robot is an end of these chains, with all axes at zero: not on a base or wheels."""
+    put_upright(clearance, robot, straight(robot))
+    heights = clearance.lowest(robot)
+    lowest = min(heights, key=lambda name: heights[name], default="")
+    return any(leg.foot.name() == lowest for group in groups for leg in group)
 
 
 def _lowest_hip(clearance: Clearance, robot: StationRobot, groups: Sequence[Sequence[Leg]]) -> float:
