@@ -14,7 +14,6 @@ import numpy.typing as npt
 from simrob_drake.base.messages import message
 from simrob_drake.base.remarks import Remedy
 from simrob_drake.blocks.servo import AT_LIMIT
-from simrob_drake.parts.controllers.walk import Walk
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.torques import torque_shares
@@ -137,10 +136,12 @@ def _slower_legs(run: RecordedRun, robot: StationRobot, subject: str) -> Remedy:
         robot: the robot, whose base floats.
         subject: name of the axis, such as ``left.left_knee``.
     """
+    # The class of the section is not imported here: it loads scipy, and every run imports this module.
     walks = [
         name
         for name, section in run.config.controllers.items()
-        if isinstance(section, Walk) and (section.robot or run.config.only_robot) == robot.name
+        if getattr(section, "kind", "") == "walk"
+        and (getattr(section, "robot", None) or run.config.only_robot) == robot.name
     ]
     axis = subject.removeprefix(robot.prefix)
     if axis not in robot.axes or not _is_of_leg(run, robot, robot.axes.index(axis)):
