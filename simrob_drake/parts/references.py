@@ -59,7 +59,7 @@ class ReferenceSection(Strict, ABC):
 
     def caption(self, model: RobotModel) -> str:
         """Describe the reference of a robot in words, for the block picture."""
-        start = getattr(self, "start", 0.0)
+        start = getattr(self, "start", 0.0)  # not all kinds have a start time
         words = self._words(model)
         if not start:
             return words
@@ -437,6 +437,7 @@ class Table(ReferenceSection):
             InvalidConfig: the file cannot be read, lacks a column, contains a value that is no number, has times that
                 do not rise, or has too many rows.
         """
+        # Columns with speeds are only read if they are used.
         names = [*axes, *speed_columns(axes)] if self.interpolation == "hermite" else axes
         values, lines = read_columns(self.file, [TIME_COLUMN, *names])
         if len(values) < 2:

@@ -96,6 +96,7 @@ def condition_on_largest(
 
     def find_largest(*values: Vector) -> tuple[int, float]:
         """Find the index and the value of the largest excess."""
+        # A simulation that has diverged gives values that are not numbers. It must end, and not count as within bounds.
         found = excesses(*values)
         found = np.where(np.isnan(found), np.inf, found)
         index = int(np.argmax(found))
@@ -180,6 +181,7 @@ class PoseMonitorSection(MonitorSection):
         if self.piece is not None:
             what = message("parts.free_piece_for_monitor", "free piece for monitors.{name}.piece", name=name)
             return _pose_of_piece(station, one_of(what, self.piece, free))
+        # In a station without robots, such as a ball on a floor, a monitor need not name the only piece.
         if not station.robots and len(free) == 1:
             return _pose_of_piece(station, free[0])
         return _pose_of_robot(name, station.robot(self.robot, f"monitors.{name}"), port)
