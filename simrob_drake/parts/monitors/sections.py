@@ -500,12 +500,14 @@ class Fall(PoseMonitorSection):
             leaning = -1.0
             if largest_tilt is not None:
                 leaning = lean(up, *quaternion) / largest_tilt - 1
-            return _FallExcess(low=low, leaning=leaning)
+            return _FallExcess(low, leaning)
 
         def excess(pose: Vector) -> float:
-            found = excesses(pose)
-            # A pose that is not finite ends the run: max() would ignore a value that is not a number.
-            return max(found.low, found.leaning) if found.is_finite else math.inf
+            low, leaning = excesses(pose)  # plain names: this is evaluated at every step
+            # A pose that is not finite ends the run: comparisons would ignore a value that is not a number.
+            if not (math.isfinite(low) and math.isfinite(leaning)):
+                return math.inf
+            return low if low >= leaning else leaning
 
         def why(pose: Vector) -> str:
             found = excesses(pose)
